@@ -1,0 +1,43 @@
+# Every target creates .venv and installs what it needs when that is missing.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lint bench clean
+
+# The main job: the paper's base parameters, proven best.
+demo: .venv/core
+	@$(BIN)/loopid paper
+
+test: .venv/test
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+lint: .venv/lint
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: .venv/test
+	$(BIN)/python benchmarks/search.py
+	$(BIN)/python benchmarks/symbolic.py
+
+clean:
+	rm -rf .venv
+
+# Stamps: an install runs again only when the dependencies change.
+.venv/pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "loopid needs Python 3.11 or newer: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
+	$(PYTHON) -m venv .venv
+	@touch $@
+
+.venv/core: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+.venv/test: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	@touch $@ .venv/core
+
+.venv/lint: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint]'
+	@touch $@ .venv/core .venv/test

@@ -1,0 +1,61 @@
+"""Identification of the dynamics of robots with closed kinematic loops."""
+
+from importlib.metadata import version
+
+from loopid.base_parameters import (
+    BaseParameters,
+    ExactSearch,
+    ExhaustiveSearch,
+    PivotedQR,
+    SearchResult,
+    SubgroupSearch,
+    base_parameters,
+)
+from loopid.errors import LoopidError
+from loopid.kinematics import (
+    assemble,
+    mobility,
+    project,
+    random_configurations,
+    singularity_measure,
+)
+from loopid.loading import bundled_robots, load_mechanism
+from loopid.mechanism import LoopClosure, Mechanism
+from loopid.parameters import Parameter, ParameterSet
+from loopid.regressors import (
+    Observation,
+    dynamic_regressor,
+    gravity_regressor,
+    structural_observation,
+    tree_regressor,
+)
+
+__version__ = version("loopid")
+
+__all__ = [
+    "BaseParameters",
+    "ExactSearch",
+    "ExhaustiveSearch",
+    "LoopClosure",
+    "LoopidError",
+    "Mechanism",
+    "Observation",
+    "Parameter",
+    "ParameterSet",
+    "PivotedQR",
+    "SearchResult",
+    "SubgroupSearch",
+    "__version__",
+    "assemble",
+    "base_parameters",
+    "bundled_robots",
+    "dynamic_regressor",
+    "gravity_regressor",
+    "load_mechanism",
+    "mobility",
+    "project",
+    "random_configurations",
+    "singularity_measure",
+    "structural_observation",
+    "tree_regressor",
+]

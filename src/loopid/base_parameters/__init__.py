@@ -1,0 +1,33 @@
+"""What can be known: rank, independent blocks, regrouping and the searches for the best choice."""
+
+from loopid.base_parameters.base import BaseParameters, base_parameters
+from loopid.base_parameters.blocks import independent_blocks
+from loopid.base_parameters.search import (
+    CRITERIA,
+    STRATEGIES,
+    ChoiceProblem,
+    ExactSearch,
+    ExhaustiveSearch,
+    PivotedQR,
+    SearchResult,
+    SearchStrategy,
+    SubgroupSearch,
+)
+from loopid.base_parameters.structure import Structure, analyse
+
+__all__ = [
+    "CRITERIA",
+    "STRATEGIES",
+    "BaseParameters",
+    "ChoiceProblem",
+    "ExactSearch",
+    "ExhaustiveSearch",
+    "PivotedQR",
+    "SearchResult",
+    "SearchStrategy",
+    "Structure",
+    "SubgroupSearch",
+    "analyse",
+    "base_parameters",
+    "independent_blocks",
+]

@@ -1,0 +1,166 @@
+"""Base parameters: the combinations that forces determine, in the form that was chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.base_parameters.expressions import expression
+from loopid.base_parameters.regrouping import base_columns, regrouping_matrix
+from loopid.base_parameters.search import ChoiceProblem, SearchResult, SearchStrategy, make_strategy
+from loopid.base_parameters.structure import Structure, analyse
+from loopid.errors import DataError, SearchError
+from loopid.parameters import ParameterSet
+from loopid.regressors.observation import Observation
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        All the standard parameters Φ.
+    structure : Structure
+        Columns with an effect, rank and null space.
+    base, dependent : IntArray
+        (r,) and (d,), columns among all the standard parameters.
+    regrouping : FloatArray
+        (r, d), β of Φ_base = Φ_B + β Φ_D.
+    search : SearchResult
+        How the choice was made, and whether it is certified.
+    """
+
+    parameters: ParameterSet
+    structure: Structure
+    base: IntArray
+    dependent: IntArray
+    regrouping: FloatArray
+    search: SearchResult
+
+    def __len__(self) -> int:
+        return len(self.base)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Label of the standard parameter that leads each base parameter, coefficient 1."""
+        return self.parameters.select(self.base).labels
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """M (r, p) of Φ_base = M Φ, read-only."""
+        M = np.zeros((len(self.base), len(self.parameters)))
+        M[np.arange(len(self.base)), self.base] = 1.0
+        M[:, self.dependent] = self.regrouping
+        return frozen(M)
+
+    @cached_property
+    def terms(self) -> tuple[dict[str, float], ...]:
+        """For each base parameter its terms: the leading label, then those folded into it."""
+        labels = self.parameters.labels
+        return tuple(
+            {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
+            for leader, row in zip(self.base, self.matrix, strict=True)
+        )
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Each base parameter as a readable sum."""
+        return tuple(expression(terms) for terms in self.terms)
+
+    @property
+    def condition_number(self) -> float:
+        """cond(W_B): how much the regressor amplifies relative noise."""
+        return self._problem("regressor").condition_number(self._dependent_with_effect)
+
+    @property
+    def nullspace_condition_number(self) -> float:
+        """cond(V22): how much the regrouping amplifies round-off."""
+        return self._problem("nullspace").condition_number(self._dependent_with_effect)
+
+    def _problem(self, criterion: str) -> ChoiceProblem:
+        return ChoiceProblem(self.structure, criterion)
+
+    @property
+    def _dependent_with_effect(self) -> IntArray:
+        return np.searchsorted(self.structure.columns, self.dependent)
+
+    def values(self, standard_parameters: FloatArray) -> FloatArray:
+        """Base parameters (r,) of standard ones (p,)."""
+        phi = finite(standard_parameters, "standard parameters")
+        if phi.shape != (len(self.parameters),):
+            raise DataError(
+                f"standard parameters must have shape ({len(self.parameters)},), not {phi.shape}"
+            )
+        return np.asarray(self.matrix @ phi, dtype=np.float64)
+
+    def regressor(self, matrix: FloatArray) -> FloatArray:
+        """Columns W_B (..., r) of a regressor of all the standard parameters (..., p)."""
+        W = finite(matrix, "regressor")
+        if W.ndim == 0 or W.shape[-1] != len(self.parameters):
+            raise DataError(f"regressor must have {len(self.parameters)} columns, not {W.shape}")
+        return np.asarray(W[..., self.base], dtype=np.float64)
+
+    def reconstruction_error(self, matrix: FloatArray) -> float:
+        """Check on a regressor, best on fresh poses, that nothing was lost.
+
+        Parameters
+        ----------
+        matrix : FloatArray
+            W (..., p).
+
+        Returns
+        -------
+        float
+            ‖W - W_B M‖_F / ‖W‖_F; round-off when the base parameters hold for W.
+        """
+        rebuilt = self.regressor(matrix) @ self.matrix
+        size = float(np.linalg.norm(matrix))
+        return float(np.linalg.norm(rebuilt - matrix)) / size if size else 0.0
+
+
+def base_parameters(
+    observation: Observation,
+    search: str | SearchStrategy = "exact",
+    criterion: str = "nullspace",
+) -> BaseParameters:
+    """Find the base parameters of an observation and the best way of writing them.
+
+    Parameters
+    ----------
+    observation : Observation
+    search : str or SearchStrategy
+        ``"exact"``, ``"subgroup"``, ``"exhaustive"``, ``"qr"``, or a strategy with options.
+    criterion : str
+        ``"nullspace"`` for the least cond(V22), ``"regressor"`` for the least cond(W_B).
+
+    Raises
+    ------
+    RankError
+        When the rank is ambiguous.
+    SearchError
+        When the search is refused or finds nothing.
+    OptionError
+    """
+    strategy = make_strategy(search)
+    structure = analyse(observation)
+    result = strategy.search(ChoiceProblem(structure, criterion))
+    if result.dependent is None:
+        raise SearchError(
+            f"{result.name} search found no valid choice among {result.evaluated:,} of "
+            f"{result.candidates:,} combinations: use search='exact', or another order of columns"
+        )
+    dependent = np.array(result.dependent, dtype=np.int64)
+    base = base_columns(len(structure.columns), dependent)
+    return BaseParameters(
+        parameters=observation.parameters,
+        structure=structure,
+        base=frozen(structure.columns[base], np.int64),
+        dependent=frozen(structure.columns[dependent], np.int64),
+        regrouping=frozen(regrouping_matrix(structure.null_basis, dependent)),
+        search=result,
+    )

@@ -1,0 +1,128 @@
+"""What a regressor lets be known: zero columns, rank with its gap, null space.
+
+[Gautier1991]: with W = U S Vᵀ and rank r, the last columns of V span the combinations of
+parameters that no force ever shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.errors import RankError
+from loopid.parameters import ParameterSet
+from loopid.regressors.observation import Observation
+
+# A column is zero below this fraction of the largest, kg m columns per characteristic length.
+ZERO_COLUMN = 1e-12
+# A rank is believed when its last singular value exceeds the next one this many times ...
+MINIMUM_RANK_GAP = 1e3
+# ... and the next one is small enough, relative to the largest, to be round-off.
+ROUND_OFF_CEILING = 1e-7
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Rank and null space of an observation.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        The n parameters with an effect.
+    columns : IntArray
+        (n,), their columns among all the standard parameters.
+    singular_values : FloatArray
+        (n,), of the columns scaled to unit length, descending.
+    rank : int
+    rank_gap : float
+        Last counted singular value over the next one, which is at least round-off.
+    null_basis : FloatArray
+        (n, d) with d = n - rank, the paper's V2: orthonormal, W V2 = 0.
+    row_factor : FloatArray
+        (rank, n), F with FᵀF = WᵀW: W without the directions of round-off.
+    """
+
+    parameters: ParameterSet
+    columns: IntArray
+    singular_values: FloatArray
+    rank: int
+    rank_gap: float
+    null_basis: FloatArray
+    row_factor: FloatArray
+
+
+def analyse(observation: Observation) -> Structure:
+    """Find the structure of an observation.
+
+    Raises
+    ------
+    RankError
+        When no parameter has an effect, when a column is neither zero nor clearly not, or when
+        no gap in the singular values tells the rank.
+    """
+    columns = _nonzero_columns(observation)
+    R = observation.factor[:, columns]
+    # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them.
+    norms = np.linalg.norm(R, axis=0)
+    _, values, right = np.linalg.svd(R / norms)
+    rank, gap = decide_rank(values)
+    null_basis, _ = np.linalg.qr(right[rank:].T / norms[:, None])
+    return Structure(
+        parameters=observation.parameters.select(columns),
+        columns=frozen(columns, np.int64),
+        singular_values=frozen(values),
+        rank=rank,
+        rank_gap=gap,
+        null_basis=frozen(null_basis),
+        row_factor=frozen(values[:rank, None] * right[:rank] * norms),
+    )
+
+
+def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
+    """Rank and gap from descending singular values.
+
+    Raises
+    ------
+    RankError
+        When no gap reaches ``MINIMUM_RANK_GAP``, or two do.
+    """
+    values = np.asarray(singular_values, dtype=np.float64) / singular_values[0]
+    # Round-off leaves about this much of an exact zero: how far below a value is means nothing.
+    floor = len(values) * np.finfo(float).eps
+    floored = np.append(np.maximum(values, floor), floor)
+    gaps = floored[:-1] / floored[1:]
+    gaps[floored[1:] > ROUND_OFF_CEILING] = 0.0
+    clear = np.flatnonzero(gaps >= MINIMUM_RANK_GAP)
+    if len(clear) != 1:
+        best = int(gaps.argmax())
+        around = ", ".join(f"{value:.1e}" for value in values[max(0, best - 1) : best + 3])
+        found = "no gap" if len(clear) == 0 else f"{len(clear)} gaps"
+        ranks = "" if len(clear) == 0 else f" (ranks {', '.join(str(k + 1) for k in clear)})"
+        raise RankError(
+            f"the rank is ambiguous: {found}{ranks} of at least {MINIMUM_RANK_GAP:g} between "
+            f"singular values above and below round-off; the largest gap is {gaps[best]:.1f} "
+            f"after value {best + 1} of {len(values)} (relative values there: {around})"
+        )
+    rank = int(clear[0]) + 1
+    below = values[rank] if rank < len(values) else 0.0
+    return rank, float(values[rank - 1] / max(below, np.finfo(float).eps))
+
+
+def _nonzero_columns(observation: Observation) -> IntArray:
+    scales = observation.length ** observation.parameters.length_powers.astype(np.float64)
+    norms = np.linalg.norm(observation.factor, axis=0) / scales
+    largest = norms.max(initial=0.0)
+    if largest == 0.0:
+        raise RankError("no parameter has an effect: every column of the regressor is zero")
+    relative = norms / largest
+    doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
+    if doubtful.any():
+        column = int(np.flatnonzero(doubtful)[0])
+        raise RankError(
+            f"column {observation.parameters[column].label} is neither zero nor clearly not: "
+            f"{relative[column]:.1e} of the largest (zero below {ZERO_COLUMN:g}, an effect above "
+            f"{MINIMUM_RANK_GAP * ZERO_COLUMN:g})"
+        )
+    return np.flatnonzero(relative > ZERO_COLUMN)

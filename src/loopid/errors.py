@@ -1,0 +1,61 @@
+"""What can go wrong: one root exception and one subclass a failure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class LoopidError(Exception):
+    """Root of every error that loopid raises on purpose."""
+
+
+class OptionError(LoopidError, ValueError):
+    """An argument names something that does not exist."""
+
+    @classmethod
+    def unknown(cls, what: str, given: object, valid: Iterable[str]) -> OptionError:
+        """Say which choice was given and which are valid."""
+        return cls(f"unknown {what} {given!r}: choose one of {', '.join(valid)}")
+
+
+class MissingFileError(LoopidError, FileNotFoundError):
+    """A file that was asked for is not there."""
+
+
+class MissingExtraError(LoopidError, ImportError):
+    """An optional library is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"{package} is not installed: pip install 'loopid[{extra}]' brings it")
+
+
+class RobotFileError(LoopidError, ValueError):
+    """A robot description contradicts itself or physics."""
+
+
+class MobilityError(LoopidError, ValueError):
+    """The given coordinates are too few or too many for the motion."""
+
+
+class AssemblyError(LoopidError, RuntimeError):
+    """The loops cannot be closed for the given coordinates."""
+
+
+class SingularityError(LoopidError, ArithmeticError):
+    """The actuated coordinates lose control of the motion at a configuration."""
+
+
+class DataError(LoopidError, ValueError):
+    """An array has the wrong shape or values that are not finite."""
+
+
+class RankError(LoopidError, ArithmeticError):
+    """A rank cannot be told from round-off."""
+
+
+class SearchError(LoopidError, RuntimeError):
+    """A search is refused, or found no valid choice."""
+
+
+class SingularityWarning(UserWarning):
+    """A configuration is close to a singularity: forces there are ill-determined."""

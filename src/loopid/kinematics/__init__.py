@@ -1,0 +1,33 @@
+"""Where the robot can be: closures, assembly, projection, random closed configurations."""
+
+from loopid.kinematics.assembly import Assembly, assemble, try_assemble
+from loopid.kinematics.constraint import (
+    constraint_drift,
+    constraint_jacobian,
+    constraint_residual,
+)
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.measured import measured_coordinates, scaled_constraint
+from loopid.kinematics.mobility import Mobility, mobility, require_determined_motion
+from loopid.kinematics.projection import Projection, project, singularity_measure
+from loopid.kinematics.sampling import random_configurations, random_motions
+
+__all__ = [
+    "Assembly",
+    "Factorisation",
+    "Mobility",
+    "Projection",
+    "assemble",
+    "constraint_drift",
+    "constraint_jacobian",
+    "constraint_residual",
+    "measured_coordinates",
+    "mobility",
+    "project",
+    "random_configurations",
+    "random_motions",
+    "require_determined_motion",
+    "scaled_constraint",
+    "singularity_measure",
+    "try_assemble",
+]

@@ -1,0 +1,183 @@
+"""Assembly: all coordinates from a sufficient set of measured ones.
+
+The measured coordinates move from those of the start to the targets along a straight line, in
+steps whose length adapts so that Newton's method contracts at once: the solution then stays on
+the assembly branch of the start [Allgower2003]. All samples advance together, each with its own
+step; every linear solve is batched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray, samples
+from loopid.errors import AssemblyError
+from loopid.kinematics.frames import integrate
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
+from loopid.mechanism import Mechanism
+
+CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
+# Newton steps, in rad or characteristic lengths: below ROUND_OFF there is nothing left to gain,
+# below STAGNATION a step that no longer contracts is round-off in an ill-conditioned solve.
+ROUND_OFF = 1e-15
+STAGNATION = 1e-10
+NEWTON_STEPS = 12
+# A step along the path is accepted when each Newton step is at most this fraction of the last,
+# and the first one at most this many rad (or characteristic lengths).
+CONTRACTION = 0.2
+LONGEST_STEP = 0.4
+SHORTEST_PATH_STEP = 2.0**-12
+# Samples of a trajectory solved together, from the last solution of the previous ones.
+TRAJECTORY_BLOCK = 64
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Assembled configurations.
+
+    Attributes
+    ----------
+    configurations : FloatArray
+        (N, nq); rows that could not be assembled hold NaN.
+    residual : FloatArray
+        (N,), largest closure residual in m.
+    assembled : BoolArray
+        (N,), whether the loops close to the tolerance on the start's branch.
+    """
+
+    configurations: FloatArray
+    residual: FloatArray
+    assembled: BoolArray
+
+
+def assemble(
+    mechanism: Mechanism,
+    values: FloatArray,
+    coordinates: Sequence[str] | str | None = None,
+    start: FloatArray | None = None,
+    trajectory: bool = False,
+    tolerance: float = CLOSURE_TOLERANCE,
+) -> FloatArray:
+    """Solve all coordinates from measured ones, on the assembly branch of the start.
+
+    Parameters
+    ----------
+    values : FloatArray
+        (N, c), measured coordinates in m or rad.
+    coordinates : sequence of str or "platform", optional
+        Joints that were measured, or ``"platform"`` for the platform coordinates that the robot
+        file declares; by default the actuated joints. They must determine the motion.
+    start : FloatArray, optional
+        (nq,), a closed configuration on the branch; by default the reference.
+    trajectory : bool
+        Whether the samples follow one another: each block then starts where the last one ended.
+    tolerance : float
+        Closure residual to reach, in m.
+
+    Returns
+    -------
+    FloatArray
+        (N, nq), closed to round-off where the geometry allows, at least to the tolerance.
+
+    Raises
+    ------
+    AssemblyError
+        When a sample cannot be reached from the start without meeting a singularity.
+    MobilityError
+        When the coordinates do not determine the motion.
+    """
+    outcome = try_assemble(mechanism, values, coordinates, start, trajectory, tolerance)
+    lost = np.flatnonzero(~outcome.assembled)
+    if len(lost):
+        raise AssemblyError(
+            f"sample {lost[0]} cannot be assembled from the start: the loops stay open by "
+            f"{outcome.residual[lost[0]]:.1e} m (tolerance {tolerance:g} m), so the coordinates "
+            f"are out of reach or beyond a singularity ({len(lost)} of {len(outcome.assembled)} "
+            "samples)"
+        )
+    return outcome.configurations
+
+
+def try_assemble(
+    mechanism: Mechanism,
+    values: FloatArray,
+    coordinates: Sequence[str] | str | None = None,
+    start: FloatArray | None = None,
+    trajectory: bool = False,
+    tolerance: float = CLOSURE_TOLERANCE,
+) -> Assembly:
+    """As ``assemble``, but report the samples that fail instead of raising."""
+    measured = measured_coordinates(mechanism, coordinates)
+    targets = samples(values, measured.width, "measured coordinates")
+    q = mechanism.reference if start is None else start
+    q = samples(q, mechanism.model.nq, "start")
+    if not trajectory:
+        return _follow(measured, np.repeat(q, len(targets), axis=0), targets, tolerance)
+    blocks = []
+    for first in range(0, len(targets), TRAJECTORY_BLOCK):
+        block = targets[first : first + TRAJECTORY_BLOCK]
+        blocks.append(_follow(measured, np.repeat(q, len(block), axis=0), block, tolerance))
+        done = blocks[-1].configurations[blocks[-1].assembled]
+        q = done[-1:] if len(done) else q
+    return Assembly(*(np.concatenate(parts) for parts in zip(*map(_fields, blocks), strict=True)))
+
+
+def _fields(assembly: Assembly) -> tuple[FloatArray, FloatArray, BoolArray]:
+    return assembly.configurations, assembly.residual, assembly.assembled
+
+
+def _follow(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, tolerance: float
+) -> Assembly:
+    """Move all samples along their straight lines to the targets."""
+    origin = measured.read(q)
+    way = measured.difference(origin, targets)
+    done, step = np.zeros(len(q)), np.ones(len(q))
+    active = np.ones(len(q), dtype=bool)
+    while active.any():
+        k = np.flatnonzero(active)
+        ahead = np.minimum(done[k] + step[k], 1.0)
+        moved, accepted = _newton(measured, q[k], origin[k] + ahead[:, None] * way[k])
+        q[k[accepted]], done[k[accepted]] = moved[accepted], ahead[accepted]
+        step[k] = np.where(accepted, 2.0 * step[k], 0.5 * step[k])
+        active = (done < 1.0) & (step >= SHORTEST_PATH_STEP)
+    residual = measured.closure_gap(q, targets)
+    assembled = (done >= 1.0) & (residual <= tolerance)
+    return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
+
+
+def _newton(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Newton's method towards close targets; accepted where it contracts from the first step on.
+
+    Contraction by this much is what Kantorovich's theorem asks for a root that is unique around
+    the start, hence the one that continues its branch.
+    """
+    q = measured.write(q, targets)
+    accepted, running = np.ones((2, len(q)), dtype=bool)
+    longest = np.full(len(q), LONGEST_STEP)
+    for _ in range(NEWTON_STEPS):
+        k = np.flatnonzero(running)
+        step, length = _newton_step(measured, q[k], targets[k])
+        q[k] = integrate(measured.mechanism, q[k], step)
+        contracts = length <= longest[k]
+        accepted[k] = contracts | (length <= STAGNATION)
+        running[k] = contracts & (length > ROUND_OFF)
+        longest[k] = CONTRACTION * length
+        if not running.any():
+            break
+    return q, accepted & ~running
+
+
+def _newton_step(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    residual, jacobian = measured.equations(q, targets)
+    scaled = -Factorisation.of(jacobian).solve(residual[:, :, None])[:, :, 0]
+    length = np.abs(scaled).max(axis=1, initial=0.0)
+    return measured.tangent(scaled), length

@@ -1,0 +1,105 @@
+"""Seeded random closed configurations, inside the limits and away from singularities."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import AssemblyError, OptionError
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.projection import partition, singularity_measure
+from loopid.mechanism import Mechanism
+
+DEFAULT_MARGIN = 0.02
+ATTEMPTS_PER_SAMPLE = 200
+
+
+def random_configurations(
+    mechanism: Mechanism, count: int, seed: int = 0, margin: float = DEFAULT_MARGIN
+) -> FloatArray:
+    """Draw closed configurations on the reference's branch.
+
+    Actuated coordinates are uniform within their limits (one turn, or one characteristic length,
+    around the reference where there are none); draws that cannot be assembled, break a limit of
+    a passive joint or come too near a singularity are left out.
+
+    Parameters
+    ----------
+    count : int
+    seed : int
+        Same seed, same configurations.
+    margin : float
+        Least singularity measure, see ``Projection.singularity``.
+
+    Returns
+    -------
+    FloatArray
+        (count, nq).
+
+    Raises
+    ------
+    AssemblyError
+        When hardly any draw passes.
+    """
+    if count < 1 or margin < 0:
+        raise OptionError(f"count must be positive and margin >= 0, not {count} and {margin}")
+    generator = np.random.default_rng(seed)
+    lower, upper = _actuated_limits(mechanism)
+    found, drawn = np.empty((0, mechanism.model.nq)), 0
+    while len(found) < count:
+        if drawn > ATTEMPTS_PER_SAMPLE * max(count, 10):
+            raise AssemblyError(
+                f"only {len(found)} of {drawn} random draws of {mechanism.name} close with a "
+                f"singularity measure of at least {margin:g}: lower the margin or check the limits"
+            )
+        values = generator.uniform(lower, upper, size=(count, len(lower)))
+        assembly = try_assemble(mechanism, values)
+        q = assembly.configurations[assembly.assembled]
+        found = np.concatenate([found, q[_admissible(mechanism, q, margin)]])
+        drawn += count
+    return found[:count]
+
+
+def random_motions(
+    mechanism: Mechanism, count: int, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Draw independent velocities and accelerations (count, dof) each.
+
+    They are uniform and as large as a fall over the characteristic length would make them, so
+    that inertial and gravity forces have one order of magnitude.
+    """
+    generator = np.random.default_rng([seed, 1])
+    independent, _ = partition(mechanism)
+    unit = np.ones(len(independent))
+    unit[np.isin(independent, mechanism.prismatic)] = mechanism.length
+    gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
+    rate = np.sqrt(gravity / mechanism.length)
+    velocity, acceleration = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
+    return velocity * unit * rate, acceleration * unit * rate**2
+
+
+def _actuated_limits(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    lower, upper = [], []
+    for name in mechanism.actuated:
+        joint = mechanism.model.joints[mechanism.model.getJointId(name)]
+        if joint.nv != 1:
+            raise OptionError(
+                f"joint {name} has {joint.nv} coordinates: only single ones are drawn"
+            )
+        low, high = -np.inf, np.inf
+        if joint.nq == 1:
+            low = mechanism.model.lowerPositionLimit[joint.idx_q]
+            high = mechanism.model.upperPositionLimit[joint.idx_q]
+        prismatic = joint.idx_v in mechanism.prismatic
+        width = mechanism.length if prismatic else np.pi
+        centre = mechanism.reference[joint.idx_q] if joint.nq == 1 else 0.0
+        lower.append(low if np.isfinite(low) and abs(low) < 1e3 else centre - width)
+        upper.append(high if np.isfinite(high) and abs(high) < 1e3 else centre + width)
+    return np.array(lower), np.array(upper)
+
+
+def _admissible(mechanism: Mechanism, q: FloatArray, margin: float) -> BoolArray:
+    model = mechanism.model
+    below, above = q < model.lowerPositionLimit - 1e-9, q > model.upperPositionLimit + 1e-9
+    inside = ~(below | above).any(axis=1)
+    return np.asarray(inside & (singularity_measure(mechanism, q) >= margin), dtype=bool)

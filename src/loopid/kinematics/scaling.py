@@ -1,0 +1,37 @@
+"""Common units: every entry of the constraint Jacobian made a length.
+
+Rows of orientations are multiplied, and columns of prismatic joints too, by the mechanism's
+characteristic length. Ranks, singularity measures and step lengths then mean the same for a
+robot described in mm and one described in m.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.mechanism import Mechanism
+
+
+def row_scales(mechanism: Mechanism) -> FloatArray:
+    """Factors (rows,) that turn every row of the residual into metres."""
+    turn = [mechanism.length] * 3
+    scales = [
+        factor
+        for closure in mechanism.closures
+        for factor in ([1.0] * 3 if closure.kind == "3d" else [1.0] * 3 + turn)
+    ]
+    return np.array(scales, dtype=np.float64)
+
+
+def coordinate_scales(mechanism: Mechanism) -> FloatArray:
+    """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m."""
+    scales = np.ones(mechanism.model.nv)
+    scales[mechanism.prismatic] = mechanism.length
+    return scales
+
+
+def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
+    """Constraint Jacobians (N, rows, nv) in m per unit step."""
+    rows, columns = row_scales(mechanism), coordinate_scales(mechanism)
+    return np.asarray(rows[:, None] * jacobian * columns, dtype=np.float64)

@@ -1,0 +1,66 @@
+"""Platform coordinates: a frame's pose in the numbers that its motion allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from loopid.arrays import FloatArray, samples
+
+TRANSLATIONS = ("x", "y", "z")
+ROTATIONS = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A frame whose placement is a product of elementary motions.
+
+    The placement in the fixed frame is the translation along the fixed axes named among
+    x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
+    rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
+
+    Attributes
+    ----------
+    frame : str
+    frame_id : int
+        Index of the frame in the Pinocchio model.
+    names : tuple of str
+        What the robot's own literature calls the coordinates.
+    motions : tuple of str
+        Elementary motion of each coordinate.
+    """
+
+    frame: str
+    frame_id: int
+    names: tuple[str, ...]
+    motions: tuple[str, ...]
+
+    def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
+        values = samples(coordinates, len(self.motions), "platform coordinates")
+        origins = np.zeros((len(values), 3))
+        rotations = Rotation.identity(len(values))
+        for value, motion in zip(values.T, self.motions, strict=True):
+            if motion in TRANSLATIONS:
+                origins[:, TRANSLATIONS.index(motion)] = value
+            else:
+                rotations = rotations * Rotation.from_euler(motion[1], value[:, None])
+        return rotations.as_matrix(), origins
+
+    def coordinates(self, rotations: FloatArray, origins: FloatArray) -> FloatArray:
+        """Platform coordinates (N, c) of placements (N, 3, 3) and (N, 3); the inverse map."""
+        turns = [motion[1] for motion in self.motions if motion in ROTATIONS]
+        # Euler angles need three axes: the missing ones come last and turn out zero.
+        axes = turns + [axis for axis in "xyz" if axis not in turns]
+        angles = Rotation.from_matrix(rotations).as_euler("".join(axes).upper())
+        return np.stack(
+            [
+                origins[:, TRANSLATIONS.index(motion)]
+                if motion in TRANSLATIONS
+                else angles[:, axes.index(motion[1])]
+                for motion in self.motions
+            ],
+            axis=1,
+        )

@@ -1,0 +1,101 @@
+"""Labels that travel with every array of dynamic parameters."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import IntArray
+from loopid.errors import OptionError
+
+GRAVITY_KINDS = ("m", "mx", "my", "mz")
+# Pinocchio's order; inertias about the origin of the link frame.
+KINDS = (*GRAVITY_KINDS, "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+MODELS = {"gravity": GRAVITY_KINDS, "full": KINDS}
+
+
+def model_kinds(model: str) -> tuple[str, ...]:
+    """Kinds of parameters in a model, ``"gravity"`` or ``"full"``."""
+    if model not in MODELS:
+        raise OptionError.unknown("model", model, MODELS)
+    return MODELS[model]
+
+
+@dataclass(frozen=True, order=True)
+class Parameter:
+    """One standard parameter of one link: its mass, a first moment or an inertia."""
+
+    link: str
+    kind: str
+
+    @property
+    def label(self) -> str:
+        """Text form, ``<link>.<kind>``."""
+        return f"{self.link}.{self.kind}"
+
+    @property
+    def length_power(self) -> int:
+        """Power of length in the unit: 0 for kg, 1 for kg m, 2 for kg m²."""
+        if self.kind not in KINDS:
+            return 0
+        return 0 if self.kind == "m" else 1 if self.kind in GRAVITY_KINDS else 2
+
+    @property
+    def unit(self) -> str:
+        """Unit of the parameter's value, empty where the kind is not a standard one."""
+        return ("kg", "kg m", "kg m²")[self.length_power] if self.kind in KINDS else ""
+
+    @classmethod
+    def parse(cls, label: str) -> Parameter:
+        """Read ``<link>.<kind>``; the link's own name may contain dots."""
+        link, _, kind = label.rpartition(".")
+        return cls(link, kind)
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """An ordered set of parameters: the names of a regressor's columns."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        counts = Counter(self.labels)
+        repeated = [label for label, count in counts.items() if count > 1]
+        if repeated:
+            raise OptionError(f"parameters are repeated: {', '.join(repeated)}")
+
+    @classmethod
+    def from_labels(cls, labels: Iterable[str]) -> ParameterSet:
+        """Make a set from texts ``<link>.<kind>``."""
+        return cls(tuple(Parameter.parse(label) for label in labels))
+
+    @classmethod
+    def of_links(cls, links: Iterable[str], kinds: Sequence[str]) -> ParameterSet:
+        """All the given kinds of every link, link by link."""
+        return cls(tuple(Parameter(link, kind) for link in links for kind in kinds))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Texts ``<link>.<kind>``, in order."""
+        return tuple(parameter.label for parameter in self.parameters)
+
+    @property
+    def length_powers(self) -> IntArray:
+        """Power of length in each unit; shape (n,)."""
+        return np.array([p.length_power for p in self.parameters], dtype=np.int64)
+
+    def select(self, columns: Iterable[int]) -> ParameterSet:
+        """The parameters of some columns, in the order given."""
+        return ParameterSet(tuple(self.parameters[int(j)] for j in columns))
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self.parameters)
+
+    def __getitem__(self, column: int) -> Parameter:
+        return self.parameters[column]

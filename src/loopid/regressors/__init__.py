@@ -1,0 +1,14 @@
+"""What the motion weighs: tree and closed-loop regressors, stacked observations."""
+
+from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
+from loopid.regressors.observation import Observation
+from loopid.regressors.structural import structural_observation
+from loopid.regressors.tree import tree_regressor
+
+__all__ = [
+    "Observation",
+    "dynamic_regressor",
+    "gravity_regressor",
+    "structural_observation",
+    "tree_regressor",
+]
