@@ -130,12 +130,12 @@ def _base(root: etree._Element, geometry: dict[str, float]) -> None:
 def _leg(root: etree._Element, leg: int, base_point: Vector, robot: dict[str, Any]) -> None:
     """Limbs 1 to 3: universal joint with a massless cross, prismatic joint along z."""
     cross, cylinder, stem = (f"leg{leg}_{part}" for part in ("cross", "cylinder", "stem"))
-    shortest = robot["strokes"][f"leg{leg}"][0]
+    housing, rod = _visual_lengths(robot, leg)
     _link(root, cross)
     link = _link(root, cylinder, robot)
-    _cylinder(link, "cylinder", 0.6 * shortest, 0.03, (0, 0, 0.3 * shortest))
+    _cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
     link = _link(root, stem, robot)
-    _cylinder(link, "stem", 0.6 * shortest, 0.012, (0, 0, -0.3 * shortest))
+    _cylinder(link, "stem", rod, 0.012, (0, 0, -rod / 2))
     first, second = f"leg{leg}_universal_1", f"leg{leg}_universal_2"
     _turn(root, first, ("base", cross), (0, -1, 0), (0, pi), xyz=base_point)
     _turn(root, second, (cross, cylinder), (0, 1, 0), (0, pi), rpy=QUARTER_TURN_X)
@@ -143,11 +143,11 @@ def _leg(root: etree._Element, leg: int, base_point: Vector, robot: dict[str, An
 
 
 def _limb_4(root: etree._Element, geometry: dict[str, float], robot: dict[str, Any]) -> None:
-    shortest = robot["strokes"]["leg4"][0]
+    housing, rod = _visual_lengths(robot, 4)
     link = _link(root, "leg4_cylinder", robot)
-    _cylinder(link, "cylinder", 0.6 * shortest, 0.03, (0, 0, 0.3 * shortest))
+    _cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
     link = _link(root, "leg4_stem", robot)
-    _cylinder(link, "stem", 0.6 * shortest, 0.015, (0, 0.3 * shortest, 0), QUARTER_TURN_X)
+    _cylinder(link, "stem", rod, 0.015, (0, rod / 2, 0), QUARTER_TURN_X)
     pair, foot = ("base", "leg4_cylinder"), (geometry["ds"], 0.0, 0.0)
     _turn(root, "leg4_revolute", pair, (0, -1, 0), (-pi / 2, pi / 2), xyz=foot)
     _stroke(root, 4, (0, -1, 0), robot, rpy=STEM_4_AXES)
@@ -229,6 +229,12 @@ def _travel(
     lower, upper = (_text([value]) for value in limits)
     # URDF demands a velocity limit; none is published for this machine.
     etree.SubElement(joint, "limit", lower=lower, upper=upper, effort=_text([effort]), velocity="1")
+
+
+def _visual_lengths(robot: dict[str, Any], leg: int) -> tuple[float, float]:
+    """Lengths in m of a limb's cylinder and stem that overlap over the whole stroke."""
+    shortest, longest = robot["strokes"][f"leg{leg}"]
+    return 0.7 * shortest, longest - 0.6 * shortest
 
 
 COLOURS = {

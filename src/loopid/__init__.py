@@ -15,6 +15,7 @@ from loopid.errors import LoopidError
 from loopid.kinematics import (
     assemble,
     mobility,
+    platform_coordinates,
     project,
     random_configurations,
     singularity_measure,
@@ -53,6 +54,7 @@ __all__ = [
     "gravity_regressor",
     "load_mechanism",
     "mobility",
+    "platform_coordinates",
     "project",
     "random_configurations",
     "singularity_measure",

@@ -57,5 +57,9 @@ class SearchError(LoopidError, RuntimeError):
     """A search is refused, or found no valid choice."""
 
 
+class InertiaWarning(UserWarning):
+    """A robot file gives a body an inertia that no body can have."""
+
+
 class SingularityWarning(UserWarning):
     """A configuration is close to a singularity: forces there are ill-determined."""

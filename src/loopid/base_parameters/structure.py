@@ -68,6 +68,11 @@ def analyse(observation: Observation) -> Structure:
     norms = np.linalg.norm(R, axis=0)
     _, values, right = np.linalg.svd(R / norms)
     rank, gap = decide_rank(values)
+    if rank == observation.rows < len(columns):
+        raise RankError(
+            f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
+            f"needed to tell how many of the {len(columns)} parameters are independent"
+        )
     null_basis, _ = np.linalg.qr(right[rank:].T / norms[:, None])
     return Structure(
         parameters=observation.parameters.select(columns),

@@ -9,6 +9,7 @@ from loopid.kinematics.constraint import (
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import measured_coordinates, scaled_constraint
 from loopid.kinematics.mobility import Mobility, mobility, require_determined_motion
+from loopid.kinematics.platform import platform_coordinates
 from loopid.kinematics.projection import Projection, project, singularity_measure
 from loopid.kinematics.sampling import random_configurations, random_motions
 
@@ -23,6 +24,7 @@ __all__ = [
     "constraint_residual",
     "measured_coordinates",
     "mobility",
+    "platform_coordinates",
     "project",
     "random_configurations",
     "random_motions",

@@ -16,9 +16,10 @@ from loopid.errors import MobilityError, OptionError
 from loopid.kinematics.constraint import constraint_values, relative_quaternion
 from loopid.kinematics.frames import frame_kinematics
 from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.platform import declared_platform, platform_coordinates
 from loopid.kinematics.projection import partition
 from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_jacobian
-from loopid.mechanism import Mechanism, Platform
+from loopid.mechanism import Mechanism
 
 
 class MeasuredCoordinates(ABC):
@@ -96,14 +97,13 @@ class JointCoordinates(MeasuredCoordinates):
 class PlatformCoordinates(MeasuredCoordinates):
     """A measured platform pose: all joints are unknown, the pose adds six equations."""
 
-    def __init__(self, mechanism: Mechanism, platform: Platform) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.platform = declared_platform(mechanism)
         everything = np.arange(mechanism.model.nv)
-        super().__init__(mechanism, everything, len(platform.motions))
-        self.platform = platform
+        super().__init__(mechanism, everything, len(self.platform.motions))
 
     def read(self, q: FloatArray) -> FloatArray:
-        frame = frame_kinematics(self.mechanism, q, [self.platform.frame_id])
-        return self.platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+        return platform_coordinates(self.mechanism, q)
 
     def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
         return q.copy()
@@ -138,9 +138,7 @@ def measured_coordinates(
     """
     measured: MeasuredCoordinates
     if coordinates == "platform":
-        if mechanism.platform is None:
-            raise OptionError(f"{mechanism.name} declares no platform coordinates")
-        measured = PlatformCoordinates(mechanism, mechanism.platform)
+        measured = PlatformCoordinates(mechanism)
     else:
         names = mechanism.actuated if coordinates is None else coordinates
         joints = (names,) if isinstance(names, str) else tuple(names)

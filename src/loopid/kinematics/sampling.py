@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
@@ -12,6 +14,7 @@ from loopid.mechanism import Mechanism
 
 DEFAULT_MARGIN = 0.02
 ATTEMPTS_PER_SAMPLE = 200
+BATCH = 64  # draws assembled together
 
 
 def random_configurations(
@@ -27,7 +30,7 @@ def random_configurations(
     ----------
     count : int
     seed : int
-        Same seed, same configurations.
+        Same seed, same configurations; a larger count only adds more.
     margin : float
         Least singularity measure, see ``Projection.singularity``.
 
@@ -41,34 +44,42 @@ def random_configurations(
     AssemblyError
         When hardly any draw passes.
     """
-    if count < 1 or margin < 0:
-        raise OptionError(f"count must be positive and margin >= 0, not {count} and {margin}")
+    return np.concatenate(list(configuration_batches(mechanism, count, seed, margin)))
+
+
+def configuration_batches(
+    mechanism: Mechanism, count: int, seed: int = 0, margin: float = DEFAULT_MARGIN
+) -> Iterator[FloatArray]:
+    """Yield the rows of ``random_configurations`` a few at a time."""
+    if count < 1 or not margin >= 0:
+        raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
     generator = np.random.default_rng(seed)
     lower, upper = _actuated_limits(mechanism)
-    found, drawn = np.empty((0, mechanism.model.nq)), 0
-    while len(found) < count:
-        if drawn > ATTEMPTS_PER_SAMPLE * max(count, 10):
+    found = drawn = 0
+    while found < count:
+        if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(
-                f"only {len(found)} of {drawn} random draws of {mechanism.name} close with a "
+                f"only {found} of {drawn} random draws of {mechanism.name} close with a "
                 f"singularity measure of at least {margin:g}: lower the margin or check the limits"
             )
-        values = generator.uniform(lower, upper, size=(count, len(lower)))
+        values = generator.uniform(lower, upper, size=(BATCH, len(lower)))
         assembly = try_assemble(mechanism, values)
         q = assembly.configurations[assembly.assembled]
-        found = np.concatenate([found, q[_admissible(mechanism, q, margin)]])
-        drawn += count
-    return found[:count]
+        q = q[_admissible(mechanism, q, margin)][: count - found]
+        found, drawn = found + len(q), drawn + BATCH
+        if len(q):
+            yield q
 
 
 def random_motions(
-    mechanism: Mechanism, count: int, seed: int = 0
+    mechanism: Mechanism, count: int, seed: int | np.random.Generator = 0
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.
 
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
     """
-    generator = np.random.default_rng([seed, 1])
+    generator = np.random.default_rng(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))
     unit[np.isin(independent, mechanism.prismatic)] = mechanism.length

@@ -12,7 +12,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from loopid.errors import RobotFileError
 
@@ -24,6 +24,14 @@ class PlatformDescription(BaseModel):
 
     frame: str
     coordinates: dict[str, Literal["x", "y", "z", "rx", "ry", "rz"]]
+
+    @model_validator(mode="after")
+    def _motions_differ(self) -> PlatformDescription:
+        for motion in self.coordinates.values():
+            names = [name for name, other in self.coordinates.items() if other == motion]
+            if len(names) > 1:
+                raise ValueError(f"motion {motion!r} is listed twice, for {' and '.join(names)}")
+        return self
 
 
 class Description(BaseModel):
@@ -64,7 +72,7 @@ def read_description(path: Path) -> Description:
     try:
         content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
     except (YAMLError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        raise RobotFileError(f"{path} is not YAML: {_yaml_problem(error)}") from error
     if content is None:
         content = {}
     if not isinstance(content, dict):
@@ -73,6 +81,13 @@ def read_description(path: Path) -> Description:
         return Description.model_validate(content)
     except ValidationError as error:
         raise RobotFileError(f"{path}: {_first_problem(error)}") from error
+
+
+def _yaml_problem(error: YAMLError | UnicodeDecodeError) -> str:
+    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
+        mark = error.problem_mark
+        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
+    return " ".join(str(error).split())
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import pinocchio as pin
 
-from loopid.errors import MissingFileError, MobilityError, OptionError, RobotFileError
+from loopid.arrays import FloatArray
+from loopid.errors import (
+    InertiaWarning,
+    MissingFileError,
+    MobilityError,
+    OptionError,
+    RobotFileError,
+)
 from loopid.kinematics.mobility import require_determined_motion
 from loopid.loading.bundled import find_robot_file
 from loopid.loading.description import Description, PlatformDescription, read_description
 from loopid.loading.reference import close_reference, written_reference
 from loopid.loading.urdf import UrdfContent, read_urdf
-from loopid.mechanism import Body, LoopClosure, Mechanism, Platform
+from loopid.mechanism import Body, LoopClosure, Mechanism, Platform, inertia_defects
 
 
 def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
@@ -42,7 +50,7 @@ def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
     urdf_file = file if file.suffix == ".urdf" else _urdf_beside(file, description)
     content = read_urdf(urdf_file)
     locked = [*description.joint_name, *lock]
-    model = _build_model(urdf_file, content, locked, description.reference)
+    model = _build_model(file, urdf_file, content, locked, description.reference)
     free = {name: v for name, v in description.reference.items() if name not in locked}
     mechanism = Mechanism(
         name=content.name,
@@ -51,7 +59,7 @@ def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
         closures=_closures(file, model, description),
         actuated=_actuated(file, model, description),
         bodies=_bodies(urdf_file, model, content),
-        reference=written_reference(model, free),
+        reference=written_reference(file, model, free),
         platform=_platform(file, model, description.platform),
     )
     try:
@@ -60,7 +68,19 @@ def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
         require_determined_motion(mechanism)
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error
+    _warn_of_inertias(mechanism)
     return mechanism
+
+
+def _warn_of_inertias(mechanism: Mechanism) -> None:
+    """Structure does not depend on the values in the file, forces do: warn, do not refuse."""
+    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
+    if impossible:
+        warnings.warn(
+            f"{mechanism.path}: no body has these inertias: {'; '.join(impossible)}",
+            InertiaWarning,
+            stacklevel=3,
+        )
 
 
 def require_enough_rows(mechanism: Mechanism) -> None:
@@ -82,7 +102,11 @@ def _urdf_beside(file: Path, description: Description) -> Path:
 
 
 def _build_model(
-    urdf: Path, content: UrdfContent, locked: Sequence[str], reference: dict[str, float]
+    file: Path,
+    urdf: Path,
+    content: UrdfContent,
+    locked: Sequence[str],
+    reference: dict[str, float],
 ) -> pin.Model:
     try:
         model = pin.buildModelFromUrdf(str(urdf))
@@ -92,17 +116,28 @@ def _build_model(
     joints = list(model.names)[1:]
     for name in locked:
         if name not in joints:
-            raise OptionError.unknown("joint to lock", name, joints)
+            listed = ", ".join(joints)
+            raise OptionError(f"{file}: unknown joint {name!r} to lock: choose among {listed}")
     for follower, leader in content.mimics.items():
         if follower in joints and follower not in locked:
             raise RobotFileError(
                 f"{urdf}: joint {follower} mimics {leader}, which is not supported: lock it"
             )
-    at = written_reference(model, {name: reference[name] for name in locked if name in reference})
-    model = pin.buildReducedModel(model, [model.getJointId(name) for name in locked], at)
+    at_lock = {name: reference[name] for name in locked if name in reference}
+    at = written_reference(file, model, at_lock)
+    if locked:
+        model = _lock(urdf, model, locked, at)
     if model.nv == 0:
         raise RobotFileError(f"{urdf}: no joint can move")
     return model
+
+
+def _lock(urdf: Path, model: pin.Model, locked: Sequence[str], at: FloatArray) -> pin.Model:
+    try:
+        return pin.buildReducedModel(model, [model.getJointId(name) for name in locked], at)
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise RobotFileError(f"{urdf}: Pinocchio cannot lock joints of it: {reason}") from error
 
 
 def _closures(file: Path, model: pin.Model, description: Description) -> tuple[LoopClosure, ...]:
@@ -121,13 +156,19 @@ def _closure(file: Path, model: pin.Model, kind: str, frame_a: str, frame_b: str
 
 
 def _frame(file: Path, model: pin.Model, name: str) -> int:
-    if not model.existFrame(name):
-        links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-        raise RobotFileError(f"{file}: unknown frame {name!r}: choose among {', '.join(links)}")
-    # A link and a joint may share a name; the link is what closures are about.
-    if model.existBodyName(name):
-        return int(model.getBodyId(name))
-    return int(model.getFrameId(name))
+    links = _link_frames(model)
+    if name in links:
+        return links[name]
+    # Joints have frames too; a link of the same name comes first.
+    for frame_id, frame in enumerate(model.frames):
+        if frame.name == name:
+            return frame_id
+    raise RobotFileError(f"{file}: unknown frame {name!r}: choose among {', '.join(links)}")
+
+
+def _link_frames(model: pin.Model) -> dict[str, int]:
+    frames = enumerate(model.frames)
+    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
 
 
 def _actuated(file: Path, model: pin.Model, description: Description) -> tuple[str, ...]:
@@ -145,7 +186,8 @@ def _actuated(file: Path, model: pin.Model, description: Description) -> tuple[s
 
 def _bodies(urdf: Path, model: pin.Model, content: UrdfContent) -> tuple[Body, ...]:
     """Moving bodies with an inertial, each named by the link that its joint carries."""
-    joint_ids = [model.frames[model.getBodyId(link)].parentJoint for link in content.inertial_links]
+    frames = _link_frames(model)
+    joint_ids = [model.frames[frames[link]].parentJoint for link in content.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
         raise RobotFileError(f"{urdf}: no moving link has an <inertial>: nothing to identify")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +22,7 @@ GAUSS_NEWTON_STEPS = 100
 LONGEST_STEP = 0.3  # rad or characteristic lengths
 
 
-def written_reference(model: pin.Model, values: dict[str, float]) -> FloatArray:
+def written_reference(file: Path, model: pin.Model, values: dict[str, float]) -> FloatArray:
     """Configuration (nq,) with the given joint values; others in the middle of their limits."""
     q = pin.neutral(model)
     simple = [joint for joint in list(model.joints)[1:] if joint.nq == 1]
@@ -32,17 +33,20 @@ def written_reference(model: pin.Model, values: dict[str, float]) -> FloatArray:
     for name, value in values.items():
         if not model.existJointName(name):
             listed = ", ".join(list(model.names)[1:])
-            raise RobotFileError(f"reference names unknown joint {name!r}: choose among {listed}")
-        _write(model, q, name, value)
+            raise RobotFileError(
+                f"{file}: unknown joint {name!r} in reference: choose among {listed}"
+            )
+        joint = model.joints[model.getJointId(name)]
+        if joint.nv != 1 or not np.isfinite(value):
+            problem = (
+                f"must be finite, not {value}" if joint.nv == 1 else "has no single coordinate"
+            )
+            raise RobotFileError(f"{file}: reference: joint {name} {problem}")
+        _write(joint, q, value)
     return np.asarray(q, dtype=np.float64)
 
 
-def _write(model: pin.Model, q: FloatArray, name: str, value: float) -> None:
-    joint = model.joints[model.getJointId(name)]
-    if joint.nv != 1:
-        raise RobotFileError(f"reference: joint {name} has {joint.nv} coordinates, not one")
-    if not np.isfinite(value):
-        raise RobotFileError(f"reference: joint {name} must be finite, not {value}")
+def _write(joint: pin.JointModel, q: FloatArray, value: float) -> None:
     turned = joint.nq == 2
     coordinates = [np.cos(value), np.sin(value)] if turned else [value]
     q[joint.idx_q : joint.idx_q + joint.nq] = coordinates

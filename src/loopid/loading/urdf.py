@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from loopid.errors import RobotFileError
+
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ def _parse(path: Path) -> Any:
     # Imported here: it takes a second, and only loading needs it.
     from yourdfpy import URDF
 
+    _check_grammar(path)
     try:
         urdf = URDF.load(
             str(path), build_scene_graph=False, load_meshes=False, load_collision_meshes=False
@@ -80,6 +84,15 @@ def _parse(path: Path) -> Any:
     if not urdf.robot.links:
         raise RobotFileError(f"{path} has no <link>")
     return urdf.robot
+
+
+def _check_grammar(path: Path) -> None:
+    """Refuse what yourdfpy would repair; prefixes without a namespace are common and harmless."""
+    try:
+        etree.parse(str(path))
+    except etree.XMLSyntaxError as error:
+        if error.code != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
+            raise RobotFileError(f"{path} is not a valid URDF: {error.msg}") from error
 
 
 def _check_names(robot: Any) -> None:
@@ -120,10 +133,15 @@ def _check_reachable(robot: Any, root: str, links: set[str]) -> None:
 
 def _check_joint(joint: Any) -> None:
     what = f"joint {joint.name}"
+    if joint.type not in JOINT_TYPES:
+        listed = ", ".join(JOINT_TYPES)
+        raise RobotFileError(f"{what}: unknown type {joint.type!r}: choose among {listed}")
     _require_finite(f"{what}: <origin>", joint.origin)
     if joint.type in ("fixed", "floating"):
         return
     _require_finite(f"{what}: <axis>", joint.axis)
+    if joint.axis is not None and len(joint.axis) != 3:
+        raise RobotFileError(f"{what}: <axis> must be three numbers, not {len(joint.axis)}")
     if joint.axis is not None and not np.linalg.norm(joint.axis) > 1e-9:
         raise RobotFileError(f"{what}: <axis> is zero")
     if joint.limit is None:

@@ -6,6 +6,7 @@ depend on the number of samples.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,16 +60,38 @@ class Observation:
         keep_matrix : bool
             Whether to keep W beside its factor.
         """
-        W = finite(matrix, "observation matrix")
-        if W.ndim not in (2, 3) or W.shape[-1] != len(parameters):
-            raise DataError(
-                f"observation matrix must have {len(parameters)} columns, not shape {W.shape}"
-            )
-        W = W.reshape(-1, len(parameters))
-        if len(W) == 0:
-            raise DataError("observation matrix has no rows")
-        kept = frozen(W) if keep_matrix else None
-        return cls(parameters, frozen(triangular_factor(W)), len(W), length, kept)
+        return cls.from_parts([matrix], parameters, length, keep_matrix)
+
+    @classmethod
+    def from_parts(
+        cls,
+        parts: Iterable[FloatArray],
+        parameters: ParameterSet,
+        length: float = 1.0,
+        keep_matrix: bool = False,
+    ) -> Observation:
+        """Factor an observation matrix that comes in parts, with one in memory at a time.
+
+        As ``from_matrix``, for an iterable of matrices.
+        """
+        factor, rows, kept = np.empty((0, len(parameters))), 0, []
+        for part in parts:
+            W = _stacked(part, len(parameters))
+            factor = triangular_factor(np.concatenate([factor, W]))
+            rows += len(W)
+            if keep_matrix:
+                kept.append(W)
+        if rows == 0:
+            raise DataError("the observation matrix has no rows")
+        matrix = frozen(np.concatenate(kept)) if keep_matrix else None
+        return cls(parameters, frozen(factor), rows, length, matrix)
+
+
+def _stacked(matrix: FloatArray, width: int) -> FloatArray:
+    W = finite(matrix, "observation matrix")
+    if W.ndim not in (2, 3) or W.shape[-1] != width:
+        raise DataError(f"the observation matrix must have {width} columns, not shape {W.shape}")
+    return W.reshape(-1, width)
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:

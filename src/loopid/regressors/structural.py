@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from loopid.errors import OptionError
-from loopid.kinematics import random_configurations, random_motions
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.kinematics import random_motions
+from loopid.kinematics.sampling import DEFAULT_MARGIN, configuration_batches
 from loopid.mechanism import Mechanism
-from loopid.parameters import model_kinds
 from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
 from loopid.regressors.observation import Observation
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
+
+Progress = Callable[[int, int], None]
 
 
 def structural_observation(
@@ -21,6 +26,7 @@ def structural_observation(
     seed: int = 0,
     margin: float = DEFAULT_MARGIN,
     keep_matrix: bool = False,
+    progress: Progress | None = None,
 ) -> Observation:
     """Observe a mechanism at seeded random closed poses (and motions, for the full model).
 
@@ -35,16 +41,32 @@ def structural_observation(
         Least singularity measure of a pose.
     keep_matrix : bool
         Whether the observation keeps W beside its triangular factor.
+    progress : callable, optional
+        Called with the numbers of poses done and in all.
     """
     parameters = mechanism.parameters(model)
     if samples is None:
         enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.actuated))
         samples = max(LEAST_SAMPLES, enough)
-    if samples < 1:
-        raise OptionError(f"samples must be positive, not {samples}")
-    q = random_configurations(mechanism, samples, seed, margin)
-    if model_kinds(model) == model_kinds("gravity"):
-        regressor = gravity_regressor(mechanism, q)
-    else:
-        regressor = dynamic_regressor(mechanism, q, *random_motions(mechanism, samples, seed))
-    return Observation.from_matrix(regressor, parameters, mechanism.length, keep_matrix)
+    regressors = _random_regressors(mechanism, model, samples, seed, margin)
+    parts = regressors if progress is None else _reported(regressors, samples, progress)
+    return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix)
+
+
+def _random_regressors(
+    mechanism: Mechanism, model: str, samples: int, seed: int, margin: float
+) -> Iterator[FloatArray]:
+    generator = np.random.default_rng([seed, 1])
+    for q in configuration_batches(mechanism, samples, seed, margin):
+        if model == "gravity":
+            yield gravity_regressor(mechanism, q)
+        else:
+            yield dynamic_regressor(mechanism, q, *random_motions(mechanism, len(q), generator))
+
+
+def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> Iterator[FloatArray]:
+    done = 0
+    for part in parts:
+        done += len(part)
+        progress(done, total)
+        yield part

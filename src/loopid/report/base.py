@@ -1,0 +1,97 @@
+"""The report of ``loopid base``: base parameters and how sure they are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rich.table import Table
+
+from loopid.base_parameters import BaseParameters, SearchResult
+from loopid.report.style import plain_table
+
+
+def base_record(mechanism: str, model: str, base: BaseParameters) -> dict[str, Any]:
+    """Base parameters and their search, ready for JSON.
+
+    ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's.
+    """
+    return {
+        "mechanism": mechanism,
+        "model": model,
+        "standard_parameters": len(base.parameters),
+        "nonzero_parameters": len(base.structure.columns),
+        "rank": base.structure.rank,
+        "rank_gap": base.structure.rank_gap,
+        "condition_number": _number(base.condition_number),
+        "nullspace_condition_number": _number(base.nullspace_condition_number),
+        "search": _search_record(base.search),
+        "base_parameters": [
+            {"name": name, "terms": terms, "expression": text}
+            for name, terms, text in zip(base.names, base.terms, base.expressions, strict=True)
+        ],
+    }
+
+
+def _search_record(search: SearchResult) -> dict[str, Any]:
+    return {
+        "name": search.name,
+        "criterion": search.criterion,
+        "condition_number": _number(search.condition_number),
+        "certified": search.certified,
+        "candidates": search.candidates,
+        "evaluated": search.evaluated,
+        "nodes": search.nodes,
+        "ties": search.ties,
+        "tolerance": search.tolerance,
+        "seconds": search.seconds,
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: a condition number that is infinite is null."""
+    return value if math.isfinite(value) else None
+
+
+def base_tables(record: dict[str, Any]) -> list[Table]:
+    """The record as tables: the parameters, then the findings."""
+    title = f"{record['mechanism']}: base parameters, {record['model']} model"
+    parameters = plain_table(title, ">", "base parameter")
+    for number, parameter in enumerate(record["base_parameters"], start=1):
+        parameters.add_row(str(number), parameter["expression"])
+    return [parameters, _findings(record)]
+
+
+def _findings(record: dict[str, Any]) -> Table:
+    search = record["search"]
+    table = plain_table("findings", "", "")
+    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+    table.add_row("parameters with an effect", effect)
+    gap = f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})"
+    table.add_row("base parameters", gap)
+    table.add_row("combinations", f"{search['candidates']:,}")
+    table.add_row("search", f"{search['name']}, criterion {search['criterion']}")
+    table.add_row("cond(V22), cond(W_B)", _conditions(record))
+    table.add_row("certificate", certificate(search))
+    table.add_row("looked at one by one", f"{search['evaluated']:,}{_nodes(search)}")
+    table.add_row("time", f"{1e3 * search['seconds']:.3g} ms")
+    return table
+
+
+def _conditions(record: dict[str, Any]) -> str:
+    values = (record["nullspace_condition_number"], record["condition_number"])
+    return ", ".join("infinite" if value is None else f"{value:.4f}" for value in values)
+
+
+def certificate(search: dict[str, Any]) -> str:
+    """What is proven about a search's answer, in words."""
+    if not search["certified"]:
+        return "none: a better choice may exist"
+    if search["ties"] is None:
+        return "proven best (ties too many to count)"
+    others = "the only one" if search["ties"] == 1 else f"one of {search['ties']:,} equally good"
+    return f"proven best, {others}"
+
+
+def _nodes(search: dict[str, Any]) -> str:
+    return f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""

@@ -1,0 +1,44 @@
+"""What the README and the packaging promise."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def fenced(language: str) -> str:
+    return re.search(rf"```{language}\n(.*?)```", README, re.DOTALL).group(1)
+
+
+def test_the_example_prints_what_the_readme_shows():
+    example = fenced("python")
+    assert len(example.splitlines()) <= 15
+    done = subprocess.run(
+        [sys.executable, "-c", example], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == fenced("text")
+
+
+def test_linked_files_exist():
+    links = re.findall(r"\]\((?!http)([^)#]+)\)", README)
+    assert links
+    for link in links:
+        assert (ROOT / link).is_file(), link
+
+
+def test_make_targets_of_the_readme_exist():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^make (\w+)", README, re.MULTILINE):
+        assert f"\n{target}:" in makefile
+
+
+def test_the_wheel_carries_every_robot():
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    packed = build["targets"]["wheel"]["force-include"]
+    robots = [*(ROOT / "urdf").glob("*.urdf"), *(ROOT / "urdf").glob("*.yaml")]
+    assert {f"urdf/{file.name}" for file in robots} == set(packed)
+    assert all(target == f"loopid/{source}" for source, target in packed.items())
