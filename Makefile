@@ -1,5 +1,7 @@
 # Every target creates .venv and installs what it needs when that is missing.
-PYTHON ?= python3
+PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python; do \
+    $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+    && echo $$python && break; done)
 BIN := .venv/bin
 
 .PHONY: demo test lint bench clean
@@ -25,8 +27,7 @@ clean:
 
 # Stamps: an install runs again only when the dependencies change.
 .venv/pip:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-	  { echo "loopid needs Python 3.11 or newer: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "loopid needs Python 3.11 or newer on the PATH"; exit 1; }
 	$(PYTHON) -m venv .venv
 	@touch $@
 

@@ -33,8 +33,13 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     return values
 
 
-def samples(array: ArrayLike, width: int, name: str) -> FloatArray:
+def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
     """The array as finite rows of a given width; one row may come without its axis.
+
+    Parameters
+    ----------
+    count : int, optional
+        Number of rows that there must be.
 
     Returns
     -------
@@ -44,4 +49,6 @@ def samples(array: ArrayLike, width: int, name: str) -> FloatArray:
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
         raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")
+    if count is not None and len(values) != count:
+        raise DataError(f"{name} must have {count} rows, one a sample, not {len(values)}")
     return values

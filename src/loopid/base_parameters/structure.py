@@ -15,8 +15,10 @@ from loopid.errors import RankError
 from loopid.parameters import ParameterSet
 from loopid.regressors.observation import Observation
 
-# A column is zero below this fraction of the largest, kg m columns per characteristic length.
+# A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12
+# Rows of the null-space basis with a smaller norm belong to parameters outside every combination.
+UNTOUCHED = 1e-9
 # A rank is believed when its last singular value exceeds the next one this many times ...
 MINIMUM_RANK_GAP = 1e3
 # ... and the next one is small enough, relative to the largest, to be round-off.
@@ -73,7 +75,7 @@ def analyse(observation: Observation) -> Structure:
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
             f"needed to tell how many of the {len(columns)} parameters are independent"
         )
-    null_basis, _ = np.linalg.qr(right[rank:].T / norms[:, None])
+    null_basis = _orthonormal(right[rank:].T / norms[:, None])
     return Structure(
         parameters=observation.parameters.select(columns),
         columns=frozen(columns, np.int64),
@@ -83,6 +85,17 @@ def analyse(observation: Observation) -> Structure:
         null_basis=frozen(null_basis),
         row_factor=frozen(values[:rank, None] * right[:rank] * norms),
     )
+
+
+def _orthonormal(vectors: FloatArray) -> FloatArray:
+    """Orthonormal basis of the columns' span, with rows of round-off made zero.
+
+    Left as they are, enough such rows would make a V22 of round-off whose condition number is
+    excellent.
+    """
+    basis, _ = np.linalg.qr(vectors)
+    basis[np.linalg.norm(basis, axis=1) < UNTOUCHED] = 0.0
+    return basis
 
 
 def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
@@ -117,7 +130,7 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
 
 def _nonzero_columns(observation: Observation) -> IntArray:
     scales = observation.length ** observation.parameters.length_powers.astype(np.float64)
-    norms = np.linalg.norm(observation.factor, axis=0) / scales
+    norms = np.linalg.norm(observation.factor, axis=0) * scales
     largest = norms.max(initial=0.0)
     if largest == 0.0:
         raise RankError("no parameter has an effect: every column of the regressor is zero")

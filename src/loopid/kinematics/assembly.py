@@ -1,9 +1,9 @@
 """Assembly: all coordinates from a sufficient set of measured ones.
 
 The measured coordinates move from those of the start to the targets along a straight line, in
-steps whose length adapts so that Newton's method contracts at once: the solution then stays on
-the assembly branch of the start [Allgower2003]. All samples advance together, each with its own
-step; every linear solve is batched.
+steps whose length adapts so that Newton's method contracts at once and the Jacobian keeps its
+orientation: the solution then stays on the assembly branch of the start [Allgower2003]. All
+samples advance together, each with its own step; every linear solve is batched.
 """
 
 from __future__ import annotations
@@ -136,15 +136,22 @@ def _follow(
     """Move all samples along their straight lines to the targets."""
     origin = measured.read(q)
     way = measured.difference(origin, targets)
+    _, jacobian = measured.equations(q, origin)
     done, step = np.zeros(len(q)), np.ones(len(q))
     active = np.ones(len(q), dtype=bool)
     while active.any():
         k = np.flatnonzero(active)
         ahead = np.minimum(done[k] + step[k], 1.0)
-        moved, accepted = _newton(measured, q[k], origin[k] + ahead[:, None] * way[k])
-        q[k[accepted]], done[k[accepted]] = moved[accepted], ahead[accepted]
+        goal = origin[k] + ahead[:, None] * way[k]
+        moved, accepted = _newton(measured, q[k], goal)
+        _, jacobian_there = measured.equations(moved, goal)
+        accepted &= _same_side(jacobian[k], jacobian_there)
+        there = k[accepted]
+        q[there], done[there] = moved[accepted], ahead[accepted]
+        jacobian[there] = jacobian_there[accepted]
         step[k] = np.where(accepted, 2.0 * step[k], 0.5 * step[k])
         active = (done < 1.0) & (step >= SHORTEST_PATH_STEP)
+    q = measured.write(q, targets)
     residual = measured.closure_gap(q, targets)
     assembled = (done >= 1.0) & (residual <= tolerance)
     return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
@@ -155,8 +162,8 @@ def _newton(
 ) -> tuple[FloatArray, BoolArray]:
     """Newton's method towards close targets; accepted where it contracts from the first step on.
 
-    Contraction by this much is what Kantorovich's theorem asks for a root that is unique around
-    the start, hence the one that continues its branch.
+    Where Newton's method contracts this much, Kantorovich's theorem lets one expect that the root
+    is unique around the start, hence the one that continues its branch.
     """
     q = measured.write(q, targets)
     accepted, running = np.ones((2, len(q)), dtype=bool)
@@ -172,6 +179,15 @@ def _newton(
         if not running.any():
             break
     return q, accepted & ~running
+
+
+def _same_side(before: FloatArray, after: FloatArray) -> BoolArray:
+    """Whether no singularity lies between two Jacobians of the unknown coordinates.
+
+    det(JᵀJ') of close Jacobians is positive, and changes its sign with that of a square J'.
+    """
+    sign, _ = np.linalg.slogdet(before.transpose(0, 2, 1) @ after)
+    return np.asarray(sign > 0, dtype=bool)
 
 
 def _newton_step(

@@ -72,7 +72,7 @@ def constraint_drift(
     """
     frame_ids = _frame_ids(mechanism)
     kinematics = frame_kinematics(mechanism, configurations, frame_ids)
-    v = samples(velocities, mechanism.model.nv, "velocities")
+    v = samples(velocities, mechanism.model.nv, "velocities", len(kinematics.origin))
     motion = np.einsum("nfij,nj->nfi", kinematics.jacobian, v)
     acceleration = frame_accelerations(mechanism, configurations, v, frame_ids)
     rows = [np.empty((len(v), 0))]

@@ -70,7 +70,7 @@ def frame_accelerations(
     """
     model = mechanism.model
     data, q = model.createData(), samples(configurations, model.nq, "configurations")
-    v, rest = samples(velocities, model.nv, "velocities"), np.zeros(model.nv)
+    v, rest = samples(velocities, model.nv, "velocities", len(q)), np.zeros(model.nv)
     accelerations = np.empty((len(q), len(frame_ids), 6))
     for k in range(len(q)):
         pin.forwardKinematics(model, data, q[k], v[k], rest)

@@ -40,7 +40,10 @@ class MeasuredCoordinates(ABC):
 
     @abstractmethod
     def equations(self, q: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residual (N, m) and its derivative (N, m, u) by the unknown coordinates."""
+        """Residual (N, m) and its derivative (N, m, u) by the unknown coordinates.
+
+        The derivative is exact where the residual is zero, which is all that Newton's method needs.
+        """
 
     def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
         """The way (N, width) from values to values."""

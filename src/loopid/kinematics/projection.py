@@ -64,6 +64,8 @@ def project(
 
     Raises
     ------
+    MobilityError
+        When the independent joints are more than the degrees of freedom.
     SingularityError
         Where the independent joints do not determine the motion.
 
@@ -78,10 +80,11 @@ def project(
     factors = Factorisation.of(jacobian[:, :, dependent])
     measure = _measure(factors, len(dependent))
     _refuse_singular(factors, measure, len(dependent))
+    _refuse_dependent(jacobian, len(chosen))
     G = _velocity_map(mechanism, factors, jacobian, chosen, dependent)
     gamma = None
     if independent_velocities is not None:
-        rates = samples(independent_velocities, len(chosen), "independent velocities")
+        rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
         velocities = np.einsum("nij,nj->ni", G, rates)
         gamma = _gamma(mechanism, q, velocities, factors, dependent)
     return Projection(G, gamma, measure, chosen)
@@ -132,6 +135,15 @@ def _refuse_singular(factors: Factorisation, measure: FloatArray, width: int) ->
             f"(measure {measure[near[0]]:.1e}, warned of below {NEAR_SINGULARITY:g})",
             SingularityWarning,
             stacklevel=3,
+        )
+
+
+def _refuse_dependent(jacobian: FloatArray, count: int) -> None:
+    """Refuse more independent joints than the first sample has degrees of freedom."""
+    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian[:1]).rank.max(initial=0))
+    if count > freedom:
+        raise MobilityError(
+            f"{count} independent joints are too many for {freedom} degrees of freedom"
         )
 
 

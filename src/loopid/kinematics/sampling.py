@@ -15,6 +15,7 @@ from loopid.mechanism import Mechanism
 DEFAULT_MARGIN = 0.02
 ATTEMPTS_PER_SAMPLE = 200
 BATCH = 64  # draws assembled together
+UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 
 
 def random_configurations(
@@ -104,8 +105,8 @@ def _actuated_limits(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
         prismatic = joint.idx_v in mechanism.prismatic
         width = mechanism.length if prismatic else np.pi
         centre = mechanism.reference[joint.idx_q] if joint.nq == 1 else 0.0
-        lower.append(low if np.isfinite(low) and abs(low) < 1e3 else centre - width)
-        upper.append(high if np.isfinite(high) and abs(high) < 1e3 else centre + width)
+        lower.append(low if abs(low) < UNLIMITED * width else centre - width)
+        upper.append(high if abs(high) < UNLIMITED * width else centre + width)
     return np.array(lower), np.array(upper)
 
 

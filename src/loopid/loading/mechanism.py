@@ -8,20 +8,15 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from loopid.arrays import FloatArray
-from loopid.errors import (
-    InertiaWarning,
-    MissingFileError,
-    MobilityError,
-    OptionError,
-    RobotFileError,
-)
+from loopid.errors import InertiaWarning, MissingFileError, MobilityError, RobotFileError
 from loopid.kinematics.mobility import require_determined_motion
 from loopid.loading.bundled import find_robot_file
-from loopid.loading.description import Description, PlatformDescription, read_description
+from loopid.loading.closures import find_closures, find_platform, link_frames
+from loopid.loading.description import Description, read_description
 from loopid.loading.reference import close_reference, written_reference
+from loopid.loading.tree import build_tree
 from loopid.loading.urdf import UrdfContent, read_urdf
-from loopid.mechanism import Body, LoopClosure, Mechanism, Platform, inertia_defects
+from loopid.mechanism import Body, Mechanism, inertia_defects
 
 
 def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
@@ -50,17 +45,17 @@ def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
     urdf_file = file if file.suffix == ".urdf" else _urdf_beside(file, description)
     content = read_urdf(urdf_file)
     locked = [*description.joint_name, *lock]
-    model = _build_model(file, urdf_file, content, locked, description.reference)
+    model = build_tree(file, urdf_file, content, locked, description.reference)
     free = {name: v for name, v in description.reference.items() if name not in locked}
     mechanism = Mechanism(
         name=content.name,
         path=file,
         model=model,
-        closures=_closures(file, model, description),
-        actuated=_actuated(file, model, description),
+        closures=find_closures(file, model, description),
+        actuated=_actuated(file, model, description, locked),
         bodies=_bodies(urdf_file, model, content),
         reference=written_reference(file, model, free),
-        platform=_platform(file, model, description.platform),
+        platform=find_platform(file, model, description.platform),
     )
     try:
         require_enough_rows(mechanism)
@@ -101,104 +96,26 @@ def _urdf_beside(file: Path, description: Description) -> Path:
     return urdf
 
 
-def _build_model(
-    file: Path,
-    urdf: Path,
-    content: UrdfContent,
-    locked: Sequence[str],
-    reference: dict[str, float],
-) -> pin.Model:
-    try:
-        model = pin.buildModelFromUrdf(str(urdf))
-    except (ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotFileError(f"{urdf}: Pinocchio refuses it: {reason}") from error
-    joints = list(model.names)[1:]
-    for name in locked:
-        if name not in joints:
-            listed = ", ".join(joints)
-            raise OptionError(f"{file}: unknown joint {name!r} to lock: choose among {listed}")
-    for follower, leader in content.mimics.items():
-        if follower in joints and follower not in locked:
-            raise RobotFileError(
-                f"{urdf}: joint {follower} mimics {leader}, which is not supported: lock it"
-            )
-    at_lock = {name: reference[name] for name in locked if name in reference}
-    at = written_reference(file, model, at_lock)
-    if locked:
-        model = _lock(urdf, model, locked, at)
-    if model.nv == 0:
-        raise RobotFileError(f"{urdf}: no joint can move")
-    return model
-
-
-def _lock(urdf: Path, model: pin.Model, locked: Sequence[str], at: FloatArray) -> pin.Model:
-    try:
-        return pin.buildReducedModel(model, [model.getJointId(name) for name in locked], at)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise RobotFileError(f"{urdf}: Pinocchio cannot lock joints of it: {reason}") from error
-
-
-def _closures(file: Path, model: pin.Model, description: Description) -> tuple[LoopClosure, ...]:
-    pairs = zip(description.closed_loop, description.type, strict=True)
-    return tuple(_closure(file, model, kind, *frames) for frames, kind in pairs)
-
-
-def _closure(file: Path, model: pin.Model, kind: str, frame_a: str, frame_b: str) -> LoopClosure:
-    ids = (_frame(file, model, frame_a), _frame(file, model, frame_b))
-    joints = [model.frames[frame].parentJoint for frame in ids]
-    if joints[0] == joints[1]:
-        raise RobotFileError(
-            f"{file}: closure {frame_a}-{frame_b} joins two frames of one body: it closes no loop"
-        )
-    return LoopClosure(kind, frame_a, frame_b, ids)
-
-
-def _frame(file: Path, model: pin.Model, name: str) -> int:
-    links = _link_frames(model)
-    if name in links:
-        return links[name]
-    # Joints have frames too; a link of the same name comes first.
-    for frame_id, frame in enumerate(model.frames):
-        if frame.name == name:
-            return frame_id
-    raise RobotFileError(f"{file}: unknown frame {name!r}: choose among {', '.join(links)}")
-
-
-def _link_frames(model: pin.Model) -> dict[str, int]:
-    frames = enumerate(model.frames)
-    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
-
-
-def _actuated(file: Path, model: pin.Model, description: Description) -> tuple[str, ...]:
+def _actuated(
+    file: Path, model: pin.Model, description: Description, locked: Sequence[str]
+) -> tuple[str, ...]:
+    """Joints with motors that are not locked; all joints where the file does not say."""
     joints = tuple(model.names)[1:]
-    if description.name_mot is None:
-        return joints
-    for name in description.name_mot:
-        if name not in joints:
+    motors = joints if description.name_mot is None else tuple(description.name_mot)
+    for name in motors:
+        if name not in (*joints, *locked):
             listed = ", ".join(joints)
             raise RobotFileError(
                 f"{file}: unknown joint {name!r} in name_mot: choose among {listed}"
             )
-    return tuple(description.name_mot)
+    return tuple(name for name in motors if name not in locked)
 
 
 def _bodies(urdf: Path, model: pin.Model, content: UrdfContent) -> tuple[Body, ...]:
     """Moving bodies with an inertial, each named by the link that its joint carries."""
-    frames = _link_frames(model)
+    frames = link_frames(model)
     joint_ids = [model.frames[frames[link]].parentJoint for link in content.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
         raise RobotFileError(f"{urdf}: no moving link has an <inertial>: nothing to identify")
     return tuple(Body(content.child_links[model.names[joint]], int(joint)) for joint in moving)
-
-
-def _platform(
-    file: Path, model: pin.Model, description: PlatformDescription | None
-) -> Platform | None:
-    if description is None:
-        return None
-    frame_id = _frame(file, model, description.frame)
-    names, motions = tuple(description.coordinates), tuple(description.coordinates.values())
-    return Platform(description.frame, frame_id, names, motions)

@@ -37,11 +37,10 @@ def written_reference(file: Path, model: pin.Model, values: dict[str, float]) ->
                 f"{file}: unknown joint {name!r} in reference: choose among {listed}"
             )
         joint = model.joints[model.getJointId(name)]
-        if joint.nv != 1 or not np.isfinite(value):
-            problem = (
-                f"must be finite, not {value}" if joint.nv == 1 else "has no single coordinate"
-            )
-            raise RobotFileError(f"{file}: reference: joint {name} {problem}")
+        if joint.nv != 1:
+            raise RobotFileError(f"{file}: joint {name} in reference is not one number")
+        if not np.isfinite(value):
+            raise RobotFileError(f"{file}: joint {name} in reference must be finite, not {value}")
         _write(joint, q, value)
     return np.asarray(q, dtype=np.float64)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, samples
 from loopid.kinematics import project
 from loopid.mechanism import Mechanism
 from loopid.regressors.tree import tree_regressor
@@ -52,6 +52,8 @@ def dynamic_regressor(
     """
     projection = project(mechanism, configurations, velocities)
     assert projection.gamma is not None
-    v = np.einsum("nij,nj->ni", projection.G, velocities)
-    a = np.einsum("nij,nj->ni", projection.G, accelerations) + projection.gamma
-    return projection.G.transpose(0, 2, 1) @ tree_regressor(mechanism, configurations, v, a)
+    G, dof = projection.G, len(projection.independent)
+    v = np.einsum("nij,nj->ni", G, samples(velocities, dof, "velocities", len(G)))
+    a = np.einsum("nij,nj->ni", G, samples(accelerations, dof, "accelerations", len(G)))
+    Y = tree_regressor(mechanism, configurations, v, a + projection.gamma)
+    return G.transpose(0, 2, 1) @ Y

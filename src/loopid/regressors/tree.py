@@ -38,7 +38,7 @@ def tree_regressor(
     v, a = (
         np.zeros((len(q), pinocchio_model.nv))
         if motion is None
-        else samples(motion, pinocchio_model.nv, name)
+        else samples(motion, pinocchio_model.nv, name, len(q))
         for motion, name in ((velocities, "velocities"), (accelerations, "accelerations"))
     )
     columns = mechanism.columns(model)

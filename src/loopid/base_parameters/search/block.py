@@ -14,7 +14,7 @@ from scipy.linalg import qr
 
 from loopid.arrays import FloatArray, IntArray
 
-# Two unit vectors count as the same line when their cosine is this close to 1.
+# Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10
 LARGEST_GAIN = 1.01  # a swap must enlarge the volume by at least this factor
 
@@ -98,10 +98,10 @@ class Block:
 
 def make_block(vectors: FloatArray, columns: IntArray) -> Block:
     """Build a block from vectors (n, m) of rank k <= m and the columns (n,) they belong to."""
-    norms = np.linalg.norm(vectors, axis=1)
-    cosines = np.abs(vectors @ vectors.T) / np.outer(norms, norms)
-    equal_norms = np.isclose(norms[:, None], norms, rtol=PARALLEL, atol=0.0)
-    same = (cosines >= 1.0 - PARALLEL) & equal_norms
+    differences = vectors[:, None] - vectors
+    sums = vectors[:, None] + vectors
+    apart = np.minimum(np.linalg.norm(differences, axis=2), np.linalg.norm(sums, axis=2))
+    same = apart <= PARALLEL * np.linalg.norm(vectors, axis=1)
     first = same.argmax(axis=0)
     representatives = np.unique(first)
     groups = tuple(columns[first == representative] for representative in representatives)

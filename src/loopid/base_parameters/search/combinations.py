@@ -8,6 +8,8 @@ import numpy as np
 
 from loopid.arrays import IntArray
 
+LARGEST = np.iinfo(np.int64).max
+
 
 def unrank(ranks: IntArray, size: int, count: int) -> IntArray:
     """Combinations with the given lexicographic ranks.
@@ -29,7 +31,9 @@ def unrank(ranks: IntArray, size: int, count: int) -> IntArray:
     left = comb(size, count) - 1 - np.asarray(ranks, dtype=np.int64)
     chosen = np.empty((len(left), count), dtype=np.int64)
     for place in range(count):
-        table = np.array([comb(c, count - place) for c in range(size)], dtype=np.int64)
+        # Entries beyond every rank only have to stay beyond them.
+        entries = [min(comb(c, count - place), LARGEST) for c in range(size)]
+        table = np.array(entries, dtype=np.int64)
         digit = np.searchsorted(table, left, side="right") - 1
         left = left - table[digit]
         chosen[:, place] = size - 1 - digit

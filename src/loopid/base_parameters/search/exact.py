@@ -71,7 +71,7 @@ def _break_ties(
 ) -> tuple[Readability, int | None]:
     """The most readable of the best choices, and how many there are."""
     best, ties = [], 0
-    for levels in optimum.tied:
+    for levels in optimum.tied or [optimum.levels]:
         tied = [_tied_selections(part, levels, budget) for part in parts]
         if not all(tied):
             return _unlisted(parts, optimum), None

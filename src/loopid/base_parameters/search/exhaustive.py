@@ -129,7 +129,9 @@ def best_in_range(vectors: FloatArray, incumbent: float, ranks: tuple[int, int])
             matrices = vectors[selections]
             mean_square = squares[selections].sum(axis=1) / count
             reach = min(incumbent, best.value) * (1 + TIE_TOLERANCE)
-            least = mean_square ** (count / 2) / reach ** (count - 1) * (1 - DETERMINANT_SLACK)
+            # One power of a quotient: a power of the reach alone could overflow.
+            quotient = np.sqrt(mean_square) / reach
+            least = np.sqrt(mean_square) * quotient ** (count - 1) * (1 - DETERMINANT_SLACK)
             kept = np.flatnonzero(np.abs(np.linalg.det(matrices)) >= least)
             if len(kept):
                 values = condition_numbers(matrices[kept])

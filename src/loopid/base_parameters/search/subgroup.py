@@ -61,7 +61,8 @@ class SubgroupSearch(SearchStrategy):
             Where a group holds no combination at all, or too many for the memory bound.
         """
         d, r = problem.dependent_count, problem.structure.rank
-        size = min(ceil((1 + self.alpha) * r), problem.size)
+        # Rounded first: 1.1 * 50 is a little more than 55 in binary.
+        size = min(ceil(round((1 + self.alpha) * r, 9)), problem.size)
         if d > size:
             raise SearchError(
                 f"subgroup search has no combinations: it would choose n - r = {d} of the "
@@ -108,7 +109,7 @@ class SubgroupSearch(SearchStrategy):
         V22 = problem.structure.null_basis[choices]
         values = np.linalg.svd(V22, compute_uv=False)
         largest, smallest = values[:, 0], values[:, -1]
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             conditions = np.where(smallest > 0, largest / smallest, np.inf)
         # The numerical rank of MATLAB and NumPy.
         full_rank = smallest > V22.shape[1] * np.finfo(float).eps * largest

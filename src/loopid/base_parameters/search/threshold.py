@@ -9,6 +9,9 @@ The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three n
 taking a row pivots on it in the first two, leaving one out pivots in the third, and the diagonals
 of the Schur complements say of every free row whether it can still be taken or left. Rows that
 can only be taken, or only be left, are settled at once. Derivation in docs/derivations.md.
+
+Round-off must not lose a selection: the tree is pruned on a range that is wider by ``SLACK``, and
+the singular values of every selection that is left have the last word.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ from loopid.base_parameters.search.block import Block
 
 # Pivots at most this large are zero: round-off of matrices whose norm is about 1.
 ZERO_PIVOT = 1e-13
+# Selections in the range keep their pivots above this, well clear of round-off.
+SLACK = 1e-12
 FREE, TAKEN, LEFT = 0, 1, -1
 
 
@@ -88,9 +93,9 @@ def selections_between(
     OutOfBudgetError
     """
     if block.size == block.count:
-        yield from _only_selection(block, above, below)
+        yield from _verified(block, np.arange(block.size), above, below)
         return
-    root = _root(block, above, below)
+    root = _root(block, above - SLACK, None if below is None else below + SLACK)
     stack = [] if root is None else [root]
     scales = np.diag(block.gram)
     while stack:
@@ -101,7 +106,7 @@ def selections_between(
         free = np.flatnonzero(node.state == FREE)
         if len(free) == 0:
             budget.leaves += 1
-            yield np.flatnonzero(node.state == TAKEN)
+            yield from _verified(block, np.flatnonzero(node.state == TAKEN), above, below)
             continue
         can_take = node.take[free, free] / scales[free]
         can_leave = node.leave[free, free]
@@ -111,11 +116,12 @@ def selections_between(
         stack.extend(both if can_leave[tightest] > can_take[tightest] else reversed(both))
 
 
-def _only_selection(block: Block, above: float, below: float | None) -> Iterator[IntArray]:
-    everything = np.arange(block.size)
-    levels = block.levels(everything)
+def _verified(
+    block: Block, selection: IntArray, above: float, below: float | None
+) -> Iterator[IntArray]:
+    levels = block.levels(selection)
     if levels.smallest > above and (below is None or levels.largest < below):
-        yield everything
+        yield selection
 
 
 def _root(block: Block, above: float, below: float | None) -> _Node | None:

@@ -57,4 +57,5 @@ def most_readable(
     kept = fewest[totals[fewest] <= smallest]
     names = np.sort(choices[kept] if columns is None else columns[choices[kept]], axis=1)
     first = min(tuple(int(j) for j in dependent) for dependent in names)
-    return Readability(int(terms.min()), float(totals[fewest].min()), first)
+    # Rounded, so that sums which are equal compare equal.
+    return Readability(int(terms.min()), round(float(totals[fewest].min()), 5), first)
