@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid import ExhaustiveSearch, Observation, base_parameters, load_mechanism
+from loopid import ExhaustiveSearch, Observation, find_base_parameters, load_mechanism
 from loopid.base_parameters import ChoiceProblem, SubgroupSearch, analyse
 from loopid.base_parameters.search.exhaustive import best_in_range
 from loopid.regressors import structural_observation
@@ -49,11 +49,11 @@ def timed_strategies(observation: Observation) -> list[dict[str, Any]]:
     """Median times of the strategies, taken in turn so that drift hits all of them."""
     names = ("exact", "qr", "subgroup")
     times: dict[str, list[float]] = {name: [] for name in names}
-    found = {name: base_parameters(observation, name) for name in names}
+    found = {name: find_base_parameters(observation, name) for name in names}
     for _ in range(ROUNDS):
         for name in names:
             start = perf_counter()
-            base_parameters(observation, name)
+            find_base_parameters(observation, name)
             times[name].append(perf_counter() - start)
     return [
         {

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid import Mechanism, base_parameters, load_mechanism, random_configurations
+from loopid import Mechanism, find_base_parameters, load_mechanism, random_configurations
 from loopid.kinematics import platform_coordinates
 from loopid.regressors import gravity_regressor, structural_observation
 from loopid.symbolic import Geometry, base_parameter_rows, read_geometry
@@ -77,7 +77,7 @@ def generated(configuration: int) -> Mechanism:
 
 def coefficient_difference(mechanism: Mechanism, geometry: Geometry) -> float:
     """Largest difference between numeric and symbolic coefficients of the base parameters."""
-    base = base_parameters(structural_observation(mechanism))
+    base = find_base_parameters(structural_observation(mechanism))
     labels = base.parameters.labels
     symbolic = np.zeros((len(base_parameter_rows()), len(labels)))
     for row, terms in zip(symbolic, base_parameter_rows(), strict=True):

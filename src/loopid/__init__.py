@@ -9,7 +9,7 @@ from loopid.base_parameters import (
     PivotedQR,
     SearchResult,
     SubgroupSearch,
-    base_parameters,
+    find_base_parameters,
 )
 from loopid.errors import LoopidError
 from loopid.kinematics import (
@@ -48,9 +48,9 @@ __all__ = [
     "SubgroupSearch",
     "__version__",
     "assemble",
-    "base_parameters",
     "bundled_robots",
     "dynamic_regressor",
+    "find_base_parameters",
     "gravity_regressor",
     "load_mechanism",
     "mobility",

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.base_parameters import ExhaustiveSearch, SearchStrategy, base_parameters
+from loopid.base_parameters import ExhaustiveSearch, SearchStrategy, find_base_parameters
 from loopid.base_parameters.search import make_strategy
 from loopid.errors import LoopidError
 from loopid.loading import load_mechanism
@@ -73,7 +73,7 @@ def base(
     with _progress("poses") as report:
         observation = structural_observation(mechanism, model, samples, seed, progress=report)
     with _progress("combinations") as report:
-        found = base_parameters(observation, _with_progress(strategy, report), criterion)
+        found = find_base_parameters(observation, _with_progress(strategy, report), criterion)
     record = base_record(mechanism.name, model, found)
     _show(record, base_tables(record), as_json)
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from loopid import base_parameters, load_mechanism, structural_observation
+from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters.expressions import expression
 from loopid.report import base_record, check_record, compare_with_paper
 from loopid.report.paper import TABLE_II, paper_tables
@@ -18,13 +18,13 @@ def robot():
 
 
 def test_records_are_strict_json(robot):
-    base = base_parameters(structural_observation(robot))
+    base = find_base_parameters(structural_observation(robot))
     for record in (base_record(robot.name, "gravity", base), check_record(robot)):
         assert json.loads(json.dumps(record, allow_nan=False)) == record
 
 
 def test_terms_rebuild_the_matrix(robot):
-    base = base_parameters(structural_observation(robot))
+    base = find_base_parameters(structural_observation(robot))
     record = base_record(robot.name, "gravity", base)
     labels = base.parameters.labels
     for parameter, row in zip(record["base_parameters"], base.matrix, strict=True):

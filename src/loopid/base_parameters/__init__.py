@@ -1,6 +1,6 @@
 """What can be known: rank, independent blocks, regrouping and the searches for the best choice."""
 
-from loopid.base_parameters.base import BaseParameters, base_parameters
+from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.blocks import independent_blocks
 from loopid.base_parameters.search import (
     CRITERIA,
@@ -28,6 +28,6 @@ __all__ = [
     "Structure",
     "SubgroupSearch",
     "analyse",
-    "base_parameters",
+    "find_base_parameters",
     "independent_blocks",
 ]

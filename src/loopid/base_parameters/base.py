@@ -123,7 +123,7 @@ class BaseParameters:
         return float(np.linalg.norm(rebuilt - matrix)) / size if size else 0.0
 
 
-def base_parameters(
+def find_base_parameters(
     observation: Observation,
     search: str | SearchStrategy = "exact",
     criterion: str = "nullspace",

@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, base_parameters
+from loopid.base_parameters import BaseParameters, find_base_parameters
 from loopid.base_parameters.expressions import expression
 from loopid.loading import load_mechanism
 from loopid.mechanism import Mechanism
@@ -71,11 +71,11 @@ def compare_with_paper() -> PaperComparison:
     """Find the base parameters of the 3UPS+RPU and match them with Table II."""
     mechanism = load_mechanism("3ups_rpu")
     observation = structural_observation(mechanism)
-    base = base_parameters(observation)
+    base = find_base_parameters(observation)
     times = []
     for _ in range(TIMED_RUNS):
         start = perf_counter()
-        base_parameters(observation)
+        find_base_parameters(observation)
         times.append(perf_counter() - start)
     rows = tuple(_matching(base, row) for row in TABLE_II)
     return PaperComparison(mechanism, base, rows, float(np.median(times)))

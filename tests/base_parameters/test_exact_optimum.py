@@ -1,0 +1,50 @@
+"""Exact and exhaustive search find what brute force finds: optimum, ties, and one choice."""
+
+import pytest
+from choice_problems import BASES, brute_force, problems, random_bases, random_structure
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
+
+
+def assert_agreement(problem, brute):
+    exact = ExactSearch().search(problem)
+    exhaustive = ExhaustiveSearch(workers=1).search(problem)
+    for result in (exact, exhaustive):
+        assert result.certified
+        assert result.condition_number == pytest.approx(brute.least, rel=1e-9)
+        assert result.ties == len(brute.tied)
+        assert result.candidates == len(brute.choices)
+        assert list(result.dependent) in brute.tied.tolist()
+    assert exact.dependent == exhaustive.dependent
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("bases", BASES.values(), ids=BASES)
+@given(data=st.data())
+@settings(max_examples=120)
+def test_all_three_agree(bases, criterion, data):
+    problem = data.draw(problems(bases, criterion))
+    brute = brute_force(problem)
+    assume(brute.clear)
+    assert_agreement(problem, brute)
+
+
+@given(problems(random_bases(9), "regressor", decades=6.0))
+@settings(max_examples=120)
+def test_badly_conditioned_regressors_are_no_exception(problem):
+    """Squared condition numbers reach 1e12 here: Gram matrices alone could not tell."""
+    brute = brute_force(problem)
+    assume(brute.clear)
+    assert_agreement(problem, brute)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize(("n", "d"), [(12, 3), (12, 9), (11, 5)])
+@pytest.mark.parametrize("seed", range(3))
+def test_larger_problems_agree_too(n, d, criterion, seed):
+    problem = ChoiceProblem(random_structure(n, d, seed), criterion)
+    brute = brute_force(problem)
+    assert brute.clear
+    assert_agreement(problem, brute)

@@ -1,0 +1,155 @@
+"""Exhaustive search in chunks, tasks and processes: nothing is lost on the way."""
+
+import re
+from itertools import pairwise
+from math import comb
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from choice_problems import BASES, brute_force, problems, random_bases, random_structure, structure
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExhaustiveSearch
+from loopid.base_parameters.search import exhaustive
+from loopid.base_parameters.search.exhaustive import Best, best_in_range, nothing_yet
+from loopid.errors import OptionError, SearchError
+
+ONE = ExhaustiveSearch(workers=1)
+
+
+def agree(problem, chunk, task):
+    """Small chunks, so that the determinant screens against an incumbent from the start."""
+    brute = brute_force(problem)
+    assume(brute.clear)
+    with patch.object(exhaustive, "CHUNK", chunk), patch.object(exhaustive, "TASK", task):
+        found = ONE.search(problem)
+    assert found.condition_number == pytest.approx(brute.least, rel=1e-9)
+    assert found.ties == len(brute.tied)
+    assert list(found.dependent) in brute.tied.tolist()
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@given(data=st.data())
+@settings(max_examples=60)
+def test_the_determinant_screen_never_loses_the_optimum(criterion, data):
+    problem = data.draw(problems(st.one_of(*BASES.values()), criterion))
+    agree(problem, data.draw(st.integers(1, 9)), data.draw(st.integers(1, 40)))
+
+
+@given(problems(random_bases(9), "regressor", decades=6.0), st.integers(1, 5))
+@settings(max_examples=60)
+def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
+    agree(problem, chunk, 1000)
+
+
+def test_the_screen_spares_most_singular_values(monkeypatch):
+    """Five null vectors of three entries each: all but 3**5 of C(15, 5) choices are singular."""
+    problem, seen = ChoiceProblem(structure(np.kron(np.eye(5), np.ones((3, 1))))), []
+    whole = exhaustive.condition_numbers
+
+    def counted(matrices):
+        seen.append(len(matrices))
+        return whole(matrices)
+
+    monkeypatch.setattr(exhaustive, "CHUNK", 64)
+    monkeypatch.setattr(exhaustive, "condition_numbers", counted)
+    assert ONE.search(problem).ties == 3**5
+    assert 3**5 <= sum(seen) < problem.candidates / 3
+
+
+def test_huge_condition_numbers_do_not_overflow(monkeypatch):
+    """Columns 0 and 1 act alike, so whole chunks of 24 rows are singular but for round-off."""
+    monkeypatch.setattr(exhaustive, "CHUNK", 50)
+    rng = np.random.default_rng(0)
+    Z = rng.normal(size=(26, 24))
+    Z[1] = Z[0] * (1 + 1e-13)
+    problem = ChoiceProblem(structure(Z))
+    brute = brute_force(problem)
+    assert 23 * np.log10(brute.conditions[:50].min()) > 308
+    assert ONE.search(problem).condition_number == pytest.approx(brute.least, rel=1e-9)
+
+
+@given(st.integers(0, 100), st.lists(st.integers(0, 70), max_size=4))
+def test_ranges_merge_to_the_whole(seed, cuts):
+    vectors = random_structure(8, 4, seed).null_basis
+    total, best = comb(8, 4), nothing_yet(4)
+    ends = [0, *sorted(cuts), total]
+    for first, last in pairwise(ends):
+        best = best.merge(best_in_range(vectors, np.inf, (first, last)))
+    whole = best_in_range(vectors, np.inf, (0, total))
+    assert best.value == whole.value
+    assert best.ties == whole.ties
+    np.testing.assert_array_equal(best.selections, whole.selections)
+
+
+VALUES = st.sampled_from([1.0, 1.0 + 1e-12, 1.5, 3.0, np.inf])
+
+
+@st.composite
+def bests(draw):
+    value = draw(VALUES)
+    ties = 0 if np.isinf(value) else draw(st.integers(1, 3))
+    return Best(value, np.full((ties, 2), draw(st.integers(0, 9))), ties)
+
+
+@given(bests(), bests(), bests())
+def test_merging_is_commutative_and_associative_with_nothing_as_its_unit(a, b, c):
+    def content(best):
+        return best.value, best.ties, sorted(best.selections[:, 0].tolist())
+
+    assert content(a.merge(b)) == content(b.merge(a))
+    assert content(a.merge(b).merge(c)) == content(a.merge(b.merge(c)))
+    assert content(a.merge(nothing_yet(2))) == content(nothing_yet(2).merge(a)) == content(a)
+
+
+def test_ties_beyond_those_listed_are_still_counted(monkeypatch):
+    problem = ChoiceProblem(structure(np.ones((12, 1))))
+    monkeypatch.setattr(exhaustive, "MOST_TIES", 3)
+    monkeypatch.setattr(exhaustive, "CHUNK", 2)
+    assert ONE.search(problem).ties == 12
+
+
+def test_absurd_sizes_are_refused_with_their_number():
+    problem = ChoiceProblem(random_structure(60, 30))
+    with pytest.raises(SearchError, match=re.escape(f"C(60, 30) = {comb(60, 30):,}")) as caught:
+        ONE.search(problem)
+    assert "search='exact'" in str(caught.value)
+
+
+def test_few_of_many_parameters_are_no_problem():
+    """C(70, 68) is small, although binomial coefficients on the way to it are not."""
+    problem = ChoiceProblem(random_structure(70, 2), "regressor")
+    found = ONE.search(problem)
+    assert found.evaluated == found.candidates == comb(70, 2)
+    assert found.condition_number == pytest.approx(brute_force(problem).least, rel=1e-9)
+
+
+def test_progress_counts_up_to_the_total(monkeypatch):
+    monkeypatch.setattr(exhaustive, "TASK", 40)
+    calls = []
+    search = ExhaustiveSearch(workers=1, progress=lambda done, total: calls.append((done, total)))
+    problem = ChoiceProblem(random_structure(12, 4))
+    search.search(problem)
+    done, totals = zip(*calls, strict=True)
+    assert set(totals) == {comb(12, 4)}
+    assert len(done) > 2
+    assert list(done) == sorted(set(done))
+    assert done[-1] == comb(12, 4)
+
+
+def test_two_processes_find_what_one_finds(monkeypatch):
+    monkeypatch.setattr(exhaustive, "TASK", 500)
+    problem = ChoiceProblem(random_structure(16, 5))
+    one, two = ONE.search(problem), ExhaustiveSearch(workers=2).search(problem)
+    assert problem.candidates > 4 * exhaustive.TASK
+    assert two.dependent == one.dependent
+    assert two.condition_number == one.condition_number
+    assert (two.ties, two.evaluated) == (one.ties, one.evaluated)
+
+
+@pytest.mark.parametrize("workers", [0, -2])
+def test_workers_must_be_positive(workers):
+    with pytest.raises(OptionError, match="workers must be positive"):
+        ExhaustiveSearch(workers=workers)

@@ -1,0 +1,103 @@
+"""Where subgroup search does not apply, finds nothing, or depends on the order of the columns."""
+
+import re
+from collections import Counter
+from math import comb
+
+import numpy as np
+import pytest
+from choice_problems import parameters, random_structure, structure
+from scipy.linalg import block_diag
+
+from loopid.base_parameters import ChoiceProblem, ExactSearch, SubgroupSearch, find_base_parameters
+from loopid.base_parameters.search import subgroup
+from loopid.errors import OptionError, SearchError
+from loopid.regressors import Observation
+
+
+@pytest.mark.parametrize(
+    ("r", "alpha", "n_star"),
+    [
+        (15, 0.25, 19),  # the paper's: 18.75 is rounded up
+        (12, 0.25, 15),
+        (25, 0.12, 28),  # 1.12 * 25 exceeds 28 in binary
+    ],
+)
+def test_groups_have_n_star_rows_rounded_up(r, alpha, n_star):
+    problem = ChoiceProblem(random_structure(r + 5, 5))
+    assert SubgroupSearch(alpha=alpha).group_size(problem) == n_star
+
+
+def test_a_group_never_has_more_rows_than_there_are():
+    assert SubgroupSearch().group_size(ChoiceProblem(random_structure(10, 1))) == 10
+
+
+def test_more_dependent_parameters_than_a_group_holds_are_refused():
+    problem = ChoiceProblem(random_structure(10, 8))
+    with pytest.raises(SearchError, match=r"n - r = 8 of the n\* = 3 rows .* r = 2, alpha = 0.25"):
+        SubgroupSearch().search(problem)
+
+
+def test_more_combinations_than_fit_in_memory_are_refused_with_their_number(monkeypatch):
+    problem = ChoiceProblem(random_structure(60, 30))
+    with pytest.raises(SearchError, match=re.escape(f"C(38, 30) = {comb(38, 30):,}")):
+        SubgroupSearch().search(problem)
+    small = ChoiceProblem(random_structure(9, 4))
+    assert SubgroupSearch().search(small).found
+    monkeypatch.setattr(subgroup, "MEMORY_BOUND", 1000)
+    with pytest.raises(SearchError, match="GiB"):
+        SubgroupSearch().search(small)
+
+
+@pytest.mark.parametrize("alpha", [0.0, -0.1, 0.51, float("nan")])
+def test_alpha_must_be_the_papers(alpha):
+    with pytest.raises(OptionError, match=r"alpha must be in \(0, 0.5\]"):
+        SubgroupSearch(alpha=alpha)
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.0, -5.0, float("nan")])
+def test_the_condition_limit_must_exceed_one(limit):
+    with pytest.raises(OptionError, match="condition_limit must exceed 1"):
+        SubgroupSearch(condition_limit=limit)
+
+
+def test_an_unknown_variant_is_refused_with_the_choices():
+    with pytest.raises(
+        OptionError, match="unknown variant 'figure': choose one of pseudocode, text"
+    ):
+        SubgroupSearch(variant="figure")
+
+
+def test_nothing_found_is_said_and_raised():
+    observation = Observation.from_matrix(
+        np.random.default_rng(0).normal(size=(30, 6)) @ random_structure(10, 4).row_factor,
+        parameters(10),
+    )
+    least = find_base_parameters(observation).search.condition_number
+    strict = SubgroupSearch(condition_limit=1 + (least - 1) / 2)
+    result = strict.search(ChoiceProblem(find_base_parameters(observation).structure))
+    assert not result.found
+    assert result.dependent is None
+    assert result.condition_number == np.inf
+    assert not result.certified
+    with pytest.raises(SearchError, match="subgroup search found no valid choice among") as caught:
+        find_base_parameters(observation, strict)
+    assert f"{result.evaluated:,} of {result.candidates:,}" in str(caught.value)
+    assert "search='exact'" in str(caught.value)
+
+
+def test_the_outcome_depends_on_the_order_of_the_columns():
+    """One problem like a robot's, its columns in seeded orders."""
+    rng = np.random.default_rng(3)
+    pairs, sums = np.kron(np.eye(4), [[1.0], [-1.0]]), rng.integers(-1, 2, size=(6, 3))
+    Z = block_diag(pairs, sums)
+    outcomes = Counter()
+    for _ in range(60):
+        problem = ChoiceProblem(structure(Z[rng.permutation(14)]))
+        least = ExactSearch().search(problem).condition_number
+        found = SubgroupSearch().search(problem).condition_number
+        assert found >= least * (1 - 1e-9)
+        outcomes[
+            "best" if found <= least * (1 + 1e-9) else "worse" if found < np.inf else "none"
+        ] += 1
+    assert set(outcomes) == {"best", "worse", "none"}

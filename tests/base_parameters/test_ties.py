@@ -1,0 +1,99 @@
+"""Ties are counted, and the most readable of the best choices is taken."""
+
+import numpy as np
+import pytest
+from choice_problems import brute_force, integer_bases, problems, structure
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
+from loopid.base_parameters.search import block, exact
+
+
+def coefficients(problem, dependent):
+    """β of W_D = W_B β, by least squares on W."""
+    W = problem.structure.row_factor
+    rest = np.setdiff1d(np.arange(problem.size), dependent)
+    return np.linalg.lstsq(W[:, rest], W[:, dependent], rcond=None)[0]
+
+
+def readability(problem, dependent):
+    """Fewest terms, then smallest coefficients, then first columns; less is better."""
+    sizes = np.abs(coefficients(problem, dependent))
+    return (sizes > 1e-7).sum(), round(sizes.sum(), 5), tuple(dependent)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@given(data=st.data())
+@settings(max_examples=60)
+def test_the_most_readable_of_the_best_is_taken(criterion, data):
+    problem = data.draw(problems(integer_bases(7), criterion))
+    brute = brute_force(problem)
+    assume(brute.clear)
+    best = min(readability(problem, choice) for choice in brute.tied.tolist())
+    for search in (ExactSearch(), ExhaustiveSearch(workers=1)):
+        assert readability(problem, list(search.search(problem).dependent)) == best
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("twins", [2, 3])
+def test_parameters_that_act_alike_stand_for_each_other(criterion, twins):
+    """Every column of W comes ``twins`` times, with either sign: any one of them may stay."""
+    rng = np.random.default_rng(twins)
+    columns = rng.normal(size=(3, 3))
+    W = np.hstack([sign * columns for sign in (1, -1, 1)[:twins]])
+    null_basis = np.linalg.svd(W)[2][3:].T
+    mixing = W @ structure(null_basis).row_factor.T
+    problem = ChoiceProblem(structure(null_basis, mixing), criterion)
+    np.testing.assert_allclose(np.abs(problem.structure.row_factor), np.abs(W), atol=1e-12)
+    found = ExactSearch().search(problem)
+    assert found.ties == twins**3 == len(brute_force(problem).tied)
+    assert found.dependent == tuple(range(3 * twins - 3))
+
+
+@pytest.mark.parametrize("angle", [1e-5, 1e-6, 1e-7, 1e-8])
+def test_nearly_parallel_columns_are_told_apart(angle):
+    """Columns of equal norm at a small angle: which of them stays matters at first order."""
+    missed = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        W = rng.normal(size=(2, 6))
+        turn = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        W[:, 1] = turn @ W[:, 0]
+        null_basis = np.linalg.svd(W)[2][2:].T
+        mixing = W @ structure(null_basis).row_factor.T
+        problem = ChoiceProblem(structure(null_basis, mixing), "regressor")
+        brute, found = brute_force(problem), ExactSearch().search(problem)
+        assert found.condition_number == pytest.approx(brute.least, rel=1e-9, abs=0)
+        if brute.clear:
+            assert found.ties == len(brute.tied)
+        conditions = dict(zip(map(tuple, brute.choices.tolist()), brute.conditions, strict=True))
+        chosen = set(range(6)) - set(found.dependent)
+        if len(chosen & {0, 1}) == 1:
+            other = tuple(sorted(set(range(6)) - (chosen ^ {0, 1})))
+            missed += conditions[other] > found.condition_number * (1 + 1e-9)
+    assert missed > 3  # the angle did decide
+
+
+def test_vectors_equal_to_round_off_share_a_representative():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(3, 4))
+    doubled = np.vstack([X, -X * (1 + 1e-14), X + 1e-15])
+    made = block.make_block(doubled, np.arange(9))
+    assert [group.tolist() for group in made.columns] == [[0, 3, 6], [1, 4, 7], [2, 5, 8]]
+    apart = np.vstack([X, X * (1 + 1e-9), -X + 1e-8])
+    assert block.make_block(apart, np.arange(9)).size == 9
+    assert block.make_block(np.vstack([X, 2 * X]), np.arange(6)).size == 6
+
+
+def test_too_many_ties_are_neither_listed_nor_counted(monkeypatch):
+    """All rows of the null vector are alike in size but belong to different lines."""
+    angles = np.arange(12) * np.pi / 12
+    problem = ChoiceProblem(structure(np.stack([np.cos(angles), np.sin(angles)], axis=1)))
+    full = ExactSearch().search(problem)
+    assert full.ties == len(brute_force(problem).tied) == 6
+    monkeypatch.setattr(exact, "MOST_TIES", 5)
+    limited = ExactSearch().search(problem)
+    assert limited.ties is None
+    assert limited.certified
+    assert limited.condition_number == pytest.approx(full.condition_number, rel=1e-9)

@@ -1,0 +1,200 @@
+"""Robots that all rooms are tested on, and a reproducible hypothesis profile."""
+
+import importlib.metadata
+import importlib.util
+import re
+import sys
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import settings
+
+from loopid import load_mechanism, random_configurations
+
+ROOT = Path(__file__).parents[1]
+
+settings.register_profile(
+    "reproducible", deadline=None, derandomize=True, database=None, max_examples=25
+)
+settings.load_profile("reproducible")
+
+
+@pytest.fixture(scope="session")
+def urdf_folder():
+    return ROOT / "urdf"
+
+
+@pytest.fixture(scope="session")
+def shared():
+    folder = ROOT.parent / "shared"
+    if not folder.is_dir():
+        pytest.skip(f"needs the reference data in {folder}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def robot_data():
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        pytest.skip("needs example-robot-data (pip install 'loopid[test]')")
+    for file in files:
+        if "robots" in file.parts[:-1]:
+            path = Path(file.locate())
+            return next(parent for parent in path.parents if parent.name == "robots")
+    pytest.skip("example-robot-data is installed without its robots")
+
+
+@pytest.fixture(scope="session")
+def load_once():
+    return cache(load_mechanism)
+
+
+@pytest.fixture(scope="session", params=["3ups_rpu", "5p"])
+def mechanism(request, load_once):
+    return load_once(request.param)
+
+
+@pytest.fixture(scope="session")
+def oracle(mechanism, shared):
+    """Poses, strokes and gravity regressors that were computed in closed form."""
+    with np.load(shared / "data" / "oracle" / f"gravity_{mechanism.name}.npz") as content:
+        return dict(content)
+
+
+@pytest.fixture(scope="session")
+def knee(load_once):
+    return load_once("3ups_rpu")
+
+
+@pytest.fixture(scope="session")
+def poses(mechanism):
+    return random_configurations(mechanism, 12, seed=5)
+
+
+@pytest.fixture(scope="session")
+def generator():
+    spec = importlib.util.spec_from_file_location("generate_urdf", ROOT / "urdf" / "generate.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def write_robot(generator, write_files):
+    """Write a knee robot of any geometry; gives the path of its YAML."""
+
+    def write(geometry, robot):
+        files = generator.robot_files("robot", geometry, robot)
+        return write_files(files.urdf, files.yaml)
+
+    return write
+
+
+AXES = ("1 0 0", "0 1 0", "0 0 1")
+LINK = """<link name="{0}"><inertial>
+  <origin xyz="{1}" rpy="0 0 0"/><mass value="{2}"/>
+  <inertia ixx="0.02" ixy="0.001" ixz="0.002" iyy="0.03" iyz="-0.001" izz="0.025"/>
+</inertial></link>
+"""
+JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/>
+  <origin xyz="{4}" rpy="{5}"/><axis xyz="{6}"/>
+  <limit lower="-7" upper="7" effort="1" velocity="1"/>
+</joint>
+"""
+
+
+def hinge(name, parent, child, distance, kind="revolute"):
+    return JOINT.format(name, kind, parent, child, f"{distance} 0 0", "0 0 0", "0 -1 0")
+
+
+# The links stand in another order than the joints, and the motor turns without end.
+FOUR_BAR = (
+    '<robot name="four_bar"><link name="ground"/><link name="pivot"/><link name="end"/>\n'
+    + LINK.format("rocker", "0.15 0.02 0.1", 1.5)
+    + LINK.format("crank", "0.05 0.01 0.05", 0.8)
+    + LINK.format("coupler", "0.25 -0.03 -0.04", 2.0)
+    + hinge("crank_joint", "ground", "crank", 0, "continuous")
+    + hinge("coupler_joint", "crank", "coupler", 0.2)
+    + hinge("rocker_joint", "coupler", "rocker", 0.45)
+    + hinge("end_joint", "rocker", "end", 0.4, "END_TYPE")
+    + hinge("pivot_mount", "ground", "pivot", 0.5, "fixed")
+    + "</robot>\n"
+)
+FOUR_BAR_LOOP = """urdf: robot.urdf
+closed_loop: [[end, pivot]]
+type: [KIND]
+name_mot: [crank_joint]
+reference: {crank_joint: 1.0, coupler_joint: -0.5, rocker_joint: -2.1}
+"""
+
+
+@pytest.fixture(scope="session")
+def write_files(tmp_path_factory):
+    def write(urdf, yaml):
+        folder = tmp_path_factory.mktemp("robot")
+        (folder / "robot.urdf").write_text(urdf)
+        (folder / "robot.yaml").write_text(yaml)
+        return folder / "robot.yaml"
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def four_bars(write_files):
+    """One planar four-bar linkage, its loop cut at a hinge ('3d') and through a bar ('6d').
+
+    Both closures have redundant rows: 2 of 3 and 3 of 6 are independent.
+    """
+    return {
+        kind: load_mechanism(
+            write_files(FOUR_BAR.replace("END_TYPE", end), FOUR_BAR_LOOP.replace("KIND", kind))
+        )
+        for kind, end in (("3d", "fixed"), ("6d", "revolute"))
+    }
+
+
+@pytest.fixture(scope="session")
+def weld(write_files):
+    """Describe a knee robot with its balls as three hinges each and its loops cut behind them."""
+
+    def welded(file):
+        knee = load_mechanism(file)
+        data = knee.model.createData()
+        pin.framesForwardKinematics(knee.model, data, knee.reference)
+        at = {frame.name: data.oMf[k] for k, frame in enumerate(knee.model.frames)}
+        parts = []
+        for leg in (1, 2, 3):
+            socket, chain = f"socket{leg}", [f"leg{leg}_stem", *(f"ball{leg}{k}" for k in "xyz")]
+            parts += [f'<link name="{name}"/>\n' for name in (socket, *chain[1:])]
+            for (parent, ball), axis in zip(pairwise(chain), AXES, strict=True):
+                name = f"{ball}_joint"
+                parts.append(JOINT.format(name, "revolute", parent, ball, "0 0 0", "0 0 0", axis))
+            place = at["platform"].actInv(at[chain[0]])
+            xyz, rpy = place.translation, pin.rpy.matrixToRpy(place.rotation)
+            xyz, rpy = (" ".join(map(repr, vector.tolist())) for vector in (xyz, rpy))
+            mount = f"{socket}_mount"
+            parts.append(JOINT.format(mount, "fixed", "platform", socket, xyz, rpy, "0 0 1"))
+        text = file.with_suffix(".urdf").read_text()
+        yaml = re.sub(r"leg(\d)_stem, platform_B\d", r"ball\1z, socket\1", file.read_text())
+        yaml = re.sub(r"urdf: .*", "urdf: robot.urdf", yaml.replace("'3d'", "'6d'"))
+        return write_files(text.replace("</robot>", "".join(parts) + "</robot>"), yaml)
+
+    return welded
+
+
+@pytest.fixture(scope="session")
+def rate():
+    """Derivative by time at zero, from central differences of fourth order."""
+
+    def derivative(function, step=1e-3):
+        near = function(step) - function(-step)
+        far = function(2 * step) - function(-2 * step)
+        return (8 * near - far) / (12 * step)
+
+    return derivative

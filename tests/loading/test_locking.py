@@ -1,0 +1,109 @@
+"""Locked joints and fixed mounts: which bodies are left, and what they are called."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from loopid import load_mechanism, tree_regressor
+from loopid.errors import RobotFileError
+
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+MOUNTED = """<robot name="mounted">
+<link name="base"/>
+<link name="arm">{arm}</link>
+<link name="tool"><inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 0"/><mass value="2"/>
+  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/>
+  <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="mount" type="fixed"><parent link="arm"/><child link="tool"/>
+  <origin xyz="1 0 0" rpy="0 0 0"/></joint>
+</robot>"""
+INERTIAL = """<inertial><origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="{}"/>
+  <inertia ixx="{}" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
+FRAME = """<inertial><mass value="0"/>
+  <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>"""
+
+
+@pytest.fixture(scope="module")
+def panda(robot_data):
+    return robot_data / "panda_description" / "urdf" / "panda.urdf"
+
+
+def write(folder, text):
+    (folder / "mounted.urdf").write_text(text)
+    return folder / "mounted.urdf"
+
+
+def test_links_fixed_together_are_one_body_named_after_its_joints_link(tmp_path):
+    mechanism = load_mechanism(write(tmp_path, MOUNTED.format(arm="")))
+    assert [body.link for body in mechanism.bodies] == ["arm"]
+    # The tool's centre of mass at (0.1, 0.2, 0.3), seen from the arm's frame 1 m away.
+    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [2, 2.2, 0.4, 0.6])
+
+
+def test_masses_of_links_fixed_together_add_up(tmp_path):
+    text = MOUNTED.format(arm=INERTIAL.format(3, 0.1))
+    mechanism = load_mechanism(write(tmp_path, text))
+    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [5, 3.7, 0.4, 0.6])
+
+
+def test_a_mounted_link_of_zero_inertia_only_marks_a_frame(tmp_path):
+    text = MOUNTED.format(arm=INERTIAL.format(3, 0.1)).replace(
+        MOUNTED[MOUNTED.index("<inertial>") : MOUNTED.index("</inertial>") + 11], FRAME
+    )
+    mechanism = load_mechanism(write(tmp_path, text))
+    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [3, 1.5, 0, 0])
+
+
+def test_a_moving_link_of_zero_mass_is_refused(tmp_path):
+    file = write(tmp_path, MOUNTED.format(arm=INERTIAL.format(0, 0)))
+    with pytest.raises(RobotFileError, match=r"link arm: mass must be positive, not 0 kg"):
+        load_mechanism(file)
+
+
+def test_locking_a_mimicked_pair_of_fingers_lets_the_panda_load(panda):
+    with pytest.raises(RobotFileError, match=r"panda_finger_joint2 mimics panda_finger_joint1"):
+        load_mechanism(panda)
+    mechanism = load_mechanism(panda, lock=FINGERS)
+    assert len(mechanism.joints) == len(mechanism.bodies) == 7
+    assert mechanism.bodies[-1].link == "panda_link7"
+
+
+def test_locking_moves_masses_and_loses_none(panda):
+    whole, locked = (pin.buildModelFromUrdf(str(panda)), load_mechanism(panda, lock=FINGERS))
+    masses = sum(inertia.mass for inertia in list(whole.inertias)[1:])
+    labels = locked.parameters().labels
+    values = dict(zip(labels, locked.standard_parameters(), strict=True))
+    assert sum(values[f"{body.link}.m"] for body in locked.bodies) == pytest.approx(masses)
+
+
+def test_locked_joints_leave_the_forces_of_the_others_unchanged(panda):
+    whole, locked = pin.buildModelFromUrdf(str(panda)), load_mechanism(panda, lock=FINGERS)
+    # The fingers lock where the reference would put them: at zero, inside their limits.
+    assert (whole.lowerPositionLimit[-2:] <= 0).all()
+    assert (whole.upperPositionLimit[-2:] >= 0).all()
+    generator = np.random.default_rng(3)
+    motion = np.zeros((3, whole.nv))
+    motion[:, :7] = generator.uniform(-1, 1, (3, 7))
+    expected = pin.rnea(whole, whole.createData(), *motion)[:7]
+    Y = tree_regressor(locked, *motion[:, :7])[0]
+    np.testing.assert_allclose(Y @ locked.standard_parameters(), expected, atol=1e-12)
+
+
+def test_the_yaml_locks_joints_where_its_reference_puts_them(edited, knee):
+    # With the yaw fixed, three motors move what is left.
+    lock = "name_mot: [leg1_stroke, leg2_stroke, leg4_stroke]\n"
+    lock += "joint_name: [platform_yaw]\njoint_type: [FIXED]"
+    locked = load_mechanism(edited("yaml", r"name_mot: [^\n]*", lock))
+    assert set(knee.joints) - set(locked.joints) == {"platform_yaw"}
+    # The cross carries the platform now.
+    assert [body.link for body in locked.bodies][-1] == "platform_cross"
+    kept = knee.velocity_indices(locked.joints)
+    np.testing.assert_allclose(locked.reference, knee.reference[kept], atol=1e-12)
+    np.testing.assert_allclose(locked.standard_parameters(), knee.standard_parameters(), atol=1e-12)
+
+
+def test_locking_every_joint_is_refused(tmp_path):
+    file = write(tmp_path, MOUNTED.format(arm=""))
+    with pytest.raises(RobotFileError, match="no joint can move"):
+        load_mechanism(file, lock=["hinge"])

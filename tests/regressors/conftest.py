@@ -1,0 +1,47 @@
+"""Motions that the loops allow, for the laws of dynamics to be checked on."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from loopid import project, random_configurations
+from loopid.kinematics import random_motions
+
+NAMES = ("3ups_rpu", "5p", "pinned bar", "welded bar", "welded knee")
+
+
+@pytest.fixture(scope="session")
+def loops(four_bars, load_once, weld, knee):
+    """Mechanisms with closed loops, by name."""
+    made = {"pinned bar": four_bars["3d"], "welded bar": four_bars["6d"]}
+    made["welded knee"] = load_once(weld(knee.path))
+    return {name: made.get(name) or load_once(name) for name in NAMES}
+
+
+@pytest.fixture(scope="session", params=NAMES)
+def moving(request, loops):
+    """A mechanism, closed configurations, and independent velocities and accelerations."""
+    robot = loops[request.param]
+    return robot, random_configurations(robot, 8, seed=6), *random_motions(robot, 8, seed=7)
+
+
+@pytest.fixture(scope="session")
+def inverse_dynamics():
+    """Joint forces of the open tree (N, nv), by Pinocchio's recursion."""
+
+    def forces(robot, q, v, a):
+        data = robot.model.createData()
+        states = zip(q, v, a, strict=True)
+        return np.array([pin.rnea(robot.model, data, *state) for state in states])
+
+    return forces
+
+
+@pytest.fixture(scope="session")
+def all_velocities():
+    """Velocities of all coordinates (N, nv) from those of the actuated ones."""
+
+    def velocities(robot, q, rates):
+        return np.einsum("nij,nj->ni", project(robot, q).G, rates)
+
+    return velocities

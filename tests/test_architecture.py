@@ -1,0 +1,88 @@
+"""The one-way street: every room imports only rooms to its left."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "loopid"
+STREET = (
+    "errors",
+    "arrays",
+    "threads",
+    "parameters",
+    "mechanism",
+    "kinematics",
+    "loading",
+    "regressors",
+    "base_parameters",
+    "report",
+    "cli",
+)
+# Beside the street: what a room may import at all, or never, whatever its place.
+ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
+NEVER = {"base_parameters": {"pinocchio", "mechanism", "kinematics", "loading"}}
+FILES = sorted(SOURCE.rglob("*.py"))
+
+
+def room_of(file):
+    return file.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def imported_modules(file, source=None):
+    """Full names of all modules imported anywhere in a file, inside functions too."""
+    package = ("loopid", *file.relative_to(SOURCE).parts[:-1])
+    for node in ast.walk(ast.parse(file.read_text() if source is None else source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join([*above, *filter(None, [node.module])])
+            # ``from loopid import x`` names the room only after the import.
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def violations(file, source=None):
+    """Rooms (or public names) of loopid, and foreign packages, that a file must not import."""
+    room = room_of(file)
+    parts = [name.split(".") for name in imported_modules(file, source)]
+    own = {part[1] for part in parts if part[0] == "loopid"} - {room}
+    allowed = ONLY[room] if room in ONLY else set(STREET[: STREET.index(room)])
+    imports = own | {part[0] for part in parts}
+    return (own - allowed - {"__version__"}) | (imports & NEVER.get(room, set()))
+
+
+def test_every_room_has_its_place():
+    assert {room_of(file) for file in FILES} <= {"__init__", "__main__", *STREET, *ONLY}
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(SOURCE)))
+def test_rooms_import_only_rooms_to_their_left(file):
+    if room_of(file) in ("__init__", "__main__"):
+        assert file.parent == SOURCE  # public names and the entry point may see everything
+    else:
+        assert violations(file) == set()
+
+
+@pytest.mark.parametrize(
+    ("room", "source", "culprit"),
+    [
+        ("mechanism", "from loopid.kinematics import assemble", "kinematics"),
+        ("mechanism", "import loopid.regressors.tree", "regressors"),
+        ("mechanism", "from loopid import loading", "loading"),
+        ("mechanism", "from ..cli import main", "cli"),
+        ("mechanism", "def lazily():\n    from loopid.report import table", "report"),
+        ("base_parameters", "import pinocchio as pin", "pinocchio"),
+        ("base_parameters", "from loopid.mechanism import Mechanism", "mechanism"),
+        ("symbolic", "from loopid.threads import one_blas_thread", "threads"),
+        ("arrays", "import loopid.symbolic", "symbolic"),
+        ("regressors", "from loopid import load_mechanism", "load_mechanism"),
+    ],
+)
+def test_a_step_to_the_right_is_seen(room, source, culprit):
+    assert violations(SOURCE / room / "new.py", source) == {culprit}
+
+
+def test_steps_to_the_left_and_inside_are_allowed():
+    source = "from loopid.errors import DataError\nfrom .linear import Factorisation\nimport numpy"
+    assert violations(SOURCE / "kinematics" / "new.py", source) == set()
