@@ -9,7 +9,9 @@ SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 STREET = (
     "errors",
     "arrays",
+    "seeds",
     "threads",
+    "seeds",
     "parameters",
     "mechanism",
     "kinematics",

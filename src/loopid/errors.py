@@ -61,5 +61,9 @@ class InertiaWarning(UserWarning):
     """A robot file gives a body an inertia that no body can have."""
 
 
+class ReferenceWarning(UserWarning):
+    """A reference configuration is closed, but not where the robot can be."""
+
+
 class SingularityWarning(UserWarning):
     """A configuration is close to a singularity: forces there are ill-determined."""

@@ -64,6 +64,17 @@ def test_a_trajectory_goes_on_after_lost_samples(mechanism, trajectory):
     np.testing.assert_allclose(outcome.configurations[~lost], expected[~lost], atol=1e-12)
 
 
+def test_nothing_is_assembled_beyond_a_singularity(mechanism):
+    # Far strokes too, most of them out of reach.
+    centre = strokes_of(mechanism, mechanism.reference[None])
+    strokes = centre + np.random.default_rng(1).uniform(-0.5, 0.5, size=(300, 4))
+    found = try_assemble(mechanism, strokes)
+    assert 20 < found.assembled.sum() < 280
+    at_home = passive_determinant(mechanism, mechanism.reference[None])
+    reached = passive_determinant(mechanism, found.configurations[found.assembled])
+    assert (reached * at_home > 0).all()
+
+
 @pytest.fixture(scope="module")
 def sides(mechanism):
     """The reference, and a pose beyond the singularity."""

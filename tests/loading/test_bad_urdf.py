@@ -109,5 +109,10 @@ def test_a_broken_urdf_is_refused_by_name(case, edited, refusal):
     refusal(failure, str(file.with_suffix(".urdf")), *fragments)
 
 
+def test_a_prefix_without_a_namespace_is_harmless(edited):
+    file = edited("urdf", "</robot>", "<gazebo:plugin/></robot>")
+    assert load_mechanism(file).name == "3ups_rpu"
+
+
 def test_the_unedited_copy_loads(edited):
     assert load_mechanism(edited()).name == "3ups_rpu"

@@ -40,6 +40,14 @@ def test_a_urdf_alone_is_the_open_tree_with_a_motor_in_every_joint(mechanism):
     assert mobility(tree).degrees_of_freedom == tree.model.nv
 
 
+def test_joints_without_reference_start_at_zero_or_amid_their_limits(mechanism):
+    tree = load_mechanism(mechanism.path.with_suffix(".urdf"))
+    low, high = tree.model.lowerPositionLimit, tree.model.upperPositionLimit
+    expected = np.where((low <= 0) & (high >= 0), 0, (low + high) / 2)
+    assert expected[tree.prismatic].all()
+    np.testing.assert_array_equal(tree.reference, expected)
+
+
 def test_a_yaml_without_motors_drives_every_joint(edited):
     file = edited("yaml", r"\A.+", "urdf: 3ups_rpu.urdf\n")
     tree = load_mechanism(file)

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from loopid import load_mechanism, tree_regressor
+from loopid import load_mechanism, mobility, platform_coordinates, tree_regressor
 from loopid.errors import RobotFileError
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
@@ -34,6 +34,10 @@ def write(folder, text):
     return folder / "mounted.urdf"
 
 
+def total_mass(mechanism):
+    return mechanism.standard_parameters()[::10].sum()
+
+
 def test_links_fixed_together_are_one_body_named_after_its_joints_link(tmp_path):
     mechanism = load_mechanism(write(tmp_path, MOUNTED.format(arm="")))
     assert [body.link for body in mechanism.bodies] == ["arm"]
@@ -56,7 +60,7 @@ def test_a_mounted_link_of_zero_inertia_only_marks_a_frame(tmp_path):
 
 
 def test_a_moving_link_of_zero_mass_is_refused(tmp_path):
-    file = write(tmp_path, MOUNTED.format(arm=INERTIAL.format(0, 0)))
+    file = write(tmp_path, MOUNTED.format(arm=FRAME))
     with pytest.raises(RobotFileError, match=r"link arm: mass must be positive, not 0 kg"):
         load_mechanism(file)
 
@@ -72,9 +76,7 @@ def test_locking_a_mimicked_pair_of_fingers_lets_the_panda_load(panda):
 def test_locking_moves_masses_and_loses_none(panda):
     whole, locked = (pin.buildModelFromUrdf(str(panda)), load_mechanism(panda, lock=FINGERS))
     masses = sum(inertia.mass for inertia in list(whole.inertias)[1:])
-    labels = locked.parameters().labels
-    values = dict(zip(labels, locked.standard_parameters(), strict=True))
-    assert sum(values[f"{body.link}.m"] for body in locked.bodies) == pytest.approx(masses)
+    assert total_mass(locked) == pytest.approx(masses)
 
 
 def test_locked_joints_leave_the_forces_of_the_others_unchanged(panda):
@@ -90,17 +92,36 @@ def test_locked_joints_leave_the_forces_of_the_others_unchanged(panda):
     np.testing.assert_allclose(Y @ locked.standard_parameters(), expected, atol=1e-12)
 
 
-def test_the_yaml_locks_joints_where_its_reference_puts_them(edited, knee):
-    # With the yaw fixed, three motors move what is left.
-    lock = "name_mot: [leg1_stroke, leg2_stroke, leg4_stroke]\n"
-    lock += "joint_name: [platform_yaw]\njoint_type: [FIXED]"
+@pytest.mark.parametrize("joint", ["platform_yaw", "platform_pitch"])
+def test_the_yaml_locks_joints_where_its_reference_puts_them(edited, knee, joint):
+    # With one joint fixed, three motors move what is left.
+    lock = "name_mot: [leg2_stroke, leg3_stroke, leg4_stroke]\n"
+    lock += f"joint_name: [{joint}]\njoint_type: [FIXED]"
     locked = load_mechanism(edited("yaml", r"name_mot: [^\n]*", lock))
-    assert set(knee.joints) - set(locked.joints) == {"platform_yaw"}
-    # The cross carries the platform now.
-    assert [body.link for body in locked.bodies][-1] == "platform_cross"
+    assert set(knee.joints) - set(locked.joints) == {joint}
     kept = knee.velocity_indices(locked.joints)
     np.testing.assert_allclose(locked.reference, knee.reference[kept], atol=1e-12)
-    np.testing.assert_allclose(locked.standard_parameters(), knee.standard_parameters(), atol=1e-12)
+    np.testing.assert_allclose(
+        platform_coordinates(locked, locked.reference),
+        platform_coordinates(knee, knee.reference),
+        atol=1e-12,
+    )
+    assert total_mass(locked) == pytest.approx(total_mass(knee))
+
+
+def test_the_body_of_a_locked_joint_takes_the_name_of_the_joint_before(edited):
+    lock = "name_mot: [leg2_stroke, leg3_stroke, leg4_stroke]\n"
+    lock += "joint_name: [platform_yaw]\njoint_type: [FIXED]"
+    locked = load_mechanism(edited("yaml", r"name_mot: [^\n]*", lock))
+    assert locked.bodies[-1].link == "platform_cross"
+
+
+def test_a_locked_motor_is_no_motor(knee):
+    locked = load_mechanism("3ups_rpu", lock=["leg1_stroke"])
+    assert locked.actuated == ("leg2_stroke", "leg3_stroke", "leg4_stroke")
+    assert mobility(locked).degrees_of_freedom == 3
+    kept = knee.velocity_indices(locked.joints)
+    np.testing.assert_allclose(locked.reference, knee.reference[kept], atol=1e-12)
 
 
 def test_locking_every_joint_is_refused(tmp_path):

@@ -11,6 +11,7 @@ from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.projection import partition, singularity_measure
 from loopid.mechanism import Mechanism
+from loopid.seeds import random_generator
 
 DEFAULT_MARGIN = 0.02
 ATTEMPTS_PER_SAMPLE = 200
@@ -54,7 +55,7 @@ def configuration_batches(
     """Yield the rows of ``random_configurations`` a few at a time."""
     if count < 1 or not margin >= 0:
         raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
-    generator = np.random.default_rng(seed)
+    generator = random_generator(seed)
     lower, upper = _actuated_limits(mechanism)
     found = drawn = 0
     while found < count:
@@ -80,7 +81,7 @@ def random_motions(
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
     """
-    generator = np.random.default_rng(seed)
+    generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))
     unit[np.isin(independent, mechanism.prismatic)] = mechanism.length

@@ -11,9 +11,10 @@ import pinocchio as pin
 from loopid.errors import InertiaWarning, MissingFileError, MobilityError, RobotFileError
 from loopid.kinematics.mobility import require_determined_motion
 from loopid.loading.bundled import find_robot_file
+from loopid.loading.closing import close_reference
 from loopid.loading.closures import find_closures, find_platform, link_frames
 from loopid.loading.description import Description, read_description
-from loopid.loading.reference import close_reference, written_reference
+from loopid.loading.reference import written_reference
 from loopid.loading.tree import build_tree
 from loopid.loading.urdf import UrdfContent, read_urdf
 from loopid.mechanism import Body, Mechanism, inertia_defects
@@ -59,7 +60,7 @@ def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
     )
     try:
         require_enough_rows(mechanism)
-        mechanism = close_reference(mechanism, given=bool(description.reference))
+        mechanism = close_reference(mechanism, given=free)
         require_determined_motion(mechanism)
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-import numpy as np
-
 from loopid.arrays import FloatArray
 from loopid.kinematics import random_motions
 from loopid.kinematics.sampling import DEFAULT_MARGIN, configuration_batches
 from loopid.mechanism import Mechanism
 from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
 from loopid.regressors.observation import Observation
+from loopid.seeds import random_generator
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
@@ -56,7 +55,7 @@ def structural_observation(
 def _random_regressors(
     mechanism: Mechanism, model: str, samples: int, seed: int, margin: float
 ) -> Iterator[FloatArray]:
-    generator = np.random.default_rng([seed, 1])
+    generator = random_generator(seed, stream=1)
     for q in configuration_batches(mechanism, samples, seed, margin):
         if model == "gravity":
             yield gravity_regressor(mechanism, q)

@@ -1,0 +1,44 @@
+"""Closing the loops at the reference: what is left out is found, what is odd is said."""
+
+import numpy as np
+import pytest
+
+from loopid import load_mechanism, random_configurations, singularity_measure
+from loopid.errors import ReferenceWarning
+from loopid.kinematics.projection import NEAR_SINGULARITY
+
+REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"
+PASSIVE = r"  (leg\d_universal_\d|leg4_revolute|platform_\w+): [^\n]*\n"
+
+
+def assert_usable(mechanism):
+    model, q = mechanism.model, mechanism.reference
+    assert (q >= model.lowerPositionLimit - 1e-6).all()
+    assert (q <= model.upperPositionLimit + 1e-6).all()
+    assert singularity_measure(mechanism, q)[0] >= NEAR_SINGULARITY
+    assert len(random_configurations(mechanism, 5)) == 5
+
+
+def test_without_any_reference_a_regular_one_inside_the_limits_is_found(edited):
+    assert_usable(load_mechanism(edited("yaml", REFERENCE, "")))
+
+
+def test_left_out_passive_joints_are_found_for_the_given_motors(edited, knee):
+    mechanism = load_mechanism(edited("yaml", PASSIVE, ""))
+    assert_usable(mechanism)
+    motors = knee.velocity_indices(knee.actuated)
+    np.testing.assert_array_equal(mechanism.reference[motors], knee.reference[motors])
+
+
+def test_the_search_is_repeatable(edited):
+    file = edited("yaml", REFERENCE, "")
+    first, second = (load_mechanism(file).reference for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_a_reference_outside_the_limits_is_named(edited):
+    file = edited("urdf", 'lower="0.6537"', 'lower="0.8"')
+    with pytest.warns(
+        ReferenceWarning, match=r"leg1_stroke: 0\.7071 is not in 0\.8 \.\.\. 0\.9337"
+    ):
+        load_mechanism(file)
