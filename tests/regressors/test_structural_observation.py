@@ -85,6 +85,7 @@ def test_progress_is_told_to_the_end(knee):
         ({"model": "static"}, r"'static'.*gravity, full"),
         ({"samples": 0}, "samples must be positive"),
         ({"margin": -1.0}, "margin"),
+        ({"seed": -1}, "seed must be"),
     ],
 )
 def test_absurd_arguments_are_refused(knee, arguments, problem):

@@ -16,7 +16,7 @@ from loopid.arrays import FloatArray, IntArray
 
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10
-LARGEST_GAIN = 1.01  # a swap must enlarge the volume by at least this factor
+LEAST_GAIN = 1.01  # a swap must enlarge the volume by at least this factor
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Block:
         while True:
             C = self.vectors @ np.linalg.inv(self.vectors[chosen])
             j, i = np.unravel_index(np.abs(C).argmax(), C.shape)
-            if abs(C[j, i]) < LARGEST_GAIN:
+            if abs(C[j, i]) < LEAST_GAIN:
                 return np.sort(chosen)
             chosen[i] = j
 

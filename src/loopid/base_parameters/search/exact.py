@@ -21,11 +21,8 @@ from loopid.base_parameters.search.problem import ChoiceProblem
 from loopid.base_parameters.search.staircase import Optimum, least_ratio
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError, selections_between
-from loopid.base_parameters.search.ties import NOTHING, Readability, most_readable
+from loopid.base_parameters.search.ties import MOST_TIES, NOTHING, Readability, most_readable
 from loopid.errors import OptionError
-
-# Ties of one block that are listed to choose among; more are neither counted nor compared.
-MOST_TIES = 20_000
 
 
 class ExactSearch(SearchStrategy):

@@ -23,7 +23,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.search.combinations import unrank
 from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbers
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
-from loopid.base_parameters.search.ties import most_readable
+from loopid.base_parameters.search.ties import MOST_TIES, most_readable
 from loopid.errors import OptionError, SearchError
 from loopid.threads import one_blas_thread
 
@@ -33,7 +33,6 @@ TASK = 1 << 18  # combinations that one worker takes at a time
 TASKS_PER_WAVE = 4
 # Round-off of a determinant, relative, for matrices that could be the best.
 DETERMINANT_SLACK = 1e-6
-MOST_TIES = 20_000
 
 Progress = Callable[[int, int], None]
 

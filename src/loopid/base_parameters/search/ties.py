@@ -13,6 +13,8 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import regrouping_matrix
 
+# Selections listed to choose among: of one part in exact search, of all in exhaustive search.
+MOST_TIES = 20_000
 # Sums of coefficients that differ by less than this are equal.
 EQUAL_COEFFICIENTS = 1e-6
 
