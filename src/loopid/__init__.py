@@ -14,6 +14,7 @@ from loopid.base_parameters import (
 from loopid.errors import LoopidError
 from loopid.kinematics import (
     assemble,
+    closed_motion,
     mobility,
     platform_coordinates,
     project,
@@ -24,8 +25,11 @@ from loopid.loading import bundled_robots, load_mechanism
 from loopid.mechanism import LoopClosure, Mechanism
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import (
+    ForceParts,
+    JointTerms,
     Observation,
     dynamic_regressor,
+    force_parts,
     gravity_regressor,
     structural_observation,
     tree_regressor,
@@ -37,6 +41,8 @@ __all__ = [
     "BaseParameters",
     "ExactSearch",
     "ExhaustiveSearch",
+    "ForceParts",
+    "JointTerms",
     "LoopClosure",
     "LoopidError",
     "Mechanism",
@@ -49,8 +55,10 @@ __all__ = [
     "__version__",
     "assemble",
     "bundled_robots",
+    "closed_motion",
     "dynamic_regressor",
     "find_base_parameters",
+    "force_parts",
     "gravity_regressor",
     "load_mechanism",
     "mobility",

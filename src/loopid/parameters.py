@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,10 +26,25 @@ def model_kinds(model: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, order=True)
 class Parameter:
-    """One standard parameter of one link: its mass, a first moment or an inertia."""
+    """One parameter: a mass, first moment or inertia of a link, or a term of a joint.
+
+    Attributes
+    ----------
+    link : str
+        Link, or joint.
+    kind : str
+        One of ``KINDS`` for a standard parameter of a link.
+    unit : str
+        Known for standard parameters; empty where it was not given.
+    """
 
     link: str
     kind: str
+    unit: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.unit and self.kind in KINDS:
+            object.__setattr__(self, "unit", ("kg", "kg m", "kg m²")[self.length_power])
 
     @property
     def label(self) -> str:
@@ -42,11 +57,6 @@ class Parameter:
         if self.kind not in KINDS:
             return 0
         return 0 if self.kind == "m" else 1 if self.kind in GRAVITY_KINDS else 2
-
-    @property
-    def unit(self) -> str:
-        """Unit of the parameter's value, empty where the kind is not a standard one."""
-        return ("kg", "kg m", "kg m²")[self.length_power] if self.kind in KINDS else ""
 
     @classmethod
     def parse(cls, label: str) -> Parameter:
@@ -90,6 +100,9 @@ class ParameterSet:
     def select(self, columns: Iterable[int]) -> ParameterSet:
         """The parameters of some columns, in the order given."""
         return ParameterSet(tuple(self.parameters[int(j)] for j in columns))
+
+    def __add__(self, other: ParameterSet) -> ParameterSet:
+        return ParameterSet(self.parameters + other.parameters)
 
     def __len__(self) -> int:
         return len(self.parameters)

@@ -9,16 +9,19 @@ from loopid.kinematics.constraint import (
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import measured_coordinates, scaled_constraint
 from loopid.kinematics.mobility import Mobility, mobility, require_determined_motion
+from loopid.kinematics.motion import ClosedMotion, closed_motion
 from loopid.kinematics.platform import platform_coordinates
 from loopid.kinematics.projection import Projection, project, singularity_measure
 from loopid.kinematics.sampling import random_configurations, random_motions
 
 __all__ = [
     "Assembly",
+    "ClosedMotion",
     "Factorisation",
     "Mobility",
     "Projection",
     "assemble",
+    "closed_motion",
     "constraint_drift",
     "constraint_jacobian",
     "constraint_residual",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from loopid.arrays import FloatArray, samples
-from loopid.kinematics import project
+from loopid.arrays import FloatArray
+from loopid.kinematics import closed_motion, project
 from loopid.mechanism import Mechanism
 from loopid.regressors.tree import tree_regressor
 
@@ -50,10 +48,6 @@ def dynamic_regressor(
     FloatArray
         (N, dof, n), rows in the order of ``mechanism.actuated``.
     """
-    projection = project(mechanism, configurations, velocities)
-    assert projection.gamma is not None
-    G, dof = projection.G, len(projection.independent)
-    v = np.einsum("nij,nj->ni", G, samples(velocities, dof, "velocities", len(G)))
-    a = np.einsum("nij,nj->ni", G, samples(accelerations, dof, "accelerations", len(G)))
-    Y = tree_regressor(mechanism, configurations, v, a + projection.gamma)
-    return G.transpose(0, 2, 1) @ Y
+    motion = closed_motion(mechanism, configurations, velocities, accelerations)
+    state = (motion.configurations, motion.velocities, motion.accelerations)
+    return motion.projected(tree_regressor(mechanism, *state))

@@ -1,0 +1,61 @@
+"""Motion of the whole mechanism from that of its actuated joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray, samples
+from loopid.kinematics.projection import Projection, project
+from loopid.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class ClosedMotion:
+    """Velocities and accelerations that keep the loops closed, at N samples.
+
+    Attributes
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, nv), v = G u̇ and a = G ü + γ.
+    gamma : FloatArray
+        (N, nv), the part of the accelerations that the velocities cause.
+    projection : Projection
+    """
+
+    configurations: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    gamma: FloatArray
+    projection: Projection
+
+    def projected(self, tree_columns: FloatArray) -> FloatArray:
+        """Columns of the actuated forces (N, dof, n) from those of the tree's (N, nv, n)."""
+        return np.asarray(self.projection.G.transpose(0, 2, 1) @ tree_columns, dtype=np.float64)
+
+
+def closed_motion(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+) -> ClosedMotion:
+    """Complete the motion of the actuated joints.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the actuated joints.
+    """
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    projection = project(mechanism, q, velocities)
+    G, dof = projection.G, len(projection.independent)
+    gamma = np.zeros(G.shape[:2]) if projection.gamma is None else projection.gamma
+    v = np.einsum("nij,nj->ni", G, samples(velocities, dof, "velocities", len(q)))
+    a = np.einsum("nij,nj->ni", G, samples(accelerations, dof, "accelerations", len(q)))
+    return ClosedMotion(q, v, a + gamma, gamma, projection)
