@@ -17,6 +17,7 @@ STREET = (
     "kinematics",
     "loading",
     "regressors",
+    "trajectories",
     "base_parameters",
     "report",
     "cli",

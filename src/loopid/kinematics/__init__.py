@@ -10,7 +10,7 @@ from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import measured_coordinates, scaled_constraint
 from loopid.kinematics.mobility import Mobility, mobility, require_determined_motion
 from loopid.kinematics.motion import ClosedMotion, closed_motion
-from loopid.kinematics.platform import platform_coordinates
+from loopid.kinematics.platform import platform_coordinates, platform_motion
 from loopid.kinematics.projection import Projection, project, singularity_measure
 from loopid.kinematics.sampling import random_configurations, random_motions
 
@@ -28,6 +28,7 @@ __all__ = [
     "measured_coordinates",
     "mobility",
     "platform_coordinates",
+    "platform_motion",
     "project",
     "random_configurations",
     "random_motions",

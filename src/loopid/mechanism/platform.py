@@ -64,3 +64,32 @@ class Platform:
             ],
             axis=1,
         )
+
+    def twist_map(self, coordinates: FloatArray) -> FloatArray:
+        """E (N, 6, c) with twist = E times rates: velocity of the origin above angular velocity.
+
+        A translation moves along its fixed axis; a rotation turns about its axis as the rotations
+        before it have left it.
+        """
+        values = samples(coordinates, len(self.motions), "platform coordinates")
+        twists = np.zeros((len(values), 6, len(self.motions)))
+        turned = Rotation.identity(len(values))
+        for k, motion in enumerate(self.motions):
+            if motion in TRANSLATIONS:
+                twists[:, TRANSLATIONS.index(motion), k] = 1.0
+                continue
+            axis = np.eye(3)[ROTATIONS.index(motion)]
+            twists[:, 3:, k] = turned.apply(axis)
+            turned = turned * Rotation.from_euler(motion[1], values[:, k : k + 1])
+        return twists
+
+    def twist_drift(self, coordinates: FloatArray, rates: FloatArray) -> FloatArray:
+        """Rate of change (N, 6) of the twist at constant rates (N, c).
+
+        Each rotation's axis is carried by the rotations before it.
+        """
+        contributions = self.twist_map(coordinates) * rates[:, None]
+        before = np.cumsum(contributions[:, 3:], axis=2) - contributions[:, 3:]
+        drift = np.zeros(contributions.shape[:2])
+        drift[:, 3:] = np.cross(before, contributions[:, 3:], axis=1).sum(axis=2)
+        return drift

@@ -1,0 +1,16 @@
+"""How the robot moves: waypoints, Fourier series, and what all joints do meanwhile."""
+
+from loopid.trajectories.fourier import FourierSeries
+from loopid.trajectories.joint_motion import JointMotion, joint_motion
+from loopid.trajectories.motion import Motion
+from loopid.trajectories.waypoints import Arc, Waypoint, point_to_point
+
+__all__ = [
+    "Arc",
+    "FourierSeries",
+    "JointMotion",
+    "Motion",
+    "Waypoint",
+    "joint_motion",
+    "point_to_point",
+]

@@ -1,0 +1,76 @@
+"""What all joints do while some coordinates follow a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.errors import OptionError
+from loopid.kinematics import assemble, platform_motion, project, singularity_measure
+from loopid.mechanism import Mechanism
+from loopid.trajectories.motion import Motion
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Configurations of a mechanism over time, and the motion of its motors.
+
+    Attributes
+    ----------
+    time : FloatArray
+        (N,) in s.
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the actuated joints.
+    singularity : FloatArray
+        (N,), see ``Projection.singularity``.
+    """
+
+    time: FloatArray
+    configurations: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    singularity: FloatArray
+
+
+def joint_motion(
+    mechanism: Mechanism, motion: Motion, start: FloatArray | None = None
+) -> JointMotion:
+    """Follow a motion of the platform coordinates or of independent joints.
+
+    Parameters
+    ----------
+    motion : Motion
+        Named after the platform coordinates of the robot file, or after joints that determine the
+        motion.
+    start : FloatArray, optional
+        (nq,), a closed configuration on the assembly branch; by default the reference.
+
+    Raises
+    ------
+    OptionError
+        When the names are neither.
+    AssemblyError
+        When the motion leaves the workspace.
+    """
+    actuated = mechanism.velocity_indices(mechanism.actuated)
+    platform = mechanism.platform
+    if platform is not None and motion.names == platform.names:
+        q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
+        v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
+    elif set(motion.names) <= set(mechanism.joints):
+        q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
+        projection = project(mechanism, q, motion.velocity, motion.names)
+        v = np.einsum("nij,nj->ni", projection.G, motion.velocity)
+        a = np.einsum("nij,nj->ni", projection.G, motion.acceleration) + projection.gamma
+    else:
+        of_platform = () if platform is None else platform.names
+        raise OptionError(
+            f"a motion of {', '.join(motion.names)} fits neither the platform coordinates "
+            f"({', '.join(of_platform) or 'none'}) nor joints ({', '.join(mechanism.joints)})"
+        )
+    measure = singularity_measure(mechanism, q)
+    return JointMotion(motion.time, q, v[:, actuated], a[:, actuated], measure)

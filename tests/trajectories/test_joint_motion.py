@@ -1,0 +1,70 @@
+"""All joints follow: closed loops, and derivatives of one motion."""
+
+import numpy as np
+import pytest
+
+from loopid import platform_coordinates
+from loopid.errors import AssemblyError, OptionError
+from loopid.kinematics import constraint_residual, measured_coordinates
+from loopid.trajectories import Arc, Waypoint, joint_motion, point_to_point
+
+RATE = 500.0
+
+
+@pytest.fixture
+def platform_ways(mechanism):
+    start = platform_coordinates(mechanism, mechanism.reference[None])[0]
+    ways = [
+        Waypoint(start + np.array([0.04, 0.02, 0.1, -0.15]), 0.8, (Arc("z_m", 0.01),)),
+        Waypoint(start, 0.6),
+    ]
+    return point_to_point(mechanism.platform.names, start, ways, RATE)
+
+
+@pytest.fixture(params=["platform", "motors", "limb 4"])
+def followed(request, mechanism, platform_ways):
+    """The same motion, given by the platform, by the motors or by limb 4 and the platform."""
+    by_platform = joint_motion(mechanism, platform_ways)
+    if request.param == "platform":
+        return by_platform
+    limb_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
+    names = mechanism.actuated if request.param == "motors" else limb_4
+    measured = measured_coordinates(mechanism, names)
+    values = measured.read(by_platform.configurations.copy())
+    start, end = values[0], values[len(values) // 2]
+    return joint_motion(mechanism, point_to_point(names, start, [Waypoint(end, 0.9)], RATE))
+
+
+def test_the_loops_stay_closed(mechanism, followed):
+    residual = constraint_residual(mechanism, followed.configurations)
+    assert np.abs(residual).max() < 1e-10
+    assert (followed.singularity > 0.01).all()
+
+
+def test_motor_velocities_and_accelerations_are_derivatives(mechanism, followed):
+    motors = measured_coordinates(mechanism).read(followed.configurations.copy())
+    step = 1 / RATE
+    velocity = (motors[2:] - motors[:-2]) / (2 * step)
+    np.testing.assert_allclose(velocity, followed.velocities[1:-1], atol=1e-4)
+    acceleration = (motors[2:] - 2 * motors[1:-1] + motors[:-2]) / step**2
+    np.testing.assert_allclose(acceleration, followed.accelerations[1:-1], atol=2e-2)
+
+
+def test_the_platform_goes_where_it_was_sent(mechanism, platform_ways):
+    found = platform_coordinates(mechanism, joint_motion(mechanism, platform_ways).configurations)
+    np.testing.assert_allclose(found, platform_ways.position, atol=1e-10)
+
+
+def test_a_motion_out_of_the_workspace_is_refused(mechanism):
+    # One limb twice as long as the others together cannot meet them.
+    start = measured_coordinates(mechanism).read(mechanism.reference[None].copy())[0]
+    far = start + np.array([10.0, 0, 0, 0])
+    away = point_to_point(mechanism.actuated, start, [Waypoint(far, 1.0)], 20.0)
+    with pytest.raises(AssemblyError, match="cannot be assembled"):
+        joint_motion(mechanism, away)
+
+
+def test_unknown_coordinates_are_refused(mechanism):
+    motion = point_to_point(("elbow",), [0.0], [Waypoint([1.0], 1.0)])
+    with pytest.raises(OptionError, match=r"elbow fits neither .*x_m.* nor joints"):
+        joint_motion(mechanism, motion)
