@@ -18,6 +18,7 @@ STREET = (
     "loading",
     "regressors",
     "trajectories",
+    "simulation",
     "base_parameters",
     "report",
     "cli",

@@ -3,14 +3,18 @@
 from loopid.trajectories.fourier import FourierSeries
 from loopid.trajectories.joint_motion import JointMotion, joint_motion
 from loopid.trajectories.motion import Motion
+from loopid.trajectories.review import JointRange, MotionReview, review_motion
 from loopid.trajectories.waypoints import Arc, Waypoint, point_to_point
 
 __all__ = [
     "Arc",
     "FourierSeries",
     "JointMotion",
+    "JointRange",
     "Motion",
+    "MotionReview",
     "Waypoint",
     "joint_motion",
     "point_to_point",
+    "review_motion",
 ]
