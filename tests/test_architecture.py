@@ -20,12 +20,14 @@ STREET = (
     "trajectories",
     "simulation",
     "base_parameters",
+    "identification",
     "report",
     "cli",
 )
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
-NEVER = {"base_parameters": {"pinocchio", "mechanism", "kinematics", "loading"}}
+MODEL = {"pinocchio", "mechanism", "kinematics", "loading"}
+NEVER = {"base_parameters": MODEL, "identification": MODEL}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
