@@ -9,8 +9,10 @@ SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 STREET = (
     "errors",
     "arrays",
+    "progress",
     "seeds",
     "threads",
+    "progress",
     "seeds",
     "parameters",
     "mechanism",

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, TextIO
 
@@ -19,6 +19,7 @@ from loopid.base_parameters import ExhaustiveSearch, SearchStrategy, find_base_p
 from loopid.base_parameters.search import make_strategy
 from loopid.errors import LoopidError
 from loopid.loading import load_mechanism
+from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
 from loopid.report import (
     base_record,
@@ -128,7 +129,7 @@ def _show_warning(
 
 
 @contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
+def _progress(what: str) -> Iterator[Reporter]:
     """A progress bar on the terminal's error stream, gone when the work is done."""
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
@@ -138,5 +139,5 @@ def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
-def _with_progress(strategy: SearchStrategy, report: Callable[[int, int], None]) -> SearchStrategy:
+def _with_progress(strategy: SearchStrategy, report: Reporter) -> SearchStrategy:
     return ExhaustiveSearch(progress=report) if strategy.name == "exhaustive" else strategy

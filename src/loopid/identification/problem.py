@@ -14,6 +14,7 @@ import numpy as np
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
+from loopid.regressors.observation import triangular_factor
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class FitProblem:
         if len(W) == 0:
             raise DataError("there are no samples to fit")
         augmented = np.concatenate([W, tau[:, :, None]], axis=2).transpose(1, 0, 2)
-        factors = frozen(_square_factors(augmented))
+        factors = frozen(triangular_factor(augmented))
         mean = frozen(tau.mean(axis=0))
         return cls(parameters, tuple(actuators), factors, len(W), mean)
 
@@ -79,7 +80,7 @@ class FitProblem:
         for part in parts:
             if (part.parameters, part.actuators) != (first.parameters, first.actuators):
                 raise DataError("problems to combine must share their parameters and actuators")
-        factors = _square_factors(np.concatenate([part.factors for part in parts], axis=1))
+        factors = triangular_factor(np.concatenate([part.factors for part in parts], axis=1))
         samples = sum(part.samples for part in parts)
         mean = sum(part.samples * part.mean_force for part in parts) / samples
         return cls(first.parameters, first.actuators, frozen(factors), samples, frozen(mean))
@@ -93,10 +94,3 @@ class FitProblem:
         """Sums of squared deviations (dof,) of each force from its mean."""
         about_zero = (self.factors[:, :, -1] ** 2).sum(axis=1)
         return np.asarray(about_zero - self.samples * self.mean_force**2, dtype=np.float64)
-
-
-def _square_factors(matrices: FloatArray) -> FloatArray:
-    """Triangular factors (dof, m, m) of matrices (dof, rows, m), padded where rows are few."""
-    R = np.asarray(np.linalg.qr(matrices, mode="r"), dtype=np.float64)
-    missing = matrices.shape[2] - R.shape[1]
-    return np.pad(R, ((0, 0), (0, missing), (0, 0)))

@@ -69,7 +69,7 @@ class JointCoordinates(MeasuredCoordinates):
         if len(known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured")
         super().__init__(mechanism, unknown, len(joints))
-        models = [mechanism.model.joints[mechanism.model.getJointId(name)] for name in joints]
+        models = [mechanism.joint(name) for name in joints]
         self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
         # A continuous joint is stored as the cosine and sine of its angle.
         self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)

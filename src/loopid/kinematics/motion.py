@@ -1,7 +1,8 @@
-"""Motion of the whole mechanism from that of its actuated joints."""
+"""Motion of the whole mechanism from that of its independent joints."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,18 +43,21 @@ def closed_motion(
     configurations: FloatArray,
     velocities: FloatArray,
     accelerations: FloatArray,
+    independent: Sequence[str] | None = None,
 ) -> ClosedMotion:
-    """Complete the motion of the actuated joints.
+    """Complete the motion of the independent joints, by default the actuated ones.
 
     Parameters
     ----------
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
-        (N, dof) of the actuated joints.
+        (N, dof) of the independent joints.
+    independent : sequence of str, optional
+        Their names.
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    projection = project(mechanism, q, velocities)
+    projection = project(mechanism, q, velocities, independent)
     G, dof = projection.G, len(projection.independent)
     gamma = np.zeros(G.shape[:2]) if projection.gamma is None else projection.gamma
     v = np.einsum("nij,nj->ni", G, samples(velocities, dof, "velocities", len(q)))

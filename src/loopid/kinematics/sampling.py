@@ -94,15 +94,12 @@ def random_motions(
 def _actuated_limits(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     lower, upper = [], []
     for name in mechanism.actuated:
-        joint = mechanism.model.joints[mechanism.model.getJointId(name)]
+        joint = mechanism.joint(name)
         if joint.nv != 1:
             raise OptionError(
                 f"joint {name} has {joint.nv} coordinates: only single ones are drawn"
             )
-        low, high = -np.inf, np.inf
-        if joint.nq == 1:
-            low = mechanism.model.lowerPositionLimit[joint.idx_q]
-            high = mechanism.model.upperPositionLimit[joint.idx_q]
+        low, high = mechanism.limits(name)
         prismatic = joint.idx_v in mechanism.prismatic
         width = mechanism.length if prismatic else np.pi
         centre = mechanism.reference[joint.idx_q] if joint.nq == 1 else 0.0

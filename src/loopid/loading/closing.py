@@ -14,10 +14,11 @@ from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import scaled_constraint
-from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.kinematics.scaling import coordinate_scales
 from loopid.loading.reference import write_joint
 from loopid.mechanism import Mechanism
+from loopid.seeds import random_generator
 
 STARTS = 60  # for joints that the file leaves out
 LIMIT_TOLERANCE = 1e-6  # rad or m
@@ -28,8 +29,8 @@ LONGEST_STEP = 0.3  # rad or characteristic lengths
 def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     """The mechanism with its loops closed at the reference.
 
-    Motors stay where the file puts them and the other joints move. Of joints that the file leaves
-    out several seeded starts are tried, for a regular configuration inside the limits.
+    Motors stay and passive joints move. Of joints that the file leaves out, motors among them,
+    several seeded starts are tried, for a regular configuration inside the limits.
 
     Raises
     ------
@@ -54,16 +55,13 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[FloatArray]:
     """Configurations with closed loops, as far as they close, until one suits."""
     left_out = [joint for joint in mechanism.joints if joint not in given]
-    fixed = [joint for joint in mechanism.actuated if joint in given]
-    movable = np.setdiff1d(
-        np.arange(mechanism.model.nv), mechanism.velocity_indices(fixed or mechanism.actuated)
-    )
-    generator = np.random.default_rng(0)
+    _, passive = partition(mechanism)
+    generator = random_generator(0)
     for start in range(STARTS if left_out and mechanism.closures else 1):
         q = mechanism.reference.copy()
         if start > 0:
             _scatter(mechanism, q, left_out, generator)
-        q = _gauss_newton(mechanism, q, movable)
+        q = _gauss_newton(mechanism, q, passive)
         yield q
         if _suits(mechanism, q):
             return
@@ -73,15 +71,12 @@ def _scatter(
     mechanism: Mechanism, q: FloatArray, joints: list[str], generator: np.random.Generator
 ) -> None:
     """Put joints anywhere within their limits, or within a turn."""
-    model = mechanism.model
     for name in joints:
-        joint = model.joints[model.getJointId(name)]
+        joint = mechanism.joint(name)
         if joint.nv != 1:
             continue
-        low, high = -np.pi, np.pi
-        if joint.nq == 1:
-            low = max(low, model.lowerPositionLimit[joint.idx_q])
-            high = min(high, model.upperPositionLimit[joint.idx_q])
+        lower, upper = mechanism.limits(name)
+        low, high = max(lower, -np.pi), min(upper, np.pi)
         if low <= high:
             write_joint(joint, q, generator.uniform(low, high))
 
@@ -99,12 +94,10 @@ def _gap(mechanism: Mechanism, q: FloatArray) -> float:
 
 def _outside(mechanism: Mechanism, q: FloatArray) -> str:
     """The first joint outside its limits, in words; nothing where there is none."""
-    model = mechanism.model
     for name in mechanism.joints:
-        joint = model.joints[model.getJointId(name)]
+        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
         if joint.nq != 1:
             continue
-        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         if not low - LIMIT_TOLERANCE <= q[joint.idx_q] <= high + LIMIT_TOLERANCE:
             limits = f"{low:.4g} ... {high:.4g}"
             return f"outside the limits of joint {name}: {q[joint.idx_q]:.4g} is not in {limits}"

@@ -85,11 +85,26 @@ class Mechanism:
         """Positions of the joints' coordinates in a velocity vector; shape (k,)."""
         blocks: list[int] = []
         for name in joints:
-            joint = self._joint(name)
+            joint = self.joint(name)
             blocks.extend(range(joint.idx_v, joint.idx_v + joint.nv))
         return np.array(blocks, dtype=np.int64)
 
-    def _joint(self, name: str) -> pin.JointModel:
+    def limits(self, name: str) -> tuple[float, float]:
+        """Lower and upper limit of a joint with one coordinate, infinite where there is none."""
+        q = self.joint(name).idx_q
+        if self.joint(name).nq != 1:
+            return -np.inf, np.inf
+        model = self.model
+        return float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q])
+
+    def joint(self, name: str) -> pin.JointModel:
+        """Pinocchio's joint of a name.
+
+        Raises
+        ------
+        OptionError
+            Listing the joints.
+        """
         if name not in self.joints:
             raise OptionError.unknown("joint", name, self.joints)
         return self.model.joints[self.model.getJointId(name)]

@@ -95,7 +95,7 @@ def _stacked(matrix: FloatArray, width: int) -> FloatArray:
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
-    """Square upper triangular R of a matrix (m, n), padded with zero rows where m < n."""
+    """Square upper triangular R of matrices (..., m, n), padded with zero rows where m < n."""
     R: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
-    missing = matrix.shape[1] - len(R)
-    return np.pad(R, ((0, missing), (0, 0))) if missing > 0 else R
+    missing = matrix.shape[-1] - R.shape[-2]
+    return np.pad(R, ((0, 0),) * (R.ndim - 2) + ((0, missing), (0, 0)))

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from loopid.arrays import FloatArray
 from loopid.kinematics import random_motions
 from loopid.kinematics.sampling import DEFAULT_MARGIN, configuration_batches
 from loopid.mechanism import Mechanism
+from loopid.progress import Progress
 from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
 from loopid.regressors.observation import Observation
 from loopid.seeds import random_generator
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
-
-Progress = Callable[[int, int], None]
 
 
 def structural_observation(

@@ -46,7 +46,7 @@ def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
     model = mechanism.model
     records = []
     for name in mechanism.joints:
-        joint = model.joints[model.getJointId(name)]
+        joint = mechanism.joint(name)
         q = slice(joint.idx_q, joint.idx_q + joint.nq)
         sliding = np.isin(joint.idx_v, mechanism.prismatic)
         records.append(

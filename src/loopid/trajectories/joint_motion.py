@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
-from loopid.kinematics import assemble, platform_motion, project, singularity_measure
+from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.trajectories.motion import Motion
 
@@ -63,9 +61,8 @@ def joint_motion(
         v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(mechanism.joints):
         q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
-        projection = project(mechanism, q, motion.velocity, motion.names)
-        v = np.einsum("nij,nj->ni", projection.G, motion.velocity)
-        a = np.einsum("nij,nj->ni", projection.G, motion.acceleration) + projection.gamma
+        whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
+        v, a = whole.velocities, whole.accelerations
     else:
         of_platform = () if platform is None else platform.names
         raise OptionError(

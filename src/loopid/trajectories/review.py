@@ -90,19 +90,13 @@ def review_motion(
     """
     if not margin >= 0:
         raise OptionError(f"margin must be >= 0, not {margin}")
-    model, ranges = mechanism.model, []
+    ranges = []
     for name in mechanism.joints:
-        joint = model.joints[model.getJointId(name)]
-        if joint.nq != 1:
-            continue
-        values, q = motion.configurations[:, joint.idx_q], joint.idx_q
-        ends = (
-            values.min(),
-            values.max(),
-            model.lowerPositionLimit[q],
-            model.upperPositionLimit[q],
-        )
-        ranges.append(JointRange(name, *(float(end) for end in ends)))
+        joint = mechanism.joint(name)
+        if joint.nq == 1:
+            values = motion.configurations[:, joint.idx_q]
+            ends = float(values.min()), float(values.max())
+            ranges.append(JointRange(name, *ends, *mechanism.limits(name)))
     worst = int(motion.singularity.argmin())
     fastest = np.abs(motion.velocities).max(axis=0)
     return MotionReview(

@@ -25,6 +25,7 @@ from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbe
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
 from loopid.base_parameters.search.ties import MOST_TIES, most_readable
 from loopid.errors import OptionError, SearchError
+from loopid.progress import Progress
 from loopid.threads import one_blas_thread
 
 MOST_CANDIDATES = 2_000_000_000
@@ -33,8 +34,6 @@ TASK = 1 << 18  # combinations that one worker takes at a time
 TASKS_PER_WAVE = 4
 # Round-off of a determinant, relative, for matrices that could be the best.
 DETERMINANT_SLACK = 1e-6
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
