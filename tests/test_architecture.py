@@ -12,24 +12,26 @@ STREET = (
     "progress",
     "seeds",
     "threads",
-    "progress",
-    "seeds",
+    "files",
     "parameters",
     "mechanism",
     "kinematics",
     "loading",
     "regressors",
     "trajectories",
+    "logs",
     "simulation",
     "base_parameters",
     "identification",
+    "reduction",
+    "experiment",
     "report",
     "cli",
 )
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
 MODEL = {"pinocchio", "mechanism", "kinematics", "loading"}
-NEVER = {"base_parameters": MODEL, "identification": MODEL}
+NEVER = dict.fromkeys(("base_parameters", "identification", "reduction"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

@@ -57,6 +57,14 @@ class SearchError(LoopidError, RuntimeError):
     """A search is refused, or found no valid choice."""
 
 
+class LogError(LoopidError, ValueError):
+    """A log cannot be read, or not as what it is said to be."""
+
+
+class OutputError(LoopidError, OSError):
+    """A result cannot be written where it was asked for."""
+
+
 class InertiaWarning(UserWarning):
     """A robot file gives a body an inertia that no body can have."""
 
@@ -67,3 +75,15 @@ class ReferenceWarning(UserWarning):
 
 class SingularityWarning(UserWarning):
     """A configuration is close to a singularity: forces there are ill-determined."""
+
+
+class LogWarning(UserWarning):
+    """Rows of a log are left out, or look wrong."""
+
+
+class CorrelationWarning(UserWarning):
+    """The errors of a fit follow one another: there are fewer independent samples than rows."""
+
+
+class ExcitationWarning(UserWarning):
+    """Data hardly show a parameter that was fitted to them."""

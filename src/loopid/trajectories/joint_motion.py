@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from loopid.arrays import FloatArray
+from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
 from loopid.mechanism import Mechanism
@@ -32,6 +32,16 @@ class JointMotion:
     velocities: FloatArray
     accelerations: FloatArray
     singularity: FloatArray
+
+    def select(self, rows: BoolArray) -> JointMotion:
+        """Some of the samples (N,), in order."""
+        return JointMotion(
+            self.time[rows],
+            self.configurations[rows],
+            self.velocities[rows],
+            self.accelerations[rows],
+            self.singularity[rows],
+        )
 
 
 def joint_motion(

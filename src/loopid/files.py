@@ -1,0 +1,65 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from loopid.errors import OutputError
+
+
+def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:
+    """Write files into a folder, made where it is missing.
+
+    Each is written beside its place and moved there once all are complete, so that a stop in the
+    middle leaves the old files as they were.
+
+    Parameters
+    ----------
+    folder : path
+    contents : mapping
+        From file names, without folders, to what they hold.
+
+    Raises
+    ------
+    OutputError
+        When the folder or a file cannot be written.
+    """
+    directory, waiting = Path(folder), dict[Path, Path]()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            waiting[directory / name] = _write_beside(directory / name, content)
+        for place, draft in waiting.items():
+            draft.replace(place)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"cannot write to {error.filename or directory}: {reason}") from error
+    finally:
+        for draft in waiting.values():
+            draft.unlink(missing_ok=True)
+    return list(waiting)
+
+
+def write_file(path: str | Path, content: bytes | str) -> None:
+    """Write one file whole or not at all; see ``write_files``."""
+    write_files(Path(path).parent, {Path(path).name: content})
+
+
+def _write_beside(place: Path, content: bytes | str) -> Path:
+    data = content.encode() if isinstance(content, str) else content
+    handle, draft = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(draft).chmod(0o666 & ~umask)
+    except BaseException:
+        Path(draft).unlink(missing_ok=True)
+        raise
+    return Path(draft)

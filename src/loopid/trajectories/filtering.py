@@ -1,0 +1,87 @@
+"""Zero-phase low-pass filtering and differentiation of evenly sampled signals.
+
+A Butterworth filter run forwards and backwards leaves no delay; positions filtered like this are
+differentiated by central differences, and forces are filtered alike, so that both sides of the
+equations lose the same frequencies [Gautier1997].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from loopid.arrays import FloatArray, finite
+from loopid.errors import DataError, OptionError
+
+# Periods of the cut-off frequency for which the ends are continued, lest they ring.
+PADDING = 3.0
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth low-pass filter, run forwards and backwards.
+
+    Attributes
+    ----------
+    cutoff : float
+        In Hz; each of the two passes is at half its power there.
+    order : int
+        Of each pass.
+    """
+
+    cutoff: float
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cutoff < np.inf:
+            raise OptionError(f"the cut-off frequency must be positive, not {self.cutoff} Hz")
+        if self.order < 1:
+            raise OptionError(f"the order of a filter must be at least 1, not {self.order}")
+
+    def least_samples(self, rate: float) -> int:
+        """Fewest samples at a rate (Hz) that can be filtered."""
+        return self._padding(rate) + 1
+
+    def apply(self, values: FloatArray, rate: float) -> FloatArray:
+        """Filter signals (N, ...) along their first axis, sampled at a rate in Hz.
+
+        Raises
+        ------
+        OptionError
+            When the cut-off is not below half the rate.
+        DataError
+            When there are fewer than ``least_samples``.
+        """
+        signal = finite(values, "signal")
+        if not self.cutoff < 0.5 * rate:
+            raise OptionError(
+                f"the cut-off frequency must be below half the sample rate, {0.5 * rate:g} Hz, "
+                f"not {self.cutoff:g} Hz"
+            )
+        if len(signal) < self.least_samples(rate):
+            raise DataError(
+                f"{len(signal)} samples are too few to filter at {self.cutoff:g} Hz: it takes "
+                f"{self.least_samples(rate)} at {rate:g} Hz"
+            )
+        sections = butter(self.order, self.cutoff, fs=rate, output="sos")
+        filtered = sosfiltfilt(sections, signal, axis=0, padlen=self._padding(rate))
+        return np.asarray(filtered, dtype=np.float64)
+
+    def _padding(self, rate: float) -> int:
+        return int(np.ceil(PADDING * rate / self.cutoff))
+
+
+def differentiate(values: FloatArray, rate: float) -> FloatArray:
+    """Derivatives by time (N, ...) of evenly sampled signals, by central differences.
+
+    Raises
+    ------
+    DataError
+        When there are fewer than three samples.
+    """
+    signal = finite(values, "signal")
+    if len(signal) < 3:
+        raise DataError(f"{len(signal)} samples are too few to differentiate: it takes 3")
+    return np.asarray(np.gradient(signal, 1.0 / rate, axis=0, edge_order=2), dtype=np.float64)
