@@ -25,6 +25,7 @@ STREET = (
     "identification",
     "reduction",
     "experiment",
+    "paper",
     "report",
     "cli",
 )

@@ -8,16 +8,19 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arrays import FloatArray
-from loopid.errors import DataError, RankError
+from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import DataError
+from loopid.identification.excitation import require_excitation
 from loopid.identification.problem import FitProblem
-from loopid.identification.result import FitResult, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import FitResult
 from loopid.threads import one_blas_thread
 
-# Smallest over largest singular value, of columns scaled to unit length, that data must excite.
-LEAST_EXCITATION = 1e-8
-WEIGHT_ITERATIONS = 50
+WEIGHT_ITERATIONS = 500
 WEIGHT_TOLERANCE = 1e-10  # relative change of the weights that ends the iteration
+# Residual of an actuator, relative to its force, and freedom of it, relative to its samples, that
+# are but round-off.
+EXACT_FIT = 1e-10
 
 
 class Estimator(ABC):
@@ -26,7 +29,7 @@ class Estimator(ABC):
     name: ClassVar[str]
 
     def fit(self, problem: FitProblem) -> FitResult:
-        """Estimate the parameters.
+        """Estimate the parameters, with the covariance for independent errors.
 
         Raises
         ------
@@ -36,8 +39,8 @@ class Estimator(ABC):
             When the data do not excite a combination of parameters.
         """
         if _freedom(problem) < 1:
-            rows = problem.samples * len(problem.actuators)
-            raise DataError(f"{rows} rows cannot determine {len(problem.parameters)} parameters")
+            count = len(problem.parameters)
+            raise DataError(f"{problem.rows} rows cannot determine {count} parameters")
         with one_blas_thread():
             return self._fit(problem)
 
@@ -51,10 +54,10 @@ class OrdinaryLeastSquares(Estimator):
     name = "ols"
 
     def _fit(self, problem: FitProblem) -> FitResult:
-        weights = np.ones(len(problem.actuators))
+        weights = np.where(problem.samples > 0, 1.0, 0.0)
         values, R = _solve(problem, weights)
         variance = problem.residual_squares(values).sum() / _freedom(problem)
-        return _result(self.name, problem, values, R, variance)
+        return _result(self.name, problem, values, R, weights, variance)
 
 
 class WeightedLeastSquares(Estimator):
@@ -63,52 +66,63 @@ class WeightedLeastSquares(Estimator):
     name = "wls"
 
     def _fit(self, problem: FitProblem) -> FitResult:
-        weights = np.ones(len(problem.actuators))
-        per_actuator = _freedom(problem) / len(problem.actuators)
+        weights = np.where(problem.samples > 0, 1.0, 0.0)
+        present = weights > 0
         for _ in range(WEIGHT_ITERATIONS):
             values, R = _solve(problem, weights)
-            deviations = np.sqrt(problem.residual_squares(values) / per_actuator)
-            if not (deviations > 0).all():
-                exact = problem.actuators[int(deviations.argmin())]
-                raise DataError(f"actuator {exact} is fitted without error: weights are undefined")
-            last, weights = weights, 1.0 / deviations
-            if np.abs(weights / last - 1.0).max() <= WEIGHT_TOLERANCE:
+            last, weights = weights, _inverse_deviations(problem, values, weights, R)
+            if np.abs(weights[present] / last[present] - 1.0).max() <= WEIGHT_TOLERANCE:
                 values, R = _solve(problem, weights)
-                return _result(self.name, problem, values, R, 1.0)
+                return _result(self.name, problem, values, R, weights, 1.0)
         raise DataError(f"the weights do not settle in {WEIGHT_ITERATIONS} iterations: use OLS")
 
 
+def exactly_fitted(problem: FitProblem, values: FloatArray) -> BoolArray:
+    """Which actuators (dof,) have residuals that are but round-off."""
+    squares = problem.residual_squares(values)
+    return np.asarray(squares <= EXACT_FIT**2 * problem.force_squares(), dtype=np.bool_)
+
+
 def _freedom(problem: FitProblem) -> int:
-    return problem.samples * len(problem.actuators) - len(problem.parameters)
+    return problem.rows - len(problem.parameters)
 
 
 def _solve(problem: FitProblem, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Estimates (n,) and the triangular factor (n, n) of the weighted regressor."""
     width = len(problem.parameters)
-    stacked = (weights[:, None, None] * problem.factors).reshape(-1, width + 1)
-    R = np.asarray(np.linalg.qr(stacked, mode="r"), dtype=np.float64)
-    _require_excitation(problem, R[:width, :width])
+    R = problem.weighted(weights)
+    require_excitation(problem, R[:width, :width])
     values = solve_triangular(R[:width, :width], R[:width, width])
     return np.asarray(values, dtype=np.float64), R[:width, :width]
 
 
-def _require_excitation(problem: FitProblem, R: FloatArray) -> None:
-    labels, norms = problem.parameters.labels, np.linalg.norm(R, axis=0)
-    if not (norms > 0).all():
-        raise RankError(f"the data do not show {labels[int(norms.argmin())]} at all")
-    _, values, right = np.linalg.svd(R / norms)
-    if values[-1] >= LEAST_EXCITATION * values[0]:
-        return
-    involved = np.flatnonzero(np.abs(right[-1]) > 0.1 * np.abs(right[-1]).max())
-    raise RankError(
-        f"the data do not tell {', '.join(labels[j] for j in involved)} apart: relative singular "
-        f"value {values[-1] / values[0]:.1e} (least {LEAST_EXCITATION:g}); fit base parameters, or "
-        "excite them"
-    )
+def _inverse_deviations(
+    problem: FitProblem, values: FloatArray, weights: FloatArray, R: FloatArray
+) -> FloatArray:
+    """Weights (dof,) from residuals over each actuator's own share of the freedom.
+
+    An actuator's share is its samples less its leverage, the part of the parameters that it
+    determines; 0 for an actuator without samples.
+    """
+    columns = weights[:, None, None] * problem.factors[:, :, :-1] @ np.linalg.inv(R)
+    freedom = problem.samples - (columns**2).sum(axis=(1, 2))
+    squares, present = problem.residual_squares(values), problem.samples > 0
+    exact = exactly_fitted(problem, values) | (freedom <= EXACT_FIT * problem.samples)
+    if (exact & present).any():
+        name = problem.actuators[int(np.flatnonzero(exact & present)[0])]
+        raise DataError(f"actuator {name} is fitted without error: weights are undefined; use OLS")
+    found = np.zeros(len(weights))
+    found[present] = np.sqrt(freedom[present] / squares[present])
+    return found
 
 
 def _result(
-    name: str, problem: FitProblem, values: FloatArray, R: FloatArray, variance: float
+    name: str,
+    problem: FitProblem,
+    values: FloatArray,
+    R: FloatArray,
+    weights: FloatArray,
+    variance: float,
 ) -> FitResult:
     inverse = np.linalg.inv(R)
     return FitResult(
@@ -118,6 +132,7 @@ def _result(
         values=values,
         covariance=variance * inverse @ inverse.T,
         condition_number=float(np.linalg.cond(R)),
-        degrees_of_freedom=_freedom(problem),
+        degrees_of_freedom=float(_freedom(problem)),
         quality=fit_quality(problem, values),
+        weights=weights,
     )

@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
-from loopid.arrays import FloatArray, finite
+from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
+from loopid.identification.comparison import ComparedByFields
+from loopid.identification.estimate import Estimate
+from loopid.identification.noise import NoiseModel
 from loopid.identification.problem import FitProblem
+from loopid.identification.quality import Quality, fit_quality
+from loopid.identification.record import fields_of, record_of
+from loopid.identification.storage import read_record, write_record
 from loopid.parameters import ParameterSet
 
-
-@dataclass(frozen=True)
-class Quality:
-    """How well parameters explain forces, an actuator each.
-
-    Attributes
-    ----------
-    residual_rms : FloatArray
-        (dof,) in N or N m.
-    r_squared : FloatArray
-        (dof,), 1 - residual over total squares about the mean; negative when worse than the mean.
-    """
-
-    residual_rms: FloatArray
-    r_squared: FloatArray
+# Fewer degrees of freedom tell no interval.
+LEAST_FREEDOM = 1.0
 
 
-@dataclass(frozen=True)
-class FitResult:
+@dataclass(frozen=True, eq=False)
+class FitResult(ComparedByFields):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -41,13 +36,18 @@ class FitResult:
     values : FloatArray
         (n,).
     covariance : FloatArray
-        (n, n), under independent errors.
+        (n, n), for the errors of ``noise``, or independent ones where that is None.
     condition_number : float
         Of the weighted regressor.
-    degrees_of_freedom : int
-        Rows less parameters.
+    degrees_of_freedom : float
+        Of Student's distribution: rows, or effective samples where errors are correlated, less
+        parameters.
     quality : Quality
         On the data that were fitted.
+    weights : FloatArray
+        (dof,), of the actuators' residuals; 0 without samples.
+    noise : NoiseModel or None
+        How the errors follow one another.
     """
 
     estimator: str
@@ -56,8 +56,14 @@ class FitResult:
     values: FloatArray
     covariance: FloatArray
     condition_number: float
-    degrees_of_freedom: int
+    degrees_of_freedom: float
     quality: Quality
+    weights: FloatArray
+    noise: NoiseModel | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("values", "covariance", "weights"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -67,24 +73,51 @@ class FitResult:
     @property
     def relative_std(self) -> FloatArray:
         """Standard errors (n,) in % of the estimates; infinite for an estimate of zero."""
-        size = np.abs(self.values)
-        relative = np.full(len(size), np.inf)
-        np.divide(100 * self.standard_errors, size, out=relative, where=size > 0)
-        return relative
+        return relative_deviation(self.standard_errors, self.values)
 
     def intervals(self, level: float = 0.95) -> FloatArray:
-        """Confidence intervals (n, 2) at a level between 0 and 1, by Student's distribution."""
+        """Confidence intervals (n, 2) at a level between 0 and 1, by Student's distribution.
+
+        Infinite where fewer than one degree of freedom is left: such data tell values at best.
+        """
         if not 0 < level < 1:
             raise OptionError(f"level must be between 0 and 1, not {level}")
-        reach = student.ppf(0.5 + level / 2, self.degrees_of_freedom) * self.standard_errors
+        reach = np.full(len(self.values), np.inf)
+        if self.degrees_of_freedom >= LEAST_FREEDOM:
+            reach = student.ppf(0.5 + level / 2, self.degrees_of_freedom) * self.standard_errors
         return np.stack([self.values - reach, self.values + reach], axis=1)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All numbers about each parameter."""
+        columns = (self.values, self.standard_errors, self.relative_std, self.intervals())
+        return tuple(
+            Estimate(k, p.label, p.unit, float(x), float(s), float(r), (float(i[0]), float(i[1])))
+            for k, (p, x, s, r, i) in enumerate(zip(self.parameters, *columns, strict=True), 1)
+        )
+
+    def unsupported(self, limit: float | None = None) -> tuple[str, ...]:
+        """Names of the parameters that the data hardly support.
+
+        Those whose relative standard deviation is above a limit in %; without a limit, those whose
+        95 % interval includes zero, which is a limit of about 50 %.
+        """
+        if limit is None:
+            low, high = self.intervals().T
+            weak = (low <= 0) & (high >= 0)
+        elif limit > 0:
+            weak = self.relative_std > limit
+        else:
+            raise OptionError(f"the limit must be above 0 %, not {limit}")
+        labels = self.parameters.labels
+        return tuple(labels[j] for j in np.flatnonzero(weak))
 
     def predict(self, regressor: FloatArray) -> FloatArray:
         """Forces (..., dof) of a regressor (..., dof, n)."""
         W = finite(regressor, "regressor")
-        expected = (len(self.actuators), len(self.parameters))
-        if W.shape[-2:] != expected:
-            raise DataError(f"the regressor must have shape (..., *{expected}), not {W.shape}")
+        dof, n = len(self.actuators), len(self.parameters)
+        if W.shape[-2:] != (dof, n):
+            raise DataError(f"the regressor must have shape (..., {dof}, {n}), not {W.shape}")
         return np.asarray(W @ self.values, dtype=np.float64)
 
     def validate(self, problem: FitProblem) -> Quality:
@@ -93,10 +126,42 @@ class FitResult:
             raise DataError("validation data must have the parameters and actuators of the fit")
         return fit_quality(problem, self.values)
 
+    def record(self) -> dict[str, Any]:
+        """All of it in plain numbers, lists and texts; None for what is not finite."""
+        return record_of(self)
 
-def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
-    """Residuals of a problem at parameter values (n,)."""
-    squares, total = problem.residual_squares(values), problem.total_squares()
-    explained = np.full(len(total), np.nan)
-    np.divide(squares, total, out=explained, where=total > 0)
-    return Quality(np.sqrt(squares / problem.samples), 1.0 - explained)
+    def save(self, path: str | Path) -> None:
+        """Write the record to a .json, .yaml or .yml file, whole or not at all.
+
+        Raises
+        ------
+        OptionError
+            When the name ends otherwise.
+        OutputError
+            When the file cannot be written.
+        """
+        write_record(path, self.record())
+
+    @classmethod
+    def load(cls, path: str | Path) -> FitResult:
+        """Read a result that was saved.
+
+        Raises
+        ------
+        MissingFileError
+            When there is no such file.
+        DataError
+            When it is no saved result.
+        """
+        return cls(**fields_of(read_record(path), path))
+
+    def __str__(self) -> str:
+        return "\n".join(str(estimate) for estimate in self.estimates)
+
+
+def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
+    """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
+    size = np.abs(values)
+    relative = np.full(len(size), np.inf)
+    np.divide(100 * errors, size, out=relative, where=size > 0)
+    return relative

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
+from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
 from loopid.errors import DataError
+from loopid.identification.problem import FitProblem, checked_mask, checked_samples
 from loopid.parameters import ParameterSet
 
 
@@ -49,18 +52,9 @@ class FitSamples:
         stretches: IntArray | None = None,
     ) -> FitSamples:
         """Check shapes and values, and fill in the defaults."""
-        W, tau = finite(regressor, "regressor"), finite(force, "force")
-        expected = (len(actuators), len(parameters))
-        if W.ndim != 3 or W.shape[1:] != expected:
-            raise DataError(f"the regressor must have shape (samples, *{expected}), not {W.shape}")
-        if tau.shape != W.shape[:2]:
-            raise DataError(f"force must have shape {W.shape[:2]}, not {tau.shape}")
-        if len(W) == 0:
-            raise DataError("there are no samples to fit")
-        kept = np.ones(tau.shape, dtype=bool) if used is None else np.asarray(used)
+        W, tau = checked_samples(regressor, force, parameters, actuators)
+        kept = checked_mask(used, tau)
         parts = np.zeros(len(tau), dtype=np.int64) if stretches is None else np.asarray(stretches)
-        if kept.shape != tau.shape or kept.dtype != bool:
-            raise DataError(f"used must be booleans of shape {tau.shape}, not {kept.shape}")
         if parts.shape != tau.shape[:1]:
             raise DataError(f"stretches must have shape {tau.shape[:1]}, not {parts.shape}")
         return cls(
@@ -75,6 +69,19 @@ class FitSamples:
     def __len__(self) -> int:
         return len(self.force)
 
+    @cached_property
+    def problem(self) -> FitProblem:
+        """The same data as triangular factors."""
+        W, tau = self.regressor, self.force
+        return FitProblem.from_samples(W, tau, self.parameters, self.actuators, self.used)
+
+    @cached_property
+    def pieces(self) -> tuple[slice, ...]:
+        """Rows of each stretch."""
+        starts = np.flatnonzero(np.diff(self.stretches)) + 1
+        bounds = [0, *(int(k) for k in starts), len(self)]
+        return tuple(slice(*pair) for pair in pairwise(bounds))
+
     def residual(self, values: FloatArray) -> FloatArray:
         """Force less prediction (N, dof) at parameter values (n,), also where not used."""
         return np.asarray(self.force - self.regressor @ values, dtype=np.float64)
@@ -86,11 +93,14 @@ class FitSamples:
         names = self.parameters.select(chosen)
         return FitSamples.of(names, self.actuators, W, self.force, self.used, self.stretches)
 
+    def with_force(self, force: FloatArray) -> FitSamples:
+        """The same motion with other forces (N, dof)."""
+        W, names = self.regressor, self.parameters
+        return FitSamples.of(names, self.actuators, W, force, self.used, self.stretches)
+
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples after known forces (N, dof) have been taken away."""
-        left = self.force - force
-        W, names = self.regressor, self.parameters
-        return FitSamples.of(names, self.actuators, W, left, self.used, self.stretches)
+        return self.with_force(self.force - force)
 
     @classmethod
     def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:

@@ -1,4 +1,4 @@
-"""Robot files that come with the package."""
+"""Robot files, and motions of these robots, that come with the package."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from loopid.errors import MissingFileError, RobotFileError
 
 SUFFIXES = (".yaml", ".yml", ".urdf")
+MOTIONS = "_motions.yaml"
 
 
 def bundled_directory() -> Path:
@@ -34,3 +35,18 @@ def find_robot_file(path: str | Path) -> Path:
         return bundled_directory() / f"{path}.yaml"
     listed = ", ".join(bundled_robots())
     raise MissingFileError(f"{file} does not exist, and the bundled robots are: {listed}")
+
+
+def find_motion_file(path: str | Path) -> Path:
+    """An existing motion file: the path itself, or the bundled one of a robot's name."""
+    file = Path(path)
+    if file.is_file():
+        return file
+    bundled = {
+        found.name.removesuffix(MOTIONS): found
+        for found in sorted(bundled_directory().glob(f"*{MOTIONS}"))
+    }
+    if str(path) in bundled:
+        return bundled[str(path)]
+    listed = ", ".join(bundled)
+    raise MissingFileError(f"{file} does not exist, and robots with bundled motions are: {listed}")

@@ -6,21 +6,16 @@ It extends Gepetto's parallel-robot files (``closed_loop``, ``type``, ``name_mot
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from pydantic import Field, model_validator
 
-from loopid.errors import RobotFileError
+from loopid.loading.yaml_files import Section, read_yaml
 
 
-class PlatformDescription(BaseModel):
+class PlatformDescription(Section):
     """A frame, and the elementary motion of each of its named coordinates."""
-
-    model_config = ConfigDict(extra="forbid")
 
     frame: str
     coordinates: dict[str, Literal["x", "y", "z", "rx", "ry", "rz"]]
@@ -34,18 +29,16 @@ class PlatformDescription(BaseModel):
         return self
 
 
-class Description(BaseModel):
+class Description(Section):
     """What a YAML file may say of a robot; all of it may be left out for a serial robot."""
 
-    model_config = ConfigDict(extra="forbid")
-
     urdf: str | None = None
-    closed_loop: list[tuple[str, str]] = []
-    type: list[Literal["3d", "6d"]] = []
+    closed_loop: list[tuple[str, str]] = Field(default=[])
+    type: list[Literal["3d", "6d"]] = Field(default=[])
     name_mot: list[str] | None = None
-    joint_name: list[str] = []
-    joint_type: list[Literal["FIXED"]] = []
-    reference: dict[str, float] = {}
+    joint_name: list[str] = Field(default=[])
+    joint_type: list[Literal["FIXED"]] = Field(default=[])
+    reference: dict[str, float] = Field(default={})
     platform: PlatformDescription | None = None
 
     @model_validator(mode="after")
@@ -69,32 +62,4 @@ def read_description(path: Path) -> Description:
     RobotFileError
         Naming the key, the value and what is valid.
     """
-    try:
-        content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{path} is not YAML: {_yaml_problem(error)}") from error
-    if content is None:
-        content = {}
-    if not isinstance(content, dict):
-        raise RobotFileError(f"{path} must hold keys such as closed_loop, not {content!r:.60}")
-    try:
-        return Description.model_validate(content)
-    except ValidationError as error:
-        raise RobotFileError(f"{path}: {_first_problem(error)}") from error
-
-
-def _yaml_problem(error: YAMLError | UnicodeDecodeError) -> str:
-    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
-        mark = error.problem_mark
-        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
-    return " ".join(str(error).split())
-
-
-def _first_problem(error: ValidationError) -> str:
-    problem = error.errors()[0]
-    key = ".".join(str(part) for part in problem["loc"])
-    if problem["type"] == "extra_forbidden":
-        valid = PlatformDescription if key.startswith("platform") else Description
-        return f"unknown key {key!r}: choose among {', '.join(valid.model_fields)}"
-    message = problem["msg"].removeprefix("Value error, ")
-    return f"{key}: {message}, not {problem['input']!r:.60}" if key else message
+    return read_yaml(path, Description)

@@ -2,6 +2,7 @@
 
 from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
 from loopid.regressors.joint_terms import JOINT_KINDS, JointTerms
+from loopid.regressors.motion import motion_parameters, motion_regressor
 from loopid.regressors.observation import Observation
 from loopid.regressors.parts import ForceParts, force_parts
 from loopid.regressors.structural import structural_observation
@@ -15,6 +16,8 @@ __all__ = [
     "dynamic_regressor",
     "force_parts",
     "gravity_regressor",
+    "motion_parameters",
+    "motion_regressor",
     "structural_observation",
     "tree_regressor",
 ]

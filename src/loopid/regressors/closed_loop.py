@@ -5,6 +5,7 @@ from __future__ import annotations
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, project
 from loopid.mechanism import Mechanism
+from loopid.regressors.motion import motion_regressor
 from loopid.regressors.tree import tree_regressor
 
 
@@ -49,5 +50,4 @@ def dynamic_regressor(
         (N, dof, n), rows in the order of ``mechanism.actuated``.
     """
     motion = closed_motion(mechanism, configurations, velocities, accelerations)
-    state = (motion.configurations, motion.velocities, motion.accelerations)
-    return motion.projected(tree_regressor(mechanism, *state))
+    return motion_regressor(mechanism, motion)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from loopid.arrays import FloatArray
-from loopid.kinematics import random_motions
+from loopid.kinematics import closed_motion, random_motions
 from loopid.kinematics.sampling import DEFAULT_MARGIN, configuration_batches
 from loopid.mechanism import Mechanism
 from loopid.progress import Progress
-from loopid.regressors.closed_loop import dynamic_regressor, gravity_regressor
+from loopid.regressors.closed_loop import gravity_regressor
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion import motion_parameters, motion_regressor
 from loopid.regressors.observation import Observation
 from loopid.seeds import random_generator
 
@@ -25,8 +27,9 @@ def structural_observation(
     margin: float = DEFAULT_MARGIN,
     keep_matrix: bool = False,
     progress: Progress | None = None,
+    joint_terms: JointTerms | None = None,
 ) -> Observation:
-    """Observe a mechanism at seeded random closed poses (and motions, for the full model).
+    """Observe a mechanism at seeded random closed poses, in motion where the columns ask for it.
 
     Parameters
     ----------
@@ -41,25 +44,33 @@ def structural_observation(
         Whether the observation keeps W beside its triangular factor.
     progress : callable, optional
         Called with the numbers of poses done and in all.
+    joint_terms : JointTerms, optional
+        Drives, friction and offsets as further columns.
     """
-    parameters = mechanism.parameters(model)
+    parameters = motion_parameters(mechanism, model, joint_terms)
     if samples is None:
         enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.actuated))
         samples = max(LEAST_SAMPLES, enough)
-    regressors = _random_regressors(mechanism, model, samples, seed, margin)
+    regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin)
     parts = regressors if progress is None else _reported(regressors, samples, progress)
     return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix)
 
 
 def _random_regressors(
-    mechanism: Mechanism, model: str, samples: int, seed: int, margin: float
+    mechanism: Mechanism,
+    model: str,
+    joint_terms: JointTerms | None,
+    samples: int,
+    seed: int,
+    margin: float,
 ) -> Iterator[FloatArray]:
     generator = random_generator(seed, stream=1)
     for q in configuration_batches(mechanism, samples, seed, margin):
-        if model == "gravity":
+        if model == "gravity" and joint_terms is None:
             yield gravity_regressor(mechanism, q)
-        else:
-            yield dynamic_regressor(mechanism, q, *random_motions(mechanism, len(q), generator))
+            continue
+        motion = closed_motion(mechanism, q, *random_motions(mechanism, len(q), generator))
+        yield motion_regressor(mechanism, motion, model, joint_terms)
 
 
 def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> Iterator[FloatArray]:

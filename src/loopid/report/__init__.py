@@ -1,15 +1,22 @@
-"""What people and machines read: tables for the terminal, records for JSON."""
+"""What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
 from loopid.report.base import base_record, base_tables
 from loopid.report.check import check_record, check_tables
-from loopid.report.paper import PaperComparison, compare_with_paper, paper_tables
+from loopid.report.identify import identification_record, identification_tables
+from loopid.report.identify_page import identification_files
+from loopid.report.motions import motions_record, motions_tables
+from loopid.report.paper import paper_files, paper_tables
 
 __all__ = [
-    "PaperComparison",
     "base_record",
     "base_tables",
     "check_record",
     "check_tables",
-    "compare_with_paper",
+    "identification_files",
+    "identification_record",
+    "identification_tables",
+    "motions_record",
+    "motions_tables",
+    "paper_files",
     "paper_tables",
 ]

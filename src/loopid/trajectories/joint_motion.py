@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import OptionError
 from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
 from loopid.mechanism import Mechanism
@@ -33,8 +33,8 @@ class JointMotion:
     accelerations: FloatArray
     singularity: FloatArray
 
-    def select(self, rows: BoolArray) -> JointMotion:
-        """Some of the samples (N,), in order."""
+    def select(self, rows: BoolArray | IntArray) -> JointMotion:
+        """Some of the samples, by a mask (N,) or by number."""
         return JointMotion(
             self.time[rows],
             self.configurations[rows],

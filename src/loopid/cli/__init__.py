@@ -1,0 +1,45 @@
+"""The command line: ``loopid check``, ``base``, ``identify``, ``motions`` and ``paper``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+
+import typer
+from rich.console import Console
+
+from loopid.cli.console import show_warning
+from loopid.cli.identify import identify
+from loopid.cli.motions import motions
+from loopid.cli.paper import paper
+from loopid.cli.structure import base, check
+from loopid.errors import LoopidError
+
+app = typer.Typer(
+    help="Identify the dynamics of robots with closed kinematic loops.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for command in (check, base, motions, identify, paper):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line; every refusal is one line and exit code 2."""
+    warnings.showwarning = show_warning
+    try:
+        app()
+    except LoopidError as error:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(
+            f"loopid: error: {error}", markup=False
+        )
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader has seen enough; nothing may be flushed to it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)

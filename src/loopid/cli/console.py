@@ -1,0 +1,60 @@
+"""What all commands share: options, tables or JSON, warnings and progress bars."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, TextIO
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from loopid.progress import Progress as Reporter
+
+RobotFile = Annotated[
+    str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
+]
+Lock = Annotated[
+    list[str] | None, typer.Option(metavar="JOINT", help="Lock a joint; may be repeated.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Out = Annotated[
+    str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
+]
+
+
+def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
+    """Print tables, or the record as JSON."""
+    if as_json:
+        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        return
+    console = Console()
+    for table in tables:
+        console.print(table)
+
+
+def show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """One line, without the source line that Python adds."""
+    sys.stderr.write(f"loopid: warning: {message}\n")
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Reporter]:
+    """A progress bar on the terminal's error stream, gone when the work is done."""
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -1,0 +1,94 @@
+"""Ways of predicting forces, judged on data that none of them has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.identification import FitSamples, Quality
+from loopid.identification.quality import fit_quality
+
+# Stretches of time that count as independent when mean errors are compared.
+BATCHES = 20
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Values for all parameters of a force model, some of them taken from data.
+
+    Attributes
+    ----------
+    name : str
+    fitted : int
+        Parameters taken from data; the others are those of the robot file, or zero.
+    values : FloatArray
+        (n,).
+    covariance : FloatArray
+        (n, n), zero where nothing was fitted.
+    training, validation : Quality
+        On the data of the fit, and on others.
+    error_ratio : tuple of float
+        Mean squared validation error, actuators weighted alike, over that of the baseline; and its
+        standard error, from the spread over stretches of time.
+    """
+
+    name: str
+    fitted: int
+    values: FloatArray
+    covariance: FloatArray
+    training: Quality
+    validation: Quality
+    error_ratio: tuple[float, float]
+
+    @property
+    def beats_baseline(self) -> bool:
+        """Whether the validation error is smaller by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return ratio + 2 * error < 1.0
+
+
+def judge(
+    name: str,
+    fitted: int,
+    values: FloatArray,
+    covariance: FloatArray,
+    data: tuple[FitSamples, FitSamples],
+    baseline: FloatArray,
+) -> Candidate:
+    """Measure a candidate on training and validation data, beside baseline values (n,)."""
+    training, validation = data
+    return Candidate(
+        name=name,
+        fitted=fitted,
+        values=values,
+        covariance=covariance,
+        training=fit_quality(training.problem, values),
+        validation=fit_quality(validation.problem, values),
+        error_ratio=_error_ratio(validation, values, baseline),
+    )
+
+
+def _error_ratio(
+    samples: FitSamples, values: FloatArray, baseline: FloatArray
+) -> tuple[float, float]:
+    """Ratio of mean squared errors, with the standard error of the difference of paired batches."""
+    squares = np.stack([_weighted_squares(samples, phi, baseline) for phi in (values, baseline)])
+    batches = np.array_split(squares, min(BATCHES, squares.shape[1]), axis=1)
+    means = np.stack([batch.mean(axis=1) for batch in batches])
+    difference = (means[:, 0] - means[:, 1]) / means[:, 1].mean()
+    return 1.0 + float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(means)))
+
+
+def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:
+    """Squared errors (N,), each actuator in units of its baseline error."""
+    scale = fit_quality(samples.problem, baseline).residual_rms
+    residual = np.where(samples.used, samples.residual(values), 0.0)
+    return np.asarray(((residual / scale) ** 2).sum(axis=1), dtype=np.float64)
+
+
+def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard errors (N, dof) of the forces that a regressor (N, dof, n) predicts."""
+    variance = np.einsum("nij,jk,nik->ni", regressor, covariance, regressor, optimize=True)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)

@@ -1,0 +1,58 @@
+"""Records in JSON and YAML files."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from loopid.errors import DataError, MissingFileError, OptionError
+from loopid.files import write_file
+
+SUFFIXES = (".json", ".yaml", ".yml")
+
+
+def write_record(path: str | Path, record: dict[str, Any]) -> None:
+    """Write a record of plain numbers, lists and texts, whole or not at all."""
+    if _is_json(path):
+        text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    else:
+        stream = StringIO()
+        _yaml().dump(record, stream)
+        text = stream.getvalue()
+    write_file(path, text)
+
+
+def read_record(path: str | Path) -> dict[str, Any]:
+    """Read a record back."""
+    is_json = _is_json(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        record = json.loads(text) if is_json else _yaml().load(text)
+    except FileNotFoundError as error:
+        raise MissingFileError(f"there is no file {path}") from error
+    except (OSError, ValueError, YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(f"{path} cannot be read: {reason}") from error
+    if not isinstance(record, dict):
+        raise DataError(f"{path} is not a saved record")
+    return record
+
+
+def _is_json(path: str | Path) -> bool:
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise OptionError.unknown("ending", suffix or str(path), SUFFIXES)
+    return suffix == ".json"
+
+
+def _yaml() -> YAML:
+    yaml = YAML(typ="safe", pure=True)
+    yaml.allow_unicode = True
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.default_flow_style = None
+    return yaml

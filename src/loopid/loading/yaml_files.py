@@ -1,0 +1,74 @@
+"""YAML files, checked against a model of what they may say; one sentence for what is wrong."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from loopid.errors import RobotFileError
+
+
+class Section(BaseModel):
+    """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True, frozen=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, content: Any) -> Any:
+        unknown = [] if not isinstance(content, dict) else set(content) - set(cls.model_fields)
+        for key in sorted(unknown, key=str):
+            raise ValueError(f"unknown key {key!r}: choose among {', '.join(cls.model_fields)}")
+        return content
+
+
+Content = TypeVar("Content", bound=BaseModel)
+
+
+def read_yaml(path: Path, model: type[Content]) -> Content:
+    """Read a YAML file of keys and values as a model; an empty file leaves all keys out.
+
+    Raises
+    ------
+    RobotFileError
+        Naming the place in the file, the value and what is valid.
+    """
+    try:
+        content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise RobotFileError(f"{path} is not YAML: {_yaml_problem(error)}") from error
+    content = {} if content is None else content
+    if not isinstance(content, dict):
+        keys = ", ".join(model.model_fields)
+        raise RobotFileError(f"{path} must hold keys among {keys}, not {content!r:.60}")
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise RobotFileError(f"{path}: {_first_problem(error)}") from error
+
+
+def _yaml_problem(error: YAMLError | UnicodeDecodeError) -> str:
+    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
+        mark = error.problem_mark
+        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
+    return " ".join(str(error).split())
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    # Tags of alternatives, as in "<hold>", are no keys of the file.
+    place = ".".join(str(part) for part in problem["loc"] if not str(part).startswith("<"))
+    before = f"{place}: " if place else ""
+    if problem["type"] == "missing":
+        return f"{before}is missing"
+    message = problem["msg"].removeprefix("Value error, ")
+    # Our own sentences name the value themselves.
+    given = "" if problem["type"] == "value_error" else f", not {problem['input']!r:.60}"
+    return f"{before}{message}{given}"

@@ -1,0 +1,73 @@
+"""What a log holds once it is read: evenly sampled positions and forces of the motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray, IntArray, finite, frozen, samples
+from loopid.errors import DataError
+from loopid.logs.recording import Dropped
+
+
+@dataclass(frozen=True)
+class Log:
+    """Positions and forces of the motors over time, in stretches without gaps.
+
+    Attributes
+    ----------
+    name : str
+    joints : tuple of str
+        The actuated joints, in the order of the columns.
+    time : FloatArray
+        (N,) in s from the log's first sample, increasing, even within each stretch.
+    position, force : FloatArray
+        (N, dof) in m or rad, and N or N m.
+    stretches : IntArray
+        (N,), number of the gap-free stretch that a sample belongs to, ascending from 0.
+    dropped : tuple of Dropped
+        What was left out while reading.
+    saturation : FloatArray or None
+        (dof,), force from which each drive saturates; None where nothing is known.
+    idle_speed : float or None
+        Speed in m/s or rad/s at or below which a motor counts as standing.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    force: FloatArray
+    stretches: IntArray
+    dropped: tuple[Dropped, ...] = ()
+    saturation: FloatArray | None = None
+    idle_speed: float | None = None
+
+    def __post_init__(self) -> None:
+        time = finite(self.time, "time")
+        if time.ndim != 1 or len(time) == 0 or (np.diff(time) <= 0).any():
+            raise DataError("the time of a log must be a row of increasing numbers")
+        if np.shape(self.stretches) != time.shape or (np.diff(self.stretches) < 0).any():
+            raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
+        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "stretches", frozen(self.stretches, np.int64))
+        for name in ("position", "force"):
+            values = samples(getattr(self, name), len(self.joints), name, len(time))
+            object.__setattr__(self, name, frozen(values))
+        if self.saturation is not None:
+            object.__setattr__(self, "saturation", frozen(self.saturation))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def parts(self) -> list[slice]:
+        """The samples of each stretch, in order."""
+        starts = np.flatnonzero(np.diff(self.stretches, prepend=self.stretches[0] - 1))
+        ends = [*starts[1:].tolist(), len(self)]
+        return [slice(a, b) for a, b in zip(starts.tolist(), ends, strict=True)]
+
+    def rate(self, part: slice) -> float:
+        """Samples per second of a stretch; 0 for a single sample."""
+        time = self.time[part]
+        return (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else 0.0

@@ -1,0 +1,159 @@
+"""The YAML that says which columns of a log are what, for logs that do not say it themselves."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from loopid.errors import LogError, MissingFileError
+
+UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
+KINDS = ("several", "one", "by joint")
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class TimeColumns(BaseModel):
+    """One column with a unit, or two that add up."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    column: str | None = None
+    unit: Literal["s", "ms", "us", "ns"] = "s"
+    seconds: str | None = None
+    nanoseconds: str | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> TimeColumns:
+        pair = [self.seconds, self.nanoseconds]
+        if self.column is None and None in pair:
+            raise ValueError("give 'column', or both 'seconds' and 'nanoseconds'")
+        if self.column is not None and pair != [None, None]:
+            raise ValueError("give either 'column', or 'seconds' and 'nanoseconds'")
+        return self
+
+
+class StreamColumns(BaseModel):
+    """Columns in the order of the motors; without names, all but those of the time."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    stream: str | None = None
+    columns: list[str] | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> StreamColumns:
+        if self.stream is None and self.columns is None:
+            raise ValueError("give 'stream', 'columns' or both")
+        return self
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, StreamColumns):
+        return "several"
+    if isinstance(value, dict):
+        return "several" if {"stream", "columns"} & set(value) else "by joint"
+    return "one"
+
+
+Columns = Annotated[
+    Annotated[StreamColumns, Tag("several")] | Annotated[dict[str, str], Tag("by joint")],
+    Discriminator(lambda value: "several" if _kind(value) == "several" else "by joint"),
+]
+Scales = Annotated[
+    Annotated[Finite, Tag("one")] | Annotated[dict[str, Finite], Tag("by joint")],
+    Discriminator(lambda value: "by joint" if isinstance(value, dict) else "one"),
+]
+Limits = Annotated[
+    Annotated[Positive, Tag("one")] | Annotated[dict[str, Positive], Tag("by joint")],
+    Discriminator(lambda value: "by joint" if isinstance(value, dict) else "one"),
+]
+
+
+class LogMapping(BaseModel):
+    """Which columns hold time, positions and forces, and in which units.
+
+    All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
+    ``stream:column``, or list the columns in the order of the motors. Values times the scale, plus
+    the offset, are in m or rad, and N or N m; numbers hold for all joints, or are given by joint.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["csv", "npz", "folder"] | None = None
+    time: TimeColumns | None = None
+    position: Columns | None = None
+    force: Columns | None = None
+    position_scale: Scales = 1.0
+    position_offset: Scales = 0.0
+    force_scale: Scales = 1.0
+    force_offset: Scales = 0.0
+    saturation: Limits | None = None
+    idle_speed: Positive | None = None
+
+    @model_validator(mode="after")
+    def _scales_are_not_zero(self) -> LogMapping:
+        for name in ("position_scale", "force_scale"):
+            scale = getattr(self, name)
+            if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
+                raise ValueError(f"{name} must not be 0")
+        return self
+
+
+def read_mapping(path: str | Path) -> LogMapping:
+    """Read and validate a mapping file.
+
+    Raises
+    ------
+    MissingFileError
+        When it is not there.
+    LogError
+        Naming the key, the value and what is valid.
+    """
+    try:
+        content = YAML(typ="safe").load(io.StringIO(Path(path).read_text(encoding="utf-8")))
+    except FileNotFoundError as error:
+        raise MissingFileError(f"there is no mapping {path}") from error
+    except OSError as error:
+        raise LogError(f"mapping {path} cannot be read: {error.strerror}") from error
+    except (YAMLError, UnicodeDecodeError, ValueError) as error:
+        raise LogError(f"{path} is not YAML: {_yaml_problem(error)}") from error
+    if not isinstance(content, dict):
+        raise LogError(f"{path} must hold keys such as position, not {content!r:.60}")
+    try:
+        return LogMapping.model_validate(content)
+    except ValidationError as error:
+        raise LogError(f"{path}: {_first_problem(error)}") from error
+
+
+def _yaml_problem(error: Exception) -> str:
+    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
+        mark = error.problem_mark
+        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
+    return " ".join(str(error).split())
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    key = ".".join(str(part) for part in problem["loc"] if part not in KINDS)
+    if problem["type"] == "extra_forbidden":
+        inner: dict[str, type[BaseModel]]
+        inner = {"time": TimeColumns, "position": StreamColumns, "force": StreamColumns}
+        valid = inner[key.split(".")[0]] if "." in key else LogMapping
+        return f"unknown key {key!r}: choose among {', '.join(valid.model_fields)}"
+    message = problem["msg"].removeprefix("Value error, ")
+    return f"{key}: {message}, not {problem['input']!r:.60}" if key else message

@@ -1,0 +1,99 @@
+"""Logs of any known format, on an even grid and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.errors import MissingFileError
+from loopid.logs.alignment import align
+from loopid.logs.limit_checks import check_limits
+from loopid.logs.log import Log
+from loopid.logs.mapping import LogMapping, read_mapping
+from loopid.logs.signal_checks import (
+    check_efforts,
+    check_moving,
+    check_speeds,
+    drop_glitches,
+    unwrap_turns,
+)
+from loopid.logs.sources import by_joint, read_streams
+from loopid.logs.stream import Stream
+from loopid.logs.text_lines import stream_name
+from loopid.mechanism import Mechanism
+
+
+def read_log(
+    path: str | Path, mechanism: Mechanism, mapping: LogMapping | str | Path | None = None
+) -> Log:
+    """Read the positions and forces of the motors.
+
+    Parameters
+    ----------
+    path : path
+        A table of text (.csv, .txt, .tsv, also .gz), an .npz, or a folder with one table a stream.
+    mechanism : Mechanism
+    mapping : LogMapping or path, optional
+        Which columns are what, and their units; by default as their names say, in SI units.
+
+    Returns
+    -------
+    Log
+        Evenly sampled in stretches without gaps, at the rate of the positions.
+
+    Raises
+    ------
+    MissingFileError
+        When there is no such log or mapping.
+    LogError
+        When it is no log of this robot: unreadable, columns not found, times that do not increase,
+        too many bad rows, the wrong unit, nothing that moves.
+
+    Warns
+    -----
+    LogWarning
+        Of rows that are left out, and of values that look wrong.
+    """
+    place, joints = Path(path), mechanism.actuated
+    if not place.exists():
+        raise MissingFileError(f"there is no log {place}")
+    if not isinstance(mapping, LogMapping):
+        mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    streams = [_checked(mechanism, stream) for stream in read_streams(place, joints, mapping)]
+    check_moving(streams)
+    aligned = align(streams)
+    known = mapping.saturation is not None
+    return Log(
+        name=stream_name(place.resolve()),
+        joints=joints,
+        time=aligned.time,
+        position=_gathered(streams, aligned.values, "position", joints),
+        force=_gathered(streams, aligned.values, "force", joints),
+        stretches=aligned.stretches,
+        dropped=aligned.dropped,
+        saturation=np.array(by_joint(place, "saturation", mapping, joints)) if known else None,
+        idle_speed=mapping.idle_speed,
+    )
+
+
+def _checked(mechanism: Mechanism, stream: Stream) -> Stream:
+    stream = drop_glitches(check_limits(mechanism, stream))
+    stream = unwrap_turns(mechanism, stream)
+    check_speeds(mechanism, stream)
+    check_efforts(mechanism, stream)
+    return stream
+
+
+def _gathered(
+    streams: list[Stream], values: tuple[FloatArray, ...], quantity: str, joints: tuple[str, ...]
+) -> FloatArray:
+    """One column a joint (N, dof), from whichever stream it is in."""
+    found = {
+        channel.joint: column
+        for stream, table in zip(streams, values, strict=True)
+        for channel, column in zip(stream.channels, table.T, strict=True)
+        if channel.quantity == quantity
+    }
+    return np.stack([found[joint] for joint in joints], axis=1)

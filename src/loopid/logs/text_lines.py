@@ -1,0 +1,72 @@
+"""Lines of a text file, packed or not, and where its cells are separated."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from pathlib import Path
+
+from loopid.errors import LogError, MissingFileError
+
+TEXT_ENDINGS = (".csv", ".txt", ".tsv")
+PACKED = ".gz"
+# Of separators that split a header into equally many cells, the first is taken.
+SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", None)
+
+
+def is_text_name(path: Path) -> bool:
+    """Whether a file is called like a table of text."""
+    return path.name.lower().removesuffix(PACKED).endswith(TEXT_ENDINGS)
+
+
+def stream_name(path: Path) -> str:
+    """Name of the stream in a file: the file's name without its endings."""
+    name = path.name
+    for ending in (PACKED, *TEXT_ENDINGS, ".npz"):
+        if name.lower().endswith(ending):
+            name = name[: -len(ending)]
+    return name
+
+
+def read_lines(path: Path) -> list[str]:
+    """Lines without their ends; the last is empty when the file ends with a whole line.
+
+    Raises
+    ------
+    MissingFileError, LogError
+        When there is no such file, or it cannot be unpacked.
+    """
+    try:
+        content = path.read_bytes()
+        if content.startswith(b"\x1f\x8b"):
+            content = gzip.decompress(content)
+    except FileNotFoundError as error:
+        raise MissingFileError(f"there is no log {path}") from error
+    except (OSError, EOFError, zlib.error) as error:
+        raise LogError(f"{path} cannot be read: {error}") from error
+    # Bytes that are no text garble their own row only.
+    lines = content.decode("utf-8-sig", errors="replace").split("\n")
+    return [line.removesuffix("\r") for line in lines]
+
+
+def separator_of(header: str) -> str | None:
+    """What separates the cells of a header; None for any white space."""
+    return max(SEPARATORS, key=lambda separator: len(header.strip().split(separator)))
+
+
+def split_line(line: str, separator: str | None) -> list[str]:
+    """The cells of a line, without quotation marks and white space around them.
+
+    Where commas do not separate, they are decimal points.
+    """
+    line = line if separator == "," else line.replace(",", ".")
+    return [cell.strip().strip("\"'").strip() for cell in line.split(separator)]
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or empty."""
+    try:
+        float(cell)
+    except ValueError:
+        return cell == ""
+    return True

@@ -1,0 +1,57 @@
+"""Logs of text: one table in one file, or a folder with one file a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from loopid.errors import LogError
+from loopid.logs.reader import LogReader
+from loopid.logs.table import Table
+from loopid.logs.text_lines import is_text_name, stream_name
+from loopid.logs.text_table import read_header, read_table
+
+
+class TextReader(LogReader):
+    """One table: .csv, .txt or .tsv, packed with gzip or not."""
+
+    format = "csv"
+
+    def accepts(self, path: Path) -> bool:
+        return is_text_name(path) and not path.is_dir()
+
+    def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
+        return {stream_name(path): read_header(path).names}
+
+    def read(self, path: Path, stream: str, names: Sequence[str]) -> Table:
+        return read_table(path, names)
+
+
+class FolderReader(LogReader):
+    """A folder with one table a stream, each with time stamps of its own."""
+
+    format = "folder"
+
+    def accepts(self, path: Path) -> bool:
+        return path.is_dir()
+
+    def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
+        return {stream: _names(file) for stream, file in _files(path).items()}
+
+    def read(self, path: Path, stream: str, names: Sequence[str]) -> Table:
+        return read_table(_files(path)[stream], names)
+
+
+def _files(folder: Path) -> dict[str, Path]:
+    files = {stream_name(file): file for file in sorted(folder.glob("*")) if is_text_name(file)}
+    if not files:
+        raise LogError(f"{folder} holds no streams: files that end in .txt, .csv, .tsv or .gz")
+    return files
+
+
+def _names(file: Path) -> tuple[str, ...]:
+    """Its columns; none when it is no table, which matters only if its columns are needed."""
+    try:
+        return read_header(file).names
+    except LogError:
+        return ()

@@ -1,0 +1,9 @@
+"""The knee-rehabilitation paper's tables and figures, computed anew.
+
+*Gravitational Base Parameters Identification for a Knee Rehabilitation Parallel Robot*: what it
+prints is data in ``printed``; everything else comes from the same functions that any robot uses.
+"""
+
+from loopid.paper.reproduce import PaperReproduction, reproduce_paper
+
+__all__ = ["PaperReproduction", "reproduce_paper"]

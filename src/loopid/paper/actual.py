@@ -1,0 +1,178 @@
+"""Table V and figures 5 and 6: the real robot, or a stand-in where no log is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.experiment import (
+    ForceModel,
+    Identification,
+    find_force_model,
+    identify,
+    prediction_error,
+    split_recordings,
+)
+from loopid.identification import FitResult
+from loopid.identification.fitting import quiet_fit
+from loopid.logs import Log, Recording, prepare_recording
+from loopid.mechanism import Mechanism
+from loopid.paper.base import rows_of_table_ii
+from loopid.paper.experiment import ENCODER_STEP, Experiment, friction_terms, friction_values
+from loopid.paper.printed import FORCE_NOISE, TABLE_V
+from loopid.progress import Progress
+from loopid.seeds import random_generator
+from loopid.simulation import Noise, simulate_measurement
+from loopid.trajectories import LowPass
+
+# The stand-in's masses and inertias differ from the robot file by this standard deviation.
+STAND_IN_SPREAD = 0.1
+FIRST = len(TABLE_V)
+INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+
+
+@dataclass(frozen=True)
+class ActualFit:
+    """What logs of the robot say, base parameters in the order of Table II.
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Names of the logs; ``("stand-in", ...)`` where the robot is a simulated one.
+    identification : Identification
+    order : IntArray
+        (15,), columns of the force model in the order of Table II.
+    fifteen, eight : FitResult
+        With friction, and with all base parameters or the first eight.
+    truth : FloatArray or None
+        (15,), of a stand-in.
+    time : FloatArray
+        (N,) in s, of one log.
+    used : BoolArray
+        (N, dof), where the forces say something.
+    measured_force, measured_gravity : FloatArray
+        (N, dof), as logged, and less the baseline's friction.
+    cad_force, cad_gravity : FloatArray
+        (N, dof), by the robot file, with the baseline's friction in the former.
+    eight_force : FloatArray
+        (N, dof), by the eight parameters and friction.
+    fitted_gravity, fitted_reach : FloatArray
+        (N, dof), by the supported parameters, and half the width of its 95 % interval.
+    """
+
+    sources: tuple[str, ...]
+    identification: Identification
+    order: IntArray
+    fifteen: FitResult
+    eight: FitResult
+    truth: FloatArray | None
+    time: FloatArray
+    used: BoolArray
+    measured_force: FloatArray
+    measured_gravity: FloatArray
+    cad_force: FloatArray
+    cad_gravity: FloatArray
+    eight_force: FloatArray
+    fitted_gravity: FloatArray
+    fitted_reach: FloatArray
+
+    @property
+    def is_stand_in(self) -> bool:
+        """Whether the robot is a simulated one."""
+        return self.truth is not None
+
+
+def fit_actual(
+    mechanism: Mechanism, recordings: Sequence[Recording], standard: FloatArray | None = None
+) -> ActualFit:
+    """Identify gravity and friction of the 3UPS+RPU from recordings of it.
+
+    Parameters
+    ----------
+    standard : FloatArray, optional
+        (90,), true standard parameters of a stand-in.
+    """
+    force_model = find_force_model(mechanism, "gravity", friction_terms(mechanism))
+    found = identify(force_model, *split_recordings(recordings))
+    order = rows_of_table_ii(force_model.base)
+    samples = found.samples[0].select([*order, *force_model.joint_columns])
+    joints = range(len(order), len(samples.parameters))
+    eight = quiet_fit(samples.select([*range(FIRST), *joints]))
+    gravity = None if standard is None else _gravity_truth(force_model, standard)
+    return ActualFit(
+        sources=tuple(recording.name for recording in recordings),
+        identification=found,
+        order=order,
+        fifteen=quiet_fit(samples),
+        eight=eight,
+        eight_force=_eight_force(found, recordings[0], order, eight),
+        truth=None if gravity is None else gravity[order],
+        **_shown(found, recordings[0]),
+    )
+
+
+def _gravity_truth(force_model: ForceModel, standard: FloatArray) -> FloatArray:
+    """True values (n,) of a gravity model's parameters, from standard ones of all kinds."""
+    mechanism = force_model.mechanism
+    labels = mechanism.parameters().labels
+    values = dict(zip(labels, standard, strict=True))
+    kept = [values[label] for label in mechanism.parameters("gravity").labels]
+    unknown = np.zeros(len(force_model.base.parameters) - len(kept))
+    return force_model.base.values(np.concatenate([kept, unknown]))
+
+
+def _eight_force(
+    found: Identification, recording: Recording, order: IntArray, eight: FitResult
+) -> FloatArray:
+    model = found.force_model
+    columns = [*order[:FIRST], *model.joint_columns]
+    return eight.predict(model.regressor(recording.motion)[:, :, columns])
+
+
+def _shown(found: Identification, recording: Recording) -> dict[str, Any]:
+    """The forces of figures 5 and 6 along one recording."""
+    model = found.force_model
+    bodies, joints = model.body_columns, model.joint_columns
+    W, baseline = model.regressor(recording.motion), found.baseline.values
+    supported = found.supported
+    friction = W[:, :, joints] @ baseline[joints]
+    cad = W[:, :, bodies] @ baseline[bodies]
+    spread = supported.covariance[np.ix_(bodies, bodies)]
+    return {
+        "time": recording.motion.time,
+        "used": recording.used,
+        "measured_force": recording.force,
+        "measured_gravity": recording.force - friction,
+        "cad_force": cad + friction,
+        "cad_gravity": cad,
+        "fitted_gravity": W[:, :, bodies] @ supported.values[bodies],
+        "fitted_reach": INTERVAL * prediction_error(W[:, :, bodies], spread),
+    }
+
+
+def simulate_stand_in(
+    experiment: Experiment, seed: int, progress: Progress | None = None
+) -> tuple[list[Recording], FloatArray]:
+    """Logs of a robot that is not quite the robot file's, and its standard parameters.
+
+    The logs go through the same filter, assembly and masks as those of a real robot.
+    """
+    mechanism = experiment.mechanism
+    standard = mechanism.standard_parameters()
+    spread = random_generator(seed, stream=2).normal(1.0, STAND_IN_SPREAD, len(standard))
+    truth = standard * spread
+    noise = Noise(uniform=FORCE_NOISE, encoder_step=ENCODER_STEP)
+    recordings = []
+    for k, (name, motion) in enumerate(experiment.motions.items()):
+        friction = friction_terms(mechanism), friction_values()
+        measured = simulate_measurement(mechanism, motion, noise, seed + k, truth, *friction)
+        still = np.zeros(len(motion.time), dtype=np.int64)
+        log = Log(name, mechanism.actuated, measured.time, measured.position, measured.force, still)
+        recordings.append(prepare_recording(mechanism, log, LowPass(experiment.rate / 10)))
+        if progress is not None:
+            progress(k + 1, len(experiment.motions))
+    return recordings, truth

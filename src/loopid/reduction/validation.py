@@ -1,0 +1,44 @@
+"""Mean squared errors over a log, and how well the log tells them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import DataError
+from loopid.identification import FitSamples
+from loopid.identification.autoregression import Autoregression
+from loopid.identification.burg import burg_covariances, run_lengths
+
+
+def mean_squared_error(
+    samples: FitSamples, values: FloatArray, scale: FloatArray
+) -> tuple[float, float]:
+    """Mean square of scaled residuals over samples and actuators, and its standard error.
+
+    The squares of all actuators at one time are one number, and follow one another as an
+    autoregressive process; so no independence is assumed, over time or between actuators.
+
+    Parameters
+    ----------
+    values : FloatArray
+        (n,).
+    scale : FloatArray
+        (dof,), times each residual; 0 leaves an actuator out.
+    """
+    counted = samples.used & (scale > 0)
+    squares = ((samples.residual(values) * scale) ** 2 * counted).sum(axis=1)
+    counts = counted.sum(axis=1)
+    total = float(counts.sum())
+    if not total:
+        raise DataError("there is no validation sample of an actuator that was fitted")
+    error = float(squares.sum()) / total
+    return error, _sum_deviation(samples, squares - error * counts, counts > 0) / total
+
+
+def _sum_deviation(samples: FitSamples, series: FloatArray, present: BoolArray) -> float:
+    """Standard deviation of the sum of a series (N,) where it is present (N,)."""
+    runs = run_lengths(present, samples.pieces)
+    model = Autoregression.of_covariances(burg_covariances(series, runs))
+    ones = present.astype(np.float64)[:, None]
+    return float(np.sqrt(model.sum_covariance([ones[piece] for piece in samples.pieces])[0, 0]))

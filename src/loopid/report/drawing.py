@@ -1,0 +1,98 @@
+"""One look for all figures: column width, colours that the colour-blind tell apart, SVG and PNG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from loopid.arrays import IntArray
+from loopid.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# The palette of Okabe and Ito, without its yellow, which is too light on paper.
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#56B4E9",
+    "#666666",
+)
+COLUMN = 3.5  # inches: the width of a column of a two-column page
+RESOLUTION = 220  # dots per inch of the PNG
+MOST_POINTS = 1500  # of a line: more than a column can show
+STYLE: dict[str, Any] = {
+    "font.size": 7.5,
+    "axes.titlesize": 8,
+    "axes.labelsize": 7.5,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.0,
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "loopid",
+    "svg.fonttype": "path",
+}
+
+
+@contextmanager
+def drawing(rows: int = 1, columns: int = 1, height: float = 1.6) -> Iterator[tuple[Any, Any]]:
+    """A figure of column width with axes (rows, columns), in our style.
+
+    Parameters
+    ----------
+    height : float
+        Of each row, in inches.
+
+    Raises
+    ------
+    MissingExtraError
+        When matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("matplotlib", "plot") from error
+    with mpl.rc_context(cast(Any, STYLE)):
+        figure = Figure(figsize=(COLUMN, height * rows))
+        yield figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def rendered(figure: Figure, name: str) -> dict[str, bytes]:
+    """The figure as ``name.svg`` and ``name.png``; the same bytes every time."""
+    files = {}
+    for kind, options in (
+        ("svg", {"metadata": {"Date": None}}),
+        ("png", {"dpi": RESOLUTION, "metadata": {"Software": None}}),
+    ):
+        stream = io.BytesIO()
+        figure.savefig(stream, format=kind, **options)
+        files[f"{name}.{kind}"] = stream.getvalue()
+    return files
+
+
+def thinned(count: int) -> IntArray:
+    """Evenly spread samples, as many as a line can show."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64))
+
+
+def plain_log_labels(axes: Axes) -> None:
+    """Label a logarithmic axis with 1, 2, 5, 10 rather than powers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,96 @@
+"""Figures of an identification: predicted forces, parameters, how many of them pay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray
+from loopid.experiment import Identification
+from loopid.experiment.candidate import prediction_error
+from loopid.report.drawing import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    drawing,
+    plain_log_labels,
+    rendered,
+    thinned,
+)
+
+INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+
+
+def identification_figures(found: Identification) -> dict[str, bytes]:
+    """All figures as SVG and PNG, by file name."""
+    return draw_forces(found) | draw_parameters(found) | draw_reduction(found)
+
+
+def draw_forces(found: Identification) -> dict[str, bytes]:
+    """Forces of each actuator on the first validation recording, measured and predicted."""
+    recording, joints = found.validation[0], found.force_model.mechanism.actuated
+    rows = thinned(len(recording))
+    time, gaps = recording.motion.time[rows], ~recording.used[rows]
+    W = found.force_model.regressor(recording.motion.select(rows))
+    with drawing(len(joints), height=1.3) as (figure, axes):
+        for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
+            ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
+            ax.plot(time, _broken(W @ found.baseline.values, gaps, k), "--", color=BLUE)
+            line = _broken(W @ found.supported.values, gaps, k)
+            reach = INTERVAL * prediction_error(W, found.supported.covariance)[:, k]
+            ax.plot(time, line, color=RED)
+            ax.fill_between(time, line - reach, line + reach, color=RED, alpha=0.3, linewidth=0)
+            ax.set(title=joint, ylabel=f"force ({force_unit(found, joint)})")
+        axes[-1, 0].set_xlabel("time (s)")
+        labels = ("measured", "robot file, joint terms", "supported", "its 95 % interval")
+        handles = [*axes[0, 0].lines, *axes[0, 0].collections]
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+        return rendered(figure, "forces")
+
+
+def force_unit(found: Identification, joint: str) -> str:
+    """Unit of an actuator's force: N where it slides, N m where it turns."""
+    mechanism = found.force_model.mechanism
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+
+
+def _broken(values: FloatArray, gaps: BoolArray, k: int) -> FloatArray:
+    """One column, with breaks where the force says nothing."""
+    return np.where(gaps[:, k], np.nan, values[:, k])
+
+
+def draw_parameters(found: Identification) -> dict[str, bytes]:
+    """Intervals of all parameters about the robot file's values, in standard errors."""
+    labels, error = found.fit.parameters.labels, found.fit.standard_errors
+    bodies = found.force_model.body_columns
+    place = np.arange(len(bodies))[::-1]
+    offset = (found.fit.values - found.force_model.prior)[bodies] / error[bodies]
+    with drawing(height=0.7 + 0.16 * len(bodies)) as (figure, axes):
+        ax = axes[0, 0]
+        ax.errorbar(offset, place, xerr=INTERVAL, fmt="o", color=BLUE, markersize=3, linewidth=1)
+        ax.axvline(0.0, color=GREY, linewidth=0.8)
+        names = [
+            f"{labels[j]}  ±{INTERVAL * error[j]:.2g} {found.fit.parameters[j].unit}"
+            for j in bodies
+        ]
+        ax.set_yticks(place, names)
+        figure.suptitle("base parameters against the robot file", fontsize=8)
+        figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)
+        return rendered(figure, "parameters")
+
+
+def draw_reduction(found: Identification) -> dict[str, bytes]:
+    """Validation error by the number of corrections, and the number that was chosen."""
+    steps = found.reduction.steps
+    count = np.array([len(step.labels) for step in steps])
+    error = np.array([step.validation_error for step in steps])
+    spread = np.array([step.standard_error for step in steps])
+    with drawing(height=2.0) as (figure, axes):
+        ax = axes[0, 0]
+        ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
+        ax.axvline(found.reduction.supported, color=ORANGE, linestyle="--", label="supported")
+        ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
+        ax.set(title="how many parameters the data support", yscale="log")
+        plain_log_labels(ax)
+        ax.legend()
+        return rendered(figure, "reduction")

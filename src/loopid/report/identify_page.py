@@ -1,0 +1,35 @@
+"""The Markdown page of ``loopid identify``, and all its files."""
+
+from __future__ import annotations
+
+import json
+
+from loopid.experiment import Identification
+from loopid.report.identify import identification_record, identification_tables
+from loopid.report.identify_figures import identification_figures
+from loopid.report.markdown import markdown_table
+
+CAPTIONS = {
+    "forces": "Forces on data that were not fitted.",
+    "parameters": "Base parameters against the robot file.",
+    "reduction": "Validation error by the number of parameters taken from the data.",
+}
+
+
+def identification_files(found: Identification) -> dict[str, bytes | str]:
+    """Page, figures, record and result, by file name."""
+    record = json.dumps(identification_record(found), indent=2, ensure_ascii=False)
+    return {
+        "report.md": identification_page(found),
+        "identification.json": record + "\n",
+        **identification_figures(found),
+    }
+
+
+def identification_page(found: Identification) -> str:
+    """The report as Markdown."""
+    name = found.force_model.mechanism.name
+    parts = [f"# Identification of {name}", ""]
+    parts += [markdown_table(table) for table in identification_tables(found)]
+    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
+    return "\n".join(parts)

@@ -1,0 +1,107 @@
+"""Motions that others have sampled: text with a row a sample and a column a coordinate."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.errors import LogError, MissingFileError, OptionError
+from loopid.trajectories.filtering import LowPass, differentiate
+from loopid.trajectories.motion import Motion
+
+# References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
+# that a drive can follow, and the path cuts a corner by 0.6 mm at 0.02 m/s (1 mrad at 0.035 rad/s).
+SMOOTHING = LowPass(2.0)
+
+
+def read_reference(
+    path: str | Path, names: Sequence[str], rate: float = 100.0, lowpass: LowPass = SMOOTHING
+) -> Motion:
+    """Read an evenly sampled motion, smoothed without delay so that it has accelerations.
+
+    Parameters
+    ----------
+    path : str or Path
+        Text, or text packed by gzip (``.gz``): rows of numbers with white space between.
+    names : sequence of str
+        The c coordinates, in the order of the columns.
+    rate : float
+        Rows per second.
+    lowpass : LowPass
+        Smooths the positions; velocities and accelerations are their central differences.
+
+    Raises
+    ------
+    MissingFileError
+        When there is no such file.
+    LogError
+        Naming the line that is not c finite numbers, or when there are too few.
+    OptionError
+        When a name comes twice, or the rate or the cut-off frequency does not fit.
+    """
+    if not names or len(set(names)) < len(names):
+        raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
+    if not 0 < rate < np.inf:
+        raise OptionError(f"the rate must be positive, not {rate} Hz")
+    file = Path(path)
+    values = _numbers(file, _rows(file, names))
+    least = lowpass.least_samples(rate)
+    if len(values) < least:
+        raise LogError(
+            f"{file}: {len(values)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
+            f"takes {least} at {rate:g} Hz"
+        )
+    position = lowpass.apply(values, rate)
+    velocity = differentiate(position, rate)
+    time = np.arange(len(position)) / rate
+    return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))
+
+
+def _rows(file: Path, names: Sequence[str]) -> list[list[str]]:
+    """The words of each line, without empty lines at the end."""
+    rows = [line.split() for line in _text(file).rstrip().splitlines()]
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(names):
+            raise LogError(
+                f"{file}, line {number}: {len(row)} columns, but {len(names)} coordinates "
+                f"({', '.join(names)})"
+            )
+    return rows
+
+
+def _text(file: Path) -> str:
+    if not file.is_file():
+        raise MissingFileError(f"{file} does not exist")
+    try:
+        packed = file.read_bytes()
+        return (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise LogError(f"{file} cannot be read as text: {error}") from error
+
+
+def _numbers(file: Path, rows: list[list[str]]) -> FloatArray:
+    """Finite values (N, c) of words."""
+    try:
+        values = np.array(rows, dtype=np.float64)
+    except ValueError:
+        values = np.array([[_number(word) for word in row] for row in rows])
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        line, column = wrong[0]
+        raise LogError(
+            f"{file}, line {line + 1}: column {column + 1} must be a finite number, "
+            f"not {rows[line][column]!r:.30}"
+        )
+    return values
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan

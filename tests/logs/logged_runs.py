@@ -1,0 +1,14 @@
+"""The real robots' logs, read without loopid."""
+
+import gzip
+
+import numpy as np
+
+LOGS = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+
+
+def read_stream(file):
+    """Stamps (N,) in ns and values (N, 4) of one stream."""
+    with gzip.open(file, "rt") as lines:
+        table = np.loadtxt(lines, skiprows=1)
+    return table[:, 0].astype(np.int64) * 10**9 + table[:, 1].astype(np.int64), table[:, 2:]

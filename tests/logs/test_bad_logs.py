@@ -1,0 +1,330 @@
+"""Every bad log is refused or warned of, in words that name the file and the rows."""
+
+import warnings
+
+import numpy as np
+import pytest
+from simulated_logs import table
+
+from loopid import load_mechanism
+from loopid.errors import LogError, LogWarning
+from loopid.logs import read_log
+
+
+def lines_of(text):
+    header, *rows = text.splitlines()
+    return header, rows
+
+
+def joined(header, rows):
+    return "\n".join([header, *rows, ""])
+
+
+@pytest.fixture
+def changed(read_text, truth, knee):
+    """Read the log after a change of its arrays."""
+
+    def read(change):
+        arrays = {name: getattr(truth, name).copy() for name in ("time", "position", "force")}
+        change(arrays)
+        text = table(arrays["time"], arrays["position"], arrays["force"], knee.actuated)
+        return read_text(text)
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("\n \n", "is empty"),
+        ("0.0,1.0,2.0\n0.1,1.0,2.0\n", r"has no header: row 1 holds numbers, '0\.0,1"),
+        ("time,a\n", "no position of leg1_stroke"),
+        ("# made at night\n", "no position of leg1_stroke"),
+        ("time,a,a\n1,2,3\n", "names column 'a' more than once"),
+        (bytes(range(256)) * 20, "is no text"),
+        (b"\x1f\x8b\x08\x00garbage", "cannot be read"),
+        ("leg1_stroke leg2_stroke leg3_stroke leg4_stroke\n1 2 3 4\n", "no force of leg1_stroke"),
+        ("position_0,position_1,force_0\n", r"2 columns for the position \(position_0, posi"),
+        ("leg1_stroke,leg1_stroke.position\n", "has 2 columns for the position of leg1_stroke"),
+    ],
+)
+def test_files_that_are_no_logs(read_text, text, message):
+    with pytest.raises(LogError, match=rf"log\.csv.*{message}"):
+        read_text(text)
+
+
+def test_a_long_list_of_columns_is_cut_short(read_text):
+    names = ",".join(f"c{k}" for k in range(100))
+    with pytest.raises(LogError, match="c29 and 70 more"):
+        read_text(f"{names}\n")
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_too_few_rows(read_text, good_text, count):
+    header, rows = lines_of(good_text)
+    with pytest.raises(LogError, match="rows"):
+        read_text(joined(header, rows[:count]))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("time", "has no time: call one column time, or name it in a mapping; choose among tick"),
+        ("leg3_stroke.position", "no position of leg3_stroke: call a column leg3_stroke.position"),
+        ("leg2_stroke.force", "no force of leg2_stroke: call a column leg2_stroke.force"),
+    ],
+)
+def test_missing_columns_are_named(read_text, good_text, name, message):
+    with pytest.raises(LogError, match=message):
+        read_text(good_text.replace(name, "tick", 1))
+
+
+def test_two_columns_of_time(read_text, good_text):
+    with pytest.raises(LogError, match=r"several columns for the time \(time, time_ms\)"):
+        read_text(good_text.replace("\n", ",time_ms\n", 1).replace(".0\n", ".0,1\n"))
+
+
+def test_unordered_and_repeated_times_are_named(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[100], rows[101] = rows[101], rows[100]
+    rows[500] = rows[499]
+    with pytest.raises(LogError, match=r"back 1 times and stands still 1 times, in rows 103, 502"):
+        read_text(joined(header, rows))
+
+
+def test_shuffled_rows(read_text, good_text):
+    header, rows = lines_of(good_text)
+    order = np.random.default_rng(1).permutation(len(rows))
+    with pytest.raises(LogError, match=r"time must increase .* and \d+ more"):
+        read_text(joined(header, [rows[k] for k in order]))
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.7x", "1e300", "null", "x" * 1000])
+def test_bad_cells_are_left_out(read_text, good_text, truth, cell):
+    header, rows = lines_of(good_text)
+    for k in (10, 11, 800):
+        cells = rows[k].split(",")
+        rows[k] = ",".join([*cells[:3], cell, *cells[4:]])
+    message = r"log\.csv: no number in leg3_stroke\.position in rows 12, 13, 802 of 1601: left out"
+    with pytest.warns(LogWarning, match=message):
+        log = read_text(joined(header, rows))
+    # The holes are bridged: straight lines are off by less than a h² / 8.
+    assert np.abs(log.position - truth.position).max() < 0.05 * 0.03**2 / 8
+    (left_out,) = log.dropped
+    assert left_out.count == 3
+    assert (left_out.first, left_out.last) == pytest.approx((0.1, 8.0))
+
+
+@pytest.mark.parametrize("cell", ["soon", "nan", "1e99999999", "-inf", "", "0x1"])
+def test_bad_times_are_left_out(read_text, good_text, cell):
+    header, rows = lines_of(good_text)
+    rows[7] = f"{cell}," + rows[7].split(",", 1)[1]
+    with pytest.warns(LogWarning, match="no number in time in row 9 of 1601: left out"):
+        read_text(joined(header, rows))
+
+
+def test_rows_of_another_length_and_repeated_headers_are_left_out(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[20], rows[40] = rows[20] + ",3", header
+    rows[60] = rows[60][:40]
+    with pytest.warns(LogWarning) as caught:
+        read_text(joined(header, rows))
+    messages = " ".join(str(one.message) for one in caught)
+    assert "another number of cells than in the header in rows 22, 62 of 1601" in messages
+    assert "in row 42 of 1601" in messages
+
+
+def test_too_many_bad_rows_are_refused(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[100:300] = [row.rsplit(",", 1)[0] + ",nan" for row in rows[100:300]]
+    message = r"no number in leg4_stroke\.force in rows 102, .* of 1601 \(at most 10% may be left"
+    with pytest.raises(LogError, match=message):
+        read_text(joined(header, rows))
+
+
+def test_a_truncated_pack_is_refused(knee, good_text, write_text):
+    path = write_text(good_text, "log.csv.gz")
+    path.write_bytes(path.read_bytes()[:-1000])
+    with pytest.raises(LogError, match=r"log\.csv\.gz cannot be read"):
+        read_log(path, knee)
+
+
+@pytest.mark.parametrize(
+    ("factor", "advice"),
+    [(1e3, r"times 0\.001 \(mm to m\)"), (1e-3, "times 1000"), (1e6, r"times 1e-6 \(um to m\)")],
+)
+def test_positions_in_another_unit(changed, factor, advice):
+    def scale(arrays):
+        arrays["position"] *= factor
+
+    message = rf"leg1_stroke is outside its limits \[0.6537, 0.9337\] in rows 2, 3.*{advice}.*posit"
+    with pytest.raises(LogError, match=message):
+        changed(scale)
+
+
+PENDULUM = """<robot name="arm"><link name="base"/>
+<link name="bob"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="swing" type="KIND"><parent link="base"/><child link="bob"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="0" velocity="0"/></joint></robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def swings(write_files):
+    """A pendulum with limits, and one without."""
+    kinds = ("revolute", "continuous")
+    texts = (PENDULUM.replace("KIND", kind) for kind in kinds)
+    return {k: load_mechanism(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
+
+
+def test_angles_in_degrees(swings, write_text):
+    time = np.arange(0, 5, 0.01)
+    angle = np.degrees(np.sin(3 * time))[:, None]
+    path = write_text(table(time, angle, angle, ["swing"]))
+    with pytest.raises(LogError, match=r"swing is outside .* times pi/180 \(deg to rad\) they"):
+        read_log(path, swings["revolute"])
+
+
+def test_turns_are_counted_on(swings, write_text):
+    time = np.arange(0, 10, 0.01)
+    angle = 20 * np.sin(time)[:, None]
+    wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+    log = read_log(write_text(table(time, wrapped, angle, ["swing"])), swings["continuous"])
+    np.testing.assert_allclose(log.position, angle, atol=1e-12)
+
+
+def test_positions_from_another_origin(changed):
+    def shift(arrays):
+        arrays["position"] -= 0.69
+
+    with pytest.raises(LogError, match="with position_offset in a mapping they would fit"):
+        changed(shift)
+
+
+def test_positions_just_outside_the_limits_are_warned_of(changed, truth):
+    def shift(arrays):
+        arrays["position"][:, 1] -= 0.103
+
+    message = (
+        r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows 2, .* at worst 0.642.*: kept"
+    )
+    with pytest.warns(LogWarning, match=message):
+        log = changed(shift)
+    assert len(log) == len(truth.time)
+
+
+def test_glitches_are_left_out(changed, truth):
+    def disturb(arrays):
+        arrays["position"][700, 2] = 7.0
+        arrays["force"][900, 1] = 1e7
+
+    with pytest.warns(LogWarning) as caught:
+        log = changed(disturb)
+    messages = [str(one.message) for one in caught]
+    assert "positions far outside the limits of their joints in row 702 of 1601" in messages[0]
+    assert "forces more than 100 times their 99th percentile in row 902 of 1600" in messages[1]
+    assert np.abs(log.position - truth.position).max() < 1e-5
+    assert np.abs(log.force - truth.force).max() < 25  # Coulomb friction jumps by 2 * 22 N
+
+
+def test_speeds_beyond_the_limit_are_warned_of(changed):
+    def jump(arrays):
+        arrays["position"][700, 2] += 0.05
+
+    message = "leg3_stroke moves faster than its limit of 1 per s before rows 702, 703, at worst 5"
+    with pytest.warns(LogWarning, match=message):
+        changed(jump)
+
+
+def test_forces_beyond_the_limit_are_warned_of(changed):
+    def strain(arrays):
+        arrays["force"][700, 3] = -3000
+
+    message = "force of leg4_stroke exceeds its effort limit of 2343.44 in row 702, at worst 3000"
+    with pytest.warns(LogWarning, match=message):
+        changed(strain)
+
+
+@pytest.mark.parametrize("quantity", ["position", "force"])
+def test_dead_sensors_are_named(changed, quantity):
+    def kill(arrays):
+        arrays[quantity][:, [0, 2]] = arrays[quantity][0, [0, 2]]
+
+    message = f"the {quantity} of leg1_stroke, leg3_stroke never changes: a dead sensor"
+    with pytest.warns(LogWarning, match=message):
+        changed(kill)
+
+
+def test_a_robot_at_rest_is_refused(changed):
+    def rest(arrays):
+        arrays["position"][:] = arrays["position"][0]
+
+    with pytest.raises(LogError, match="no position ever changes, so nothing moves"):
+        changed(rest)
+
+
+@pytest.mark.parametrize(("factor", "advice"), [(1e3, "0.001"), (1e6, "1e-06"), (1e-6, "1000")])
+def test_times_in_another_unit(changed, factor, advice):
+    def scale(arrays):
+        arrays["time"] *= factor
+
+    with pytest.raises(LogError, match=rf"median step between time stamps is .* {advice}.*fit"):
+        changed(scale)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"time": np.arange(9.0)}, "no position of leg1_stroke"),
+        ({"x": np.float64(3)}, "holds no arrays with one or two axes"),
+        ({"time": np.array(["a", None], dtype=object)}, "is no .npz of numbers"),
+    ],
+)
+def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(LogError, match=message):
+        read_log(tmp_path / "log.npz", knee)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force", np.ones((5, 4)), "'force_0' has 5 rows, but 'time' has 1601"),
+        ("force", np.ones((1601, 4), dtype=complex), "column 'force_0' holds complex128, not num"),
+        ("time", np.arange(1601).astype("M8[s]"), "column 'time' holds datetime64.s., not times"),
+        ("time", np.zeros(1601), "stands still 1600 times"),
+    ],
+)
+def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, message):
+    arrays = {"time": truth.time, "position": truth.position, "force": truth.force} | {name: value}
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(LogError, match=message):
+        read_log(tmp_path / "log.npz", knee)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 nonsense", b"\x93NUMPY", bytes(1000)])
+def test_damaged_npz_are_refused(knee, tmp_path, content):
+    (tmp_path / "log.npz").write_bytes(content)
+    with pytest.raises(LogError, match=r"log\.npz is"):
+        read_log(tmp_path / "log.npz", knee)
+
+
+def test_a_folder_without_streams_is_refused(knee, tmp_path):
+    with pytest.raises(LogError, match="holds no streams"):
+        read_log(tmp_path, knee)
+
+
+def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_folder, truth):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(joint_position=(stamps, truth.position))
+    (folder / "control_action.txt").write_text("")
+    with pytest.raises(LogError, match=r"no force of leg1.*\(no header in control_action\)"):
+        read_log(folder, knee)
+
+
+def test_the_good_log_gives_no_warning(read_text, good_text):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_text(good_text).dropped == ()

@@ -1,0 +1,89 @@
+"""Forces that belong to another motor, point the other way or are in other units are noticed."""
+
+import itertools
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from logged_runs import LOGS
+
+from loopid.errors import AssemblyError, LogWarning
+from loopid.logs import Recording, prepare_recording, read_log
+from loopid.logs.force_checks import check_forces
+
+
+@pytest.fixture(scope="module")
+def simulated(knee, truth):
+    return Recording.of_motion("run", knee.actuated, truth.motion, truth.force)
+
+
+@pytest.fixture(scope="module")
+def logged(mechanism, shared):
+    folder = shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
+    return prepare_recording(mechanism, read_log(folder, mechanism))
+
+
+PAIRS = list(itertools.combinations(range(4), 2))
+
+
+def exchanged(recording, pair):
+    order = np.arange(4)
+    order[list(pair)] = pair[::-1]
+    return replace(recording, force=recording.force[:, order])
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_forces_of_a_simulation(knee, simulated, pair):
+    names = ", ".join(knee.actuated[k] for k in pair)
+    with pytest.warns(LogWarning, match=f"run: the forces or positions of {names} look exchanged"):
+        check_forces(knee, exchanged(simulated, pair))
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_forces_of_the_real_robots(mechanism, logged, pair):
+    with pytest.warns(LogWarning, match="look exchanged"):
+        check_forces(mechanism, exchanged(logged, pair))
+
+
+def test_forces_in_order_pass(knee, simulated, mechanism, logged):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_forces(knee, simulated)
+        check_forces(mechanism, logged)
+
+
+@pytest.mark.parametrize("joint", range(4))
+def test_a_turned_sign(mechanism, logged, joint):
+    force = logged.force.copy()
+    force[:, joint] *= -1
+    name = mechanism.actuated[joint]
+    with pytest.warns(LogWarning, match=f"the force of {name} points the other way"):
+        check_forces(mechanism, replace(logged, force=force))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_another_unit(mechanism, logged, factor):
+    with pytest.warns(LogWarning, match="times as large as the robot file predicts .* kN, mN or V"):
+        check_forces(mechanism, replace(logged, force=factor * logged.force))
+
+
+def test_few_samples_prove_nothing(knee, simulated):
+    rows = np.zeros(len(simulated), dtype=bool)
+    rows[100:125] = True
+    check_forces(knee, exchanged(simulated.select(rows), (0, 3)))
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_positions_of_the_real_robots(mechanism, shared, pair):
+    log = read_log(shared / "data" / "upv" / "logs" / LOGS[mechanism.name], mechanism)
+    order = np.arange(4)
+    order[list(pair)] = pair[::-1]
+    wrong = replace(log, position=log.position[:, order])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            prepare_recording(mechanism, wrong)
+        except AssemblyError:
+            return
+    assert caught

@@ -1,0 +1,185 @@
+"""Logs in foreign words and units, read through a mapping."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulated_logs import table
+
+from loopid.errors import LogError, LogWarning, MissingFileError
+from loopid.logs import read_log, read_mapping
+
+MAPPING = """
+format: csv
+time: {column: ticks, unit: ms}
+position: {leg1_stroke: enc1, leg2_stroke: enc2, leg3_stroke: enc3, leg4_stroke: enc4}
+force: {columns: [u1, u2, u3, u4]}
+position_scale: 0.001
+position_offset: {leg1_stroke: 0.6, leg2_stroke: 0.6, leg3_stroke: 0.6, leg4_stroke: 0.5}
+force_scale:
+  {leg1_stroke: 28.4628, leg2_stroke: 28.4628, leg3_stroke: 28.4628, leg4_stroke: 246.678}
+saturation: {leg1_stroke: 270, leg2_stroke: 271, leg3_stroke: 272, leg4_stroke: 2343}
+idle_speed: 0.002
+"""
+OFFSETS = np.array([0.6, 0.6, 0.6, 0.5])
+VOLTS = np.array([28.4628, 28.4628, 28.4628, 246.678])
+FOREIGN = [f"{word}{k}" for word in ("enc", "u") for k in (1, 2, 3, 4)]
+
+
+@pytest.fixture
+def foreign(write_text, truth):
+    """A log in ms, mm after an offset, and V."""
+    position, force = (truth.position - OFFSETS) * 1e3, truth.force / VOLTS
+    text = table(truth.time * 1e3, position, force, ["j"] * 4)
+    return write_text(",".join(["ticks", *FOREIGN]) + text[text.index("\n") :], "foreign.csv")
+
+
+@pytest.fixture
+def write_mapping(tmp_path):
+    def write(text):
+        path = tmp_path / "mapping.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_mapping_says_it_all(knee, truth, foreign, write_mapping):
+    log = read_log(foreign, knee, write_mapping(MAPPING))
+    np.testing.assert_allclose(log.time, truth.time, atol=1e-9)
+    np.testing.assert_allclose(log.position, truth.position, atol=1e-10)
+    np.testing.assert_allclose(log.force, truth.force, atol=1e-4)
+    np.testing.assert_array_equal(log.saturation, [270, 271, 272, 2343])
+    assert log.idle_speed == 0.002
+
+
+def test_one_number_may_stand_for_all_joints(knee, foreign, write_mapping):
+    text = MAPPING.replace(MAPPING.splitlines()[-2], "saturation: 3000")
+    log = read_log(foreign, knee, write_mapping(text))
+    np.testing.assert_array_equal(log.saturation, [3000] * 4)
+
+
+@pytest.mark.parametrize(
+    "position",
+    [
+        "{stream: strokes}",
+        "{stream: strokes, columns: [strokes_0, strokes_1, strokes_2, strokes_3]}",
+        "{columns: ['strokes:strokes_0', strokes_1, strokes_2, strokes_3]}",
+        "{leg1_stroke: 'strokes:strokes_0', leg2_stroke: strokes_1, leg3_stroke: strokes_2, "
+        "leg4_stroke: strokes_3}",
+    ],
+)
+def test_streams_of_a_folder(knee, truth, write_folder, write_mapping, position):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(
+        strokes=(stamps, truth.position),
+        pull=(stamps, truth.force),
+        gravity=(stamps, truth.force),
+    )
+    mapping = write_mapping(f"position: {position}\nforce: {{stream: pull}}\n")
+    log = read_log(folder, knee, mapping)
+    np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
+    np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
+
+
+def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    positions = {f"enc{k}": (stamps, truth.position[:, [k]]) for k in range(4)}
+    folder = write_folder(force=(stamps, truth.force), **positions)
+    columns = ", ".join(f"{joint}: enc{k}_0" for k, joint in enumerate(knee.actuated))
+    mapping = write_mapping(
+        f"position: {{{columns}}}\ntime: {{seconds: time_sec, nanoseconds: time_nanosec}}\n"
+    )
+    np.testing.assert_allclose(read_log(folder, knee, mapping).position, truth.position, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("idle_speed", "idle", "unknown key 'idle': choose among format, time, position"),
+        ("unit: ms", "unit: h", r"time\.unit: Input should be 's', 'ms', 'us' or 'ns', not 'h'"),
+        ("unit: ms", "uint: ms", r"unknown key 'time\.uint': choose among column, unit"),
+        ("column: ticks, ", "", "time: give 'column', or both 'seconds' and 'nanoseconds'"),
+        ("column: ticks", "column: ticks, seconds: s", "time: give either 'column', or"),
+        ("columns: [u1", "colums: [u1", r"force\.colums: Input should be a valid string"),
+        ("columns: [u1", "stream: 1, columns: [u1", r"force\.stream: Input should be a valid str"),
+        ("{columns: [u1, u2, u3, u4]}", "{stream: null}", "force: give 'stream', 'columns' or"),
+        ("position_scale: 0.001", "position_scale: 0", "position_scale must not be 0"),
+        ("position_scale: 0.001", "position_scale: .nan", "position_scale: Input should be a fin"),
+        ("leg1_stroke: 28.4628", "leg1_stroke: volt", r"force_scale\.leg1_stroke: Input should be"),
+        ("idle_speed: 0.002", "idle_speed: -1", "idle_speed: Input should be greater than 0"),
+        (
+            "leg4_stroke: 2343",
+            "leg4_stroke: 0",
+            r"saturation\.leg4_stroke: Input should be greater",
+        ),
+        ("idle_speed: 0.002", "idle_speed: [", r"is not YAML: .* \(line"),
+        (
+            "format: csv",
+            "format: bag",
+            "format: Input should be 'csv', 'npz' or 'folder', not 'bag",
+        ),
+        ("format: csv", "1: 2", "Keys should be strings"),
+        ("ticks", "tacks", "foreign has no column 'tacks' for the time: choose among ticks, enc1"),
+        ("enc3", "enc7", "has no column 'enc7': choose among ticks, enc1"),
+        ("enc3", "enc2", "column 'enc2' is mapped 2 times"),
+        ("u4]", "enc4]", "column 'enc4' is mapped 2 times"),
+        (", u4]", "]", r"has 3 columns for the force \(u1, u2, u3\), but the robot has 4 motors"),
+        ("leg4_stroke: enc4", "leg5_stroke: enc4", "position of the mapping names 'leg5_stroke'"),
+        (", leg4_stroke: enc4", "", "position of the mapping leaves out leg4_stroke: give the mot"),
+        (", leg4_stroke: 246.678", "", "force_scale of the mapping leaves out leg4_stroke"),
+        (", leg4_stroke: 2343", "", "saturation of the mapping leaves out leg4_stroke"),
+        ("{columns: [u1", "{stream: pull, columns: [u1", "no stream 'pull': choose among foreign"),
+        ("unit: ms", "unit: s", r"median step between time stamps is 10 s.*times 0\.001"),
+    ],
+)
+def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, message):
+    assert old in MAPPING
+    with pytest.raises(LogError, match=message):
+        read_log(foreign, knee, write_mapping(MAPPING.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize("text", ["", "- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
+def test_other_yaml_is_refused(write_mapping, text):
+    with pytest.raises(LogError, match=r"mapping\.yaml (is not YAML|must hold keys)"):
+        read_mapping(write_mapping(text))
+
+
+def test_missing_mappings_are_named(tmp_path):
+    with pytest.raises(MissingFileError, match=r"no mapping .*nowhere\.yaml"):
+        read_mapping(tmp_path / "nowhere.yaml")
+    with pytest.raises(LogError, match="cannot be read"):
+        read_mapping(tmp_path)
+
+
+def test_a_column_called_alike_in_two_streams_needs_its_stream(
+    knee, truth, write_folder, write_mapping
+):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(a=(stamps, truth.position), force=(stamps, truth.force))
+    (folder / "b.txt").write_text((folder / "a.txt").read_text())
+    mapping = write_mapping("position: {columns: [a_0, a_1, a_2, a_3]}\n")
+    with pytest.raises(LogError, match="several columns 'a_0': write a:a_0, b:a_0"):
+        read_log(folder, knee, mapping)
+
+
+def test_a_negative_scale_turns_the_force_round(knee, truth, foreign, write_mapping):
+    with pytest.warns(LogWarning, match="exceeds its effort limit"):
+        log = read_log(
+            foreign,
+            knee,
+            write_mapping(MAPPING.replace("leg1_stroke: 28.4628", "leg1_stroke: -2846.28")),
+        )
+    np.testing.assert_allclose(log.force[:, 0], -100 * truth.force[:, 0], atol=1e-2)
+
+
+DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_examples_of_the_documentation_are_mappings(knee, write_mapping, number):
+    examples = re.findall("```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
+    mapping = read_mapping(write_mapping(examples[number]))
+    assert len(examples) == 2
+    assert {"position", "force"} <= mapping.model_fields_set

@@ -1,0 +1,82 @@
+"""Zero-phase filtering and differentiation: what must pass, what must not, and no delay."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from loopid.errors import DataError, OptionError
+from loopid.trajectories import LowPass, differentiate
+
+RATE = 100.0
+filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))
+signals = st.integers(0, 2**32 - 1).map(
+    lambda seed: np.random.default_rng(seed).normal(size=(1500, 2)).cumsum(axis=0)
+)
+
+
+@given(filters, st.floats(-5, 5), st.floats(-5, 5))
+def test_straight_lines_pass_unchanged(lowpass, height, slope):
+    line = height + slope * np.arange(1000) / RATE
+    np.testing.assert_allclose(lowpass.apply(line, RATE), line, atol=1e-6 * (1 + abs(slope)))
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 3.0])
+def test_a_sine_is_damped_as_the_two_passes_say_and_not_delayed(order, ratio):
+    lowpass = LowPass(2.0, order)
+    time = np.arange(6000) / RATE
+    sine = np.sin(2 * np.pi * ratio * 2.0 * time)
+    middle = slice(2000, 4000)
+    # The bilinear transform bends frequencies: both are measured on the bent axis.
+    bent = np.tan(np.pi * ratio * 2.0 / RATE) / np.tan(np.pi * 2.0 / RATE)
+    expected = sine / (1 + bent ** (2 * order))
+    np.testing.assert_allclose(lowpass.apply(sine, RATE)[middle], expected[middle], atol=1e-6)
+
+
+@given(filters, signals)
+def test_time_has_no_direction(lowpass, signal):
+    # Away from the ends, by which pass comes first.
+    there, back = lowpass.apply(signal, RATE), lowpass.apply(signal[::-1], RATE)[::-1]
+    np.testing.assert_allclose(there[600:-600], back[600:-600], atol=1e-5 * np.abs(signal).max())
+
+
+@given(filters, signals, signals, st.floats(-3, 3))
+def test_filtering_is_linear_and_columns_are_alone(lowpass, one, other, factor):
+    together = lowpass.apply(one + factor * other, RATE)
+    apart = lowpass.apply(one, RATE) + factor * lowpass.apply(other, RATE)
+    np.testing.assert_allclose(together, apart, atol=1e-9 * (1 + np.abs(apart).max()))
+    np.testing.assert_allclose(lowpass.apply(one[:, 1], RATE), lowpass.apply(one, RATE)[:, 1])
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+@pytest.mark.parametrize("cutoff", [0.5, 2.0, 30.0])
+def test_the_least_number_of_samples_is_enough_and_one_less_is_not(cutoff, order):
+    lowpass = LowPass(cutoff, order)
+    least = lowpass.least_samples(RATE)
+    assert len(lowpass.apply(np.ones((least, 2)), RATE)) == least
+    with pytest.raises(DataError, match=f"{least - 1} samples .* {least} at 100 Hz"):
+        lowpass.apply(np.ones((least - 1, 2)), RATE)
+
+
+def test_parabolas_are_differentiated_exactly_to_their_ends():
+    time = np.arange(50) / RATE
+    values = np.column_stack([3 + 2 * time - 5 * time**2, np.full(50, 7.0)])
+    expected = np.column_stack([2 - 10 * time, np.zeros(50)])
+    np.testing.assert_allclose(differentiate(values, RATE), expected, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "word"),
+    [
+        (lambda: LowPass(0.0), OptionError, "positive, not 0.0 Hz"),
+        (lambda: LowPass(np.nan), OptionError, "nan"),
+        (lambda: LowPass(1.0, 0), OptionError, "order"),
+        (lambda: LowPass(50.0).apply(np.ones(1000), RATE), OptionError, "half the sample rate, 50"),
+        (lambda: LowPass(1.0).apply([1.0, np.nan], RATE), DataError, "finite"),
+        (lambda: differentiate([1.0, 2.0], RATE), DataError, "3"),
+    ],
+)
+def test_wrong_input_is_refused(make, error, word):
+    with pytest.raises(error, match=word):
+        make()

@@ -1,0 +1,142 @@
+"""The nine bundled identification trajectories go where and how the laboratory's table says."""
+
+import numpy as np
+import pytest
+
+from loopid.trajectories import read_motion_program, read_reference
+
+# A (x, z, theta, psi), B, seconds from A to B, and z on the way as a function of x.
+TABLE = {
+    "1": ((-0.02, 0.70, 0, 0), (-0.20, 0.70, 0, 0), 18),
+    "2": ((0.20, 0.70, 0.3491, 0), (-0.20, 0.70, -0.1396, 0), 40),
+    "3": ((0.11, 0.67, 0.3142, 0), (0.11, 0.78, 0.3142, 0), 11),
+    "4": ((0, 0.67, 0, -0.3491), (0, 0.78, 0, -0.3491), 11),
+    "5": ((0, 0.67, 0, -0.4924), (0, 0.67, 0, 0.0873), 16.6),
+    "6": ((0.20, 0.75, 0.2618, 0), (0, 0.75, 0.2618, 0), 20),
+    "7": ((0.20, 0.75, 0.3491, 0), (0.08, 0.75, 0.3491, 0), 12),
+    "8": ((0.20, 0.68, 0.2007, -0.2967), (-0.20, 0.68, 0, 0.1745), 40),
+    "9": ((0.15, 0.68, 0.3491, -0.1745), (0.15, 0.68, 0.3491, 0.1745), 10),
+}
+ARCS = {
+    "6": lambda x: 0.75 + 0.00835 * (1 - ((x - 0.10) / 0.10) ** 2),
+    "7": lambda x: 0.75 + 0.0029 * (1 - ((x - 0.14) / 0.06) ** 2),
+    "8": lambda x: 0.68 + 0.4 * (np.sqrt(0.0625 - x**2) - 0.15),
+}
+# Speeds in therapy, in m/s and rad/s.
+THERAPY = np.array([0.02, 0.02, 0.035, 0.035])
+# Knee rotations that the laboratory ran faster than in therapy: their times are given.
+FAST = {"5", "9"}
+
+
+@pytest.fixture(scope="module")
+def program():
+    return read_motion_program("3ups_rpu")
+
+
+@pytest.fixture(scope="module", params=TABLE)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def motion(program, name):
+    return program.motion(name)
+
+
+def test_there_are_nine(program, knee):
+    assert list(program.motions) == list(TABLE)
+    assert program.coordinates == knee.platform.names
+    assert all(plan.description for plan in program.motions.values())
+
+
+def stays(values, place):
+    """First and last samples (k, 2) of the stretches in which the motion rests at a place."""
+    near = np.abs(values - place).max(axis=1) < 1e-9
+    edges = np.flatnonzero(np.diff(near.astype(int), prepend=0, append=0))
+    return edges.reshape(-1, 2) - [0, 1]
+
+
+def test_a_and_b_are_reached_and_held_for_two_seconds(motion, name):
+    a, b, seconds = TABLE[name]
+    at_a, at_b = stays(motion.position, a), stays(motion.position, b)
+    assert len(at_b) == 4
+    assert len(at_a) == 5  # on arrival, and after each way back
+    for first, last in [*at_b, *at_a[1:]]:
+        assert motion.time[last] - motion.time[first] == pytest.approx(2, abs=0.1)
+    # Motion begins and ends with the third power of time: for some samples it is not to be seen.
+    way = motion.time[at_b[:, 0]] - motion.time[at_a[:-1, 1]]
+    np.testing.assert_allclose(way, seconds, atol=0.02 * seconds)
+
+
+def test_it_starts_and_ends_at_rest_at_home(motion, name, program):
+    home = program.motions[name].start
+    (first, last), (back, end) = stays(motion.position, home)
+    assert (first, end) == (0, len(motion) - 1)
+    assert motion.time[last] >= 5
+    assert motion.time[end] - motion.time[back] == pytest.approx(2, abs=0.1)
+    assert (np.round(home, 2) == home).all()
+
+
+def test_one_coordinate_at_a_time_moves_on_the_way_to_a(motion, name):
+    arrival = stays(motion.position, TABLE[name][0])[0, 0]
+    moving = np.abs(motion.velocity[:arrival]) > 1e-9
+    assert moving.sum(axis=1).max() == 1
+    order = [np.flatnonzero(row)[0] for row in moving[moving.any(axis=1)]]
+    order = [k for k, before in zip(order, [None, *order], strict=False) if k != before]
+    # z to a height between, then x, theta and psi as far as they differ, then z to that of A.
+    assert order[0] == 1
+    between = [k for k in order if k != 1]
+    assert between == sorted(between)
+    assert order in ([1, *between], [1, *between, 1])
+
+
+def test_arcs_follow_their_formula(motion, name):
+    a, b, _ = TABLE[name]
+    at_a, at_b = stays(motion.position, a), stays(motion.position, b)
+    way = motion.position[at_a[0, 1] : at_b[0, 0] + 1]
+    if name in ARCS:
+        np.testing.assert_allclose(way[:, 1], ARCS[name](way[:, 0]), atol=1e-9)
+    else:
+        fraction = np.linalg.norm(way - a, axis=1) / np.linalg.norm(np.subtract(b, a))
+        straight = np.add(a, fraction[:, None] * np.subtract(b, a))
+        np.testing.assert_allclose(way, straight, atol=1e-12)
+
+
+def test_position_velocity_and_acceleration_are_continuous(program, name):
+    jumps = []
+    for rate in (50.0, 500.0):
+        motion = program.motion(name, rate)
+        values = motion.position, motion.velocity, motion.acceleration
+        jumps.append([np.abs(np.diff(value, axis=0)).max() for value in values])
+        slope = np.gradient(motion.position, 1 / rate, axis=0)
+        np.testing.assert_allclose(slope[1:-1], motion.velocity[1:-1], atol=20 / rate**2)
+    # Ten times as many samples, steps ten times smaller.
+    np.testing.assert_allclose(jumps[1], np.divide(jumps[0], 10), rtol=0.15)
+
+
+def test_speeds_stay_within_those_of_therapy(motion, name):
+    peak = np.abs(motion.velocity).max(axis=0)
+    if name in FAST:
+        a, b, seconds = TABLE[name]
+        assert peak[3] == pytest.approx(1.875 * (b[3] - a[3]) / seconds, rel=1e-4)
+        assert peak[3] < 2 * THERAPY[3]
+        peak[3] = 0
+    assert (peak <= THERAPY).all()
+
+
+# The second file at hand holds another motion than the table's second.
+@pytest.mark.parametrize("name", sorted(set(TABLE) - {"2"}))
+def test_the_laboratorys_references_go_to_the_same_places(shared, knee, name):
+    a, b, seconds = TABLE[name]
+    folder = shared / "data" / "upv" / "references"
+    file = folder / f"trr{name}.txt.gz"
+    rows = np.loadtxt(file)
+    at_a, at_b = (np.abs(rows - place).max(axis=1) < 1e-4 for place in (a, b))
+    arrival = np.flatnonzero(at_b)[0]
+    departure = np.flatnonzero(at_a[:arrival])[-1]
+    assert (arrival - departure) / 100 == pytest.approx(seconds, abs=0.06)
+    if name in ARCS:
+        way = rows[departure : arrival + 1]
+        np.testing.assert_allclose(way[:, 1], ARCS[name](way[:, 0]), atol=1e-4)
+    smooth = read_reference(file, knee.platform.names).position
+    assert min(np.abs(smooth - place).max(axis=1).min() for place in (a, b)) < 1e-3

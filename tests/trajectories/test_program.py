@@ -1,0 +1,136 @@
+"""Motion files: what their steps mean."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from loopid import load_mechanism
+from loopid.trajectories import joint_motion
+
+NAMES = ("a", "b")
+SPEEDS = {"a": 0.1, "b": 0.4}
+START = {"a": 0.0, "b": 1.0}
+numbers = st.floats(-2, 2).map(lambda x: round(x, 3))
+seconds = st.floats(0.5, 5).map(lambda x: round(x, 2))
+# Moves in a given time: they are moves wherever they start.
+moves = st.builds(
+    lambda to, time, arcs: {"to": to, "seconds": time, "arcs": arcs},
+    st.dictionaries(st.sampled_from(NAMES), numbers, min_size=1),
+    seconds,
+    st.dictionaries(
+        st.sampled_from(NAMES),
+        st.fixed_dictionaries({"height": numbers, "flatness": st.sampled_from([0.0, 0.8])}),
+    ),
+)
+holds = st.fixed_dictionaries({"hold": seconds})
+plain_steps = st.lists(st.one_of(moves, holds), min_size=1, max_size=4)
+trees = st.recursive(
+    plain_steps,
+    lambda steps: st.lists(
+        st.one_of(
+            st.builds(lambda n, some: {"repeat": n, "steps": some}, st.integers(1, 3), steps),
+            st.builds(lambda some: {"there_and_back": some}, steps),
+            moves,
+        ),
+        min_size=1,
+        max_size=3,
+    ),
+    max_leaves=4,
+)
+
+
+def assert_same(ways, others):
+    for way, other in zip(ways, others, strict=True):
+        np.testing.assert_array_equal(way.position, other.position)
+        assert (way.seconds, way.arcs) == (other.seconds, other.arcs)
+
+
+def test_a_file_says_what_its_motions_are(program_of, valid_program):
+    program = program_of(valid_program)
+    assert program.coordinates == NAMES
+    assert list(program.motions) == ["first", "2"]
+    first = program.motions["first"]
+    assert first.description == "some words"
+    # hold, then three rounds of: 10 s to a = 1, 3 s there, 1 s hold, 3 s back, 2 s to a = 0.
+    assert [way.seconds for way in first.waypoints] == [2, *(10, 3, 1, 3, 2) * 3]
+    assert first.seconds == 59
+    motion = program.motion("first")
+    assert motion.names == NAMES
+    assert len(motion) == 59 * 50 + 1
+    assert len(program.motion("first", 10)) == 591
+    stops = motion.position[[0, 100, 600, 750, 800, 950, 1050]]
+    expected = [[0, 1], [0, 1], [1, 1], [1, 2], [1, 2], [1, 1], [0, 1]]
+    np.testing.assert_allclose(stops, expected, atol=1e-12)
+    # Half-way to b = 2 the arc is at its height.
+    np.testing.assert_allclose(motion.position[675], [1.1, 1.5], atol=1e-12)
+
+
+def test_the_documented_example_means_what_it_says(program_of):
+    text = (Path(__file__).parents[2] / "docs" / "motion_files.md").read_text()
+    program = program_of(text.split("```yaml\n")[1].split("```")[0])
+    swing = program.motions["swing"]
+    assert program.rate == 200
+    expected = [1, 2, 2, 0.5, *(2, 2) * 3, 2, 2, 1]
+    np.testing.assert_allclose([way.seconds for way in swing.waypoints], expected)
+    np.testing.assert_array_equal(swing.waypoints[-1].position, swing.start)
+
+
+@given(trees, st.integers(1, 3))
+def test_a_repeat_is_its_steps_written_out(program_of, steps, times):
+    program = program_of(short=[{"repeat": times, "steps": steps}], long=steps * times)
+    assert_same(program.motions["short"].waypoints, program.motions["long"].waypoints)
+
+
+@given(trees)
+def test_there_and_back_is_symmetric_in_time(program_of, steps):
+    program = program_of(only=[{"there_and_back": steps}])
+    plan = program.motions["only"]
+    motion = program.motion("only", 2000 / plan.seconds)
+    assert len(motion) == 2001
+    atol = 1e-6 * (1 + np.abs(motion.acceleration).max())
+    np.testing.assert_allclose(motion.position, motion.position[::-1], atol=atol)
+    np.testing.assert_allclose(motion.velocity, -motion.velocity[::-1], atol=atol)
+    np.testing.assert_array_equal(plan.waypoints[-1].position, plan.start)
+
+
+@given(plain_steps, st.lists(holds, min_size=1, max_size=3))
+def test_what_comes_between_leaves_the_rest_alone(program_of, steps, between):
+    block = {"there_and_back": steps}
+    program = program_of(plain=[block], more=[block | {"between": between}])
+    plain, more = (program.motions[name].waypoints for name in ("plain", "more"))
+    first, count = len(steps), len(between)
+    assert [way.seconds for way in more[first : first + count]] == [h["hold"] for h in between]
+    assert_same([*more[:first], *more[first + count :]], plain)
+
+
+@given(st.dictionaries(st.sampled_from(NAMES), st.floats(3, 9), min_size=1), seconds)
+def test_the_slowest_coordinate_moves_at_its_average_speed(program_of, to, speed):
+    program = program_of(
+        all=[{"to": to}], one=[{"to": {"a": to.get("a", 3)}, "speed": speed}]
+    ).motions
+    needed = {name: abs(value - START[name]) / SPEEDS[name] for name, value in to.items()}
+    assert program["all"].seconds == pytest.approx(max(needed.values()))
+    assert program["one"].seconds == pytest.approx(to.get("a", 3) / speed)
+
+
+def test_a_motion_of_joints_moves_a_robot(program_of):
+    knee = load_mechanism("3ups_rpu")
+    joints = dict(zip(knee.actuated, (0.707, 0.746, 0.755, 0.716), strict=True))
+    start = ", ".join(f"{name}: {value}" for name, value in joints.items())
+    program = program_of(
+        f"coordinates: [{', '.join(joints)}]\nmotions:\n  lift:\n    start: {{{start}}}\n"
+        "    steps:\n      - {to: {leg1_stroke: 0.717}, seconds: 2}\n"
+    )
+    moved = joint_motion(knee, program.motion("lift", 20))
+    stroke = moved.configurations[:, knee.joint("leg1_stroke").idx_q]
+    np.testing.assert_allclose(stroke[[0, -1]], [0.707, 0.717], atol=1e-12)
+
+
+def test_moves_at_a_speed_take_at_least_the_shortest_time(program_of, valid_program):
+    text = valid_program.replace("rate: 50", "rate: 50\nshortest: 12")
+    ways = program_of(text).motions["first"].waypoints
+    # The first move of each round is at the file's speed; given times and speeds stay.
+    assert [way.seconds for way in ways] == [2, *(12, 3, 1, 3, 2) * 3]
