@@ -328,3 +328,13 @@ def test_the_good_log_gives_no_warning(read_text, good_text):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert read_text(good_text).dropped == ()
+
+
+@pytest.mark.parametrize("nanoseconds", [10**9, -1])
+def test_nanoseconds_beyond_a_second_are_no_time(knee, truth, write_folder, nanoseconds):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(position=(stamps, truth.position), force=(stamps, truth.force))
+    text = (folder / "force.txt").read_text().replace("\t50000000\t", f"\t{nanoseconds}\t", 1)
+    (folder / "force.txt").write_text(text)
+    with pytest.warns(LogWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
+        read_log(folder, knee)

@@ -9,7 +9,7 @@ import pytest
 from logged_runs import LOGS
 
 from loopid.errors import AssemblyError, LogWarning
-from loopid.logs import Recording, prepare_recording, read_log
+from loopid.logs import Recording, force_checks, prepare_recording, read_log
 from loopid.logs.force_checks import check_forces
 
 
@@ -66,6 +66,18 @@ def test_a_turned_sign(mechanism, logged, joint):
 def test_another_unit(mechanism, logged, factor):
     with pytest.warns(LogWarning, match="times as large as the robot file predicts .* kN, mN or V"):
         check_forces(mechanism, replace(logged, force=factor * logged.force))
+
+
+def test_a_close_call_is_none(knee, simulated, monkeypatch):
+    # Each of two forces holds a little more of the other motor's than of its own.
+    force = simulated.force.copy()
+    own, other = force[:, 0] / force[:, 0].std(), force[:, 1] / force[:, 1].std()
+    force[:, 0], force[:, 1] = 0.45 * own + 0.55 * other, 0.55 * own + 0.45 * other
+    mixed = replace(simulated, force=force)
+    check_forces(knee, mixed)
+    monkeypatch.setattr(force_checks, "CLEARLY_BETTER", 1.0)
+    with pytest.warns(LogWarning, match="leg1_stroke, leg2_stroke look exchanged"):
+        check_forces(knee, mixed)
 
 
 def test_few_samples_prove_nothing(knee, simulated):

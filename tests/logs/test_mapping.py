@@ -8,7 +8,7 @@ import pytest
 from simulated_logs import table
 
 from loopid.errors import LogError, LogWarning, MissingFileError
-from loopid.logs import read_log, read_mapping
+from loopid.logs import LogMapping, read_log, read_mapping
 
 MAPPING = """
 format: csv
@@ -99,11 +99,11 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
     [
         ("idle_speed", "idle", "unknown key 'idle': choose among format, time, position"),
         ("unit: ms", "unit: h", r"time\.unit: Input should be 's', 'ms', 'us' or 'ns', not 'h'"),
-        ("unit: ms", "uint: ms", r"unknown key 'time\.uint': choose among column, unit"),
+        ("unit: ms", "uint: ms", r"time: unknown key 'uint': choose among column, unit"),
         ("column: ticks, ", "", "time: give 'column', or both 'seconds' and 'nanoseconds'"),
         ("column: ticks", "column: ticks, seconds: s", "time: give either 'column', or"),
         ("columns: [u1", "colums: [u1", r"force\.colums: Input should be a valid string"),
-        ("columns: [u1", "stream: 1, columns: [u1", r"force\.stream: Input should be a valid str"),
+        ("columns: [u1", "stream: 1, columns: [u1", "has no stream '1'"),
         ("{columns: [u1, u2, u3, u4]}", "{stream: null}", "force: give 'stream', 'columns' or"),
         ("position_scale: 0.001", "position_scale: 0", "position_scale must not be 0"),
         ("position_scale: 0.001", "position_scale: .nan", "position_scale: Input should be a fin"),
@@ -120,7 +120,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
             "format: bag",
             "format: Input should be 'csv', 'npz' or 'folder', not 'bag",
         ),
-        ("format: csv", "1: 2", "Keys should be strings"),
+        ("format: csv", "1: 2", "unknown key 1: choose among format"),
         ("ticks", "tacks", "foreign has no column 'tacks' for the time: choose among ticks, enc1"),
         ("enc3", "enc7", "has no column 'enc7': choose among ticks, enc1"),
         ("enc3", "enc2", "column 'enc2' is mapped 2 times"),
@@ -140,7 +140,11 @@ def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, me
         read_log(foreign, knee, write_mapping(MAPPING.replace(old, new, 1)))
 
 
-@pytest.mark.parametrize("text", ["", "- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
+def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):
+    assert read_mapping(write_mapping("")) == LogMapping()
+
+
+@pytest.mark.parametrize("text", ["- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
 def test_other_yaml_is_refused(write_mapping, text):
     with pytest.raises(LogError, match=r"mapping\.yaml (is not YAML|must hold keys)"):
         read_mapping(write_mapping(text))

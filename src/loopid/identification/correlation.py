@@ -79,7 +79,7 @@ def _error_models(
 
 
 def _total(models: dict[int, ErrorModel]) -> FloatArray:
-    return np.asarray(sum(model.sum_covariance() for model in models.values()))
+    return np.asarray(sum(model.sums for model in models.values()))
 
 
 def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
@@ -89,7 +89,7 @@ def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel
     samples = np.zeros(dof, dtype=np.int64)
     numbers[3] = 0.0
     for i, errors in models.items():
-        model, lags = errors.model, np.append(errors.model.covariances(), 0.0)
+        model, lags = errors.model, np.append(errors.model.covariances, 0.0)
         coefficients[i, : model.order] = model.coefficients
         scale, deviation = 1 / result.weights[i], np.sqrt(lags[0])
         lag_one = lags[1] / lags[0] if lags[0] > 0 else 0.0

@@ -28,6 +28,13 @@ class ErrorModel:
         (N,).
     pieces : tuple of slice
         Rows of each stretch.
+
+    Attributes
+    ----------
+    samples : int
+    model : Autoregression
+    sums : FloatArray
+        (n, n), covariance that the errors give the sums Σ_t x_t e_t.
     """
 
     def __init__(
@@ -37,50 +44,67 @@ class ErrorModel:
         used: BoolArray,
         pieces: tuple[slice, ...],
     ) -> None:
-        present = np.ascontiguousarray(columns * used[:, None])
+        present = columns * used[:, None]
         self._parts = [present[piece] for piece in pieces]
         self._used = [used[piece].astype(np.float64)[:, None] for piece in pieces]
         self.samples = int(used.sum())
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
-        self._grams = [self._lagged_gram(k) for k in range(len(self._observed))]
-        self._pairs = np.array([self._pairs_at(k) for k in range(len(self._observed))])
+        lags = range(len(self._observed))
+        self._pairs = np.array([_lagged(self._used, self._used, k)[0, 0] for k in lags])
+        self._grams = [_lagged(self._parts, self._parts, k) for k in lags]
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
-        self.model = self._of(self._observed * self.samples / freedom)
+        self._adopt(self._observed * self.samples / freedom)
 
-    def sum_covariance(self) -> FloatArray:
-        """Covariance (n, n) that the errors give the sums Σ_t x_t e_t."""
-        return self.model.sum_covariance(self._parts)
-
-    def correct(self, sums: FloatArray) -> None:
-        """Add back what a fit takes up, expected under the present models of all actuators.
+    def taken_up(self, sums: FloatArray) -> FloatArray:
+        """By how much a fit lowers Σ_t e_t e_{t+k} over used pairs, on average; (p + 1,).
 
         Parameters
         ----------
         sums : FloatArray
-            (n, n), covariance of the sums over all actuators.
+            (n, n), as ``sums``, over all actuators.
         """
-        taken = 2 * self.model.lagged_sums(self._parts)
+        left = [float(np.sum(sums * gram)) for gram in self._grams[: len(self._shared)]]
+        return self._shared - np.array(left)
+
+    def correct(self, sums: FloatArray) -> None:
+        """Make the model again, with what the fit takes up under the present models added back."""
+        taken = self.taken_up(sums)
         lags = slice(len(taken))
-        taken -= np.array([np.sum(sums * gram) for gram in self._grams[lags]])
         covariances = self._observed[lags] + taken / np.maximum(self._pairs[lags], 1.0)
         if covariances[0] > 0:
-            self.model = self._of(covariances)
-
-    def _of(self, covariances: FloatArray) -> Autoregression:
-        # Errors slower than a log is long cannot be told from an offset.
-        return Autoregression.of_covariances(covariances, limit=1 - 1 / max(self.samples, 2))
+            self._adopt(covariances)
 
     def effective_samples(self) -> float:
         """How many independent samples would tell the mean error as well."""
-        spread = float(self.model.sum_covariance(self._used)[0, 0])
+        spread = sum(float(u[:, 0] @ self.model.covariance_times(u)[:, 0]) for u in self._used)
         if not spread > 0:
             return float(self.samples)
-        variance = float(self.model.covariances()[0])
+        variance = float(self.model.covariances[0])
         return min(self.samples**2 * variance / spread, float(self.samples))
 
-    def _lagged_gram(self, lag: int) -> FloatArray:
-        grams = [part[: max(len(part) - lag, 0)].T @ part[lag:] for part in self._parts]
-        return np.asarray(np.sum(grams, axis=0), dtype=np.float64)
+    def _adopt(self, covariances: FloatArray) -> None:
+        # Errors slower than a log is long cannot be told from an offset.
+        limit = 1 - 1 / max(self.samples, 2)
+        self.model = Autoregression.of_covariances(covariances, limit)
+        spread = [self.model.covariance_times(part) for part in self._parts]
+        self.sums = _lagged(self._parts, spread, 0)
+        present = [part * u for part, u in zip(spread, self._used, strict=True)]
+        self._shared = np.array(
+            [
+                _lagged_product(self._parts, present, k) + _lagged_product(present, self._parts, k)
+                for k in range(self.model.order + 1)
+            ]
+        )
 
-    def _pairs_at(self, lag: int) -> float:
-        return sum(float(np.sum(u[: max(len(u) - lag, 0)] * u[lag:])) for u in self._used)
+
+def _lagged(one: list[FloatArray], other: list[FloatArray], lag: int) -> FloatArray:
+    """Σ_t x_t y_{t+k}ᵀ (n, n) over parts of rows x and y (L, n)."""
+    parts = zip(one, other, strict=True)
+    grams = [x[: max(len(x) - lag, 0)].T @ y[lag:] for x, y in parts]
+    return np.asarray(np.sum(grams, axis=0), dtype=np.float64)
+
+
+def _lagged_product(one: list[FloatArray], other: list[FloatArray], lag: int) -> float:
+    """Σ_t x_t·y_{t+k}, the trace of the same."""
+    parts = zip(one, other, strict=True)
+    return float(sum(np.vdot(x[: max(len(x) - lag, 0)], y[lag:]) for x, y in parts))

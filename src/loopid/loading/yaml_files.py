@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from loopid.errors import RobotFileError
+from loopid.errors import LoopidError, RobotFileError
 
 
 class Section(BaseModel):
@@ -32,29 +32,31 @@ class Section(BaseModel):
 Content = TypeVar("Content", bound=BaseModel)
 
 
-def read_yaml(path: Path, model: type[Content]) -> Content:
+def read_yaml(
+    path: Path, model: type[Content], failure: type[LoopidError] = RobotFileError
+) -> Content:
     """Read a YAML file of keys and values as a model; an empty file leaves all keys out.
 
     Raises
     ------
-    RobotFileError
-        Naming the place in the file, the value and what is valid.
+    LoopidError
+        Of the kind asked for, naming the place in the file, the value and what is valid.
     """
     try:
         content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{path} is not YAML: {_yaml_problem(error)}") from error
+    except (YAMLError, ValueError) as error:
+        raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
     content = {} if content is None else content
     if not isinstance(content, dict):
         keys = ", ".join(model.model_fields)
-        raise RobotFileError(f"{path} must hold keys among {keys}, not {content!r:.60}")
+        raise failure(f"{path} must hold keys among {keys}, not {content!r:.60}")
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise RobotFileError(f"{path}: {_first_problem(error)}") from error
+        raise failure(f"{path}: {_first_problem(error)}") from error
 
 
-def _yaml_problem(error: YAMLError | UnicodeDecodeError) -> str:
+def _yaml_problem(error: YAMLError | ValueError) -> str:
     if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
         mark = error.problem_mark
         return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"

@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    ValidationError,
-    model_validator,
-)
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.errors import LogError, MissingFileError
+from loopid.loading.yaml_files import Section, read_yaml
 
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
-KINDS = ("several", "one", "by joint")
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class TimeColumns(BaseModel):
+class TimeColumns(Section):
     """One column with a unit, or two that add up."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     column: str | None = None
     unit: Literal["s", "ms", "us", "ns"] = "s"
@@ -47,10 +34,8 @@ class TimeColumns(BaseModel):
         return self
 
 
-class StreamColumns(BaseModel):
+class StreamColumns(Section):
     """Columns in the order of the motors; without names, all but those of the time."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     stream: str | None = None
     columns: list[str] | None = None
@@ -64,35 +49,33 @@ class StreamColumns(BaseModel):
 
 def _kind(value: Any) -> str:
     if isinstance(value, StreamColumns):
-        return "several"
+        return "<several>"
     if isinstance(value, dict):
-        return "several" if {"stream", "columns"} & set(value) else "by joint"
-    return "one"
+        return "<several>" if {"stream", "columns"} & set(value) else "<by joint>"
+    return "<one>"
 
 
 Columns = Annotated[
-    Annotated[StreamColumns, Tag("several")] | Annotated[dict[str, str], Tag("by joint")],
-    Discriminator(lambda value: "several" if _kind(value) == "several" else "by joint"),
+    Annotated[StreamColumns, Tag("<several>")] | Annotated[dict[str, str], Tag("<by joint>")],
+    Discriminator(lambda value: "<several>" if _kind(value) == "<several>" else "<by joint>"),
 ]
 Scales = Annotated[
-    Annotated[Finite, Tag("one")] | Annotated[dict[str, Finite], Tag("by joint")],
-    Discriminator(lambda value: "by joint" if isinstance(value, dict) else "one"),
+    Annotated[Finite, Tag("<one>")] | Annotated[dict[str, Finite], Tag("<by joint>")],
+    Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
 ]
 Limits = Annotated[
-    Annotated[Positive, Tag("one")] | Annotated[dict[str, Positive], Tag("by joint")],
-    Discriminator(lambda value: "by joint" if isinstance(value, dict) else "one"),
+    Annotated[Positive, Tag("<one>")] | Annotated[dict[str, Positive], Tag("<by joint>")],
+    Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
 ]
 
 
-class LogMapping(BaseModel):
+class LogMapping(Section):
     """Which columns hold time, positions and forces, and in which units.
 
     All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
     ``stream:column``, or list the columns in the order of the motors. Values times the scale, plus
     the offset, are in m or rad, and N or N m; numbers hold for all joints, or are given by joint.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     format: Literal["csv", "npz", "folder"] | None = None
     time: TimeColumns | None = None
@@ -125,35 +108,8 @@ def read_mapping(path: str | Path) -> LogMapping:
         Naming the key, the value and what is valid.
     """
     try:
-        content = YAML(typ="safe").load(io.StringIO(Path(path).read_text(encoding="utf-8")))
+        return read_yaml(Path(path), LogMapping, LogError)
     except FileNotFoundError as error:
         raise MissingFileError(f"there is no mapping {path}") from error
     except OSError as error:
         raise LogError(f"mapping {path} cannot be read: {error.strerror}") from error
-    except (YAMLError, UnicodeDecodeError, ValueError) as error:
-        raise LogError(f"{path} is not YAML: {_yaml_problem(error)}") from error
-    if not isinstance(content, dict):
-        raise LogError(f"{path} must hold keys such as position, not {content!r:.60}")
-    try:
-        return LogMapping.model_validate(content)
-    except ValidationError as error:
-        raise LogError(f"{path}: {_first_problem(error)}") from error
-
-
-def _yaml_problem(error: Exception) -> str:
-    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
-        mark = error.problem_mark
-        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
-    return " ".join(str(error).split())
-
-
-def _first_problem(error: ValidationError) -> str:
-    problem = error.errors()[0]
-    key = ".".join(str(part) for part in problem["loc"] if part not in KINDS)
-    if problem["type"] == "extra_forbidden":
-        inner: dict[str, type[BaseModel]]
-        inner = {"time": TimeColumns, "position": StreamColumns, "force": StreamColumns}
-        valid = inner[key.split(".")[0]] if "." in key else LogMapping
-        return f"unknown key {key!r}: choose among {', '.join(valid.model_fields)}"
-    message = problem["msg"].removeprefix("Value error, ")
-    return f"{key}: {message}, not {problem['input']!r:.60}" if key else message

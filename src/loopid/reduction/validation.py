@@ -41,4 +41,5 @@ def _sum_deviation(samples: FitSamples, series: FloatArray, present: BoolArray) 
     runs = run_lengths(present, samples.pieces)
     model = Autoregression.of_covariances(burg_covariances(series, runs))
     ones = present.astype(np.float64)[:, None]
-    return float(np.sqrt(model.sum_covariance([ones[piece] for piece in samples.pieces])[0, 0]))
+    parts = [ones[piece] for piece in samples.pieces]
+    return float(np.sqrt(sum(np.vdot(part, model.covariance_times(part)) for part in parts)))

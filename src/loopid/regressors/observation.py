@@ -14,6 +14,7 @@ import numpy as np
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
+from loopid.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,7 @@ def _stacked(matrix: FloatArray, width: int) -> FloatArray:
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
     """Square upper triangular R of matrices (..., m, n), padded with zero rows where m < n."""
-    R: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
+    with one_blas_thread():
+        R: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
     missing = matrix.shape[-1] - R.shape[-2]
     return np.pad(R, ((0, 0),) * (R.ndim - 2) + ((0, missing), (0, 0)))

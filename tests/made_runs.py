@@ -1,0 +1,81 @@
+"""Runs of simulated robots whose truth is known."""
+
+import numpy as np
+
+from loopid import JointTerms, platform_coordinates
+from loopid.kinematics import measured_coordinates
+from loopid.logs import Recording
+from loopid.simulation import Noise, simulate_measurement
+from loopid.trajectories import FourierSeries, Waypoint, joint_motion, point_to_point
+
+FRICTION = {"Fc": (17.0, 22.0, 19.0, 230.0), "Fv": (320.0, 320.0, 320.0, 2000.0)}
+LINK = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0 0 0"/><mass value="{2}"/>
+  <inertia ixx="0.02" ixy="0.001" ixz="0.002" iyy="0.03" iyz="-0.001" izz="0.025"/>
+</inertial></link>
+"""
+HINGE = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
+  <origin xyz="0 0 {3}" rpy="0 0 0"/><axis xyz="{4}"/>
+  <limit lower="-3" upper="3" effort="500" velocity="20"/></joint>
+"""
+ARM = (
+    '<robot name="arm"><link name="ground"/>\n'
+    + LINK.format("upper", "0.02 0.01 0.2", 3.0)
+    + LINK.format("lower", "0.03 -0.02 0.15", 2.0)
+    + HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0")
+    + HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0")
+    + "</robot>\n"
+)
+
+
+def friction(robot, kinds=("Fc", "Fv")):
+    """Terms of the motors, and values in their order."""
+    values = [FRICTION[kind][k] for k in range(len(robot.actuated)) for kind in kinds]
+    return JointTerms(robot.actuated, kinds), np.array(values)
+
+
+def centre(robot):
+    """Names and values of the coordinates that a motion is given in, at the reference."""
+    if robot.platform is None:
+        return robot.actuated, measured_coordinates(robot).read(robot.reference[None].copy())[0]
+    return robot.platform.names, platform_coordinates(robot, robot.reference[None])[0]
+
+
+def wander(robot, seed, seconds=60.0, rate=10.0, size=(0.06, 0.04, 0.2, 0.2), harmonics=5):
+    """A periodic motion in all directions, as far as a size from the reference."""
+    names, middle = centre(robot)
+    sine, cosine = np.random.default_rng(seed).normal(size=(2, len(names), harmonics))
+    series = FourierSeries(names, 1 / seconds, middle, sine, cosine)
+    reach = np.abs(series.motion(seconds, rate).position - middle).max(axis=0)
+    scale = (np.array(size[: len(names)]) / reach)[:, None]
+    series = FourierSeries(names, 1 / seconds, middle, scale * sine, scale * cosine)
+    return joint_motion(robot, series.motion(seconds, rate))
+
+
+def stand(robot, seconds=20.0, rate=10.0):
+    """No motion at all."""
+    names, middle = centre(robot)
+    return joint_motion(
+        robot, point_to_point(names, middle, [Waypoint(middle, seconds)], rate)
+    )
+
+
+def record(robot, motion, terms=None, standard=None, noise=1.0, seed=0, name="run"):
+    """A recording of a motion with normal errors; terms with their values."""
+    given = (None, None) if terms is None else terms
+    measured = simulate_measurement(robot, motion, Noise(gaussian=noise), seed, standard, *given)
+    return Recording.of_motion(name, robot.actuated, motion, measured.force)
+
+
+def modelled(model, motion, values, noise=1.0, seed=0, name="run"):
+    """A recording whose forces are those of a force model, with normal errors."""
+    force = model.regressor(motion) @ values
+    error = np.random.default_rng(seed).normal(scale=noise, size=force.shape)
+    return Recording.of_motion(name, model.mechanism.actuated, motion, force + error)
+
+
+def changed(robot, **differences):
+    """Standard parameters of the robot file with some changed: platform_m=2.0 adds 2 kg."""
+    labels, values = robot.parameters().labels, robot.standard_parameters().copy()
+    for name, difference in differences.items():
+        values[labels.index(".".join(name.rsplit("_", 1)))] += difference
+    return values

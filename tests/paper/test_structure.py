@@ -1,0 +1,151 @@
+"""Tables I to III against the model, the printed rows and the closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid.errors import SearchError
+from loopid.paper import base as paper_base
+from loopid.paper.base import compare_base_parameters, matching_rows, rows_of_table_ii
+from loopid.paper.geometry import measured_geometry
+from loopid.paper.printed import TABLE_I, TABLE_II
+from loopid.report.paper_base_tables import transfer_table
+from loopid.symbolic import Geometry, base_parameter_rows, read_geometry
+
+# Those of another robot of the same kind, whose beta_MI does not hide a term of row 9.
+OTHER = {
+    "R1": 0.41,
+    "R2": 0.43,
+    "R3": 0.39,
+    "d_s": 0.16,
+    "beta_FD": 88.0,
+    "beta_FI": 47.0,
+    "R_m1": 0.28,
+    "R_m2": 0.31,
+    "R_m3": 0.29,
+    "beta_MD": 44.0,
+    "beta_MI": 78.0,
+}
+
+
+def moved(robot, joint, shift):
+    """The robot with a joint, or a frame, a little off its place."""
+    model = robot.model.copy()
+    if model.existJointName(joint):
+        place = model.jointPlacements[model.getJointId(joint)]
+    else:
+        place = model.frames[model.getFrameId(joint)].placement
+    place.translation = place.translation + np.array(shift)
+    return replace(robot, model=model)
+
+
+def test_the_model_has_the_geometry_of_table_i(knee):
+    measured = measured_geometry(knee)
+    assert measured.keys() == TABLE_I.keys()
+    for name, value in TABLE_I.items():
+        assert measured[name] == pytest.approx(value, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "shift", "differing"),
+    [
+        ("leg1_universal_1", (0.01, 0.0, 0.0), {"R1"}),
+        ("leg2_universal_1", (0.01, 0.0, 0.0), {"R2", "beta_FD"}),
+        ("leg3_universal_1", (0.0, 0.01, 0.0), {"R3", "beta_FI"}),
+        ("leg4_revolute", (0.01, 0.0, 0.0), {"d_s"}),
+        ("platform_B1", (0.01, 0.0, 0.0), {"Rm1"}),
+        ("platform_B2", (0.01, 0.0, 0.0), {"Rm2", "beta_MD"}),
+        ("platform_B3", (0.01, 0.0, 0.0), {"Rm3", "beta_MI"}),
+    ],
+)
+def test_a_joint_that_is_off_its_place_shows_in_table_i(knee, place, shift, differing):
+    measured = measured_geometry(moved(knee, place, shift))
+    found = {name for name, value in TABLE_I.items() if abs(measured[name] - value) > 1e-6}
+    assert found == differing
+
+
+def test_the_numbers_of_table_i_are_measured_on_the_tree(knee):
+    # Where Pinocchio puts the centres of the joints when the robot stands at its reference.
+    data = knee.model.createData()
+    pin.framesForwardKinematics(knee.model, data, knee.reference)
+    measured = measured_geometry(knee)
+    for limb in (1, 2, 3):
+        base = data.oMi[knee.model.getJointId(f"leg{limb}_universal_1")].translation
+        assert np.hypot(base[0], base[1]) == pytest.approx(measured[f"R{limb}"], abs=1e-9)
+
+
+def test_every_row_of_table_ii_is_found_once(comparison):
+    assert comparison.agrees
+    assert sorted(comparison.rows) == list(range(len(TABLE_II)))
+    assert comparison.seconds > 0
+    for number, row in zip(comparison.order, TABLE_II, strict=True):
+        assert comparison.base.terms[number].keys() == row.keys()
+
+
+def test_a_row_that_differs_is_not_found(knee, comparison, monkeypatch):
+    wrong = (*TABLE_II[:8], TABLE_II[8] | {"leg2_stem.m": 0.1930}, *TABLE_II[9:])
+    monkeypatch.setattr(paper_base, "TABLE_II", wrong)
+    rows = matching_rows(comparison.base)
+    assert [k for k, row in enumerate(rows) if row is None] == [8]
+    assert not replace(comparison, rows=rows).agrees
+    with pytest.raises(SearchError, match="rows 9 .*not found"):
+        rows_of_table_ii(comparison.base)
+
+
+def test_another_robot_does_not_agree(load_once):
+    found = compare_base_parameters(load_once("5p"))
+    missing = [number for number, row in enumerate(found.rows, 1) if row is None]
+    # Its platform has other radii and angles, its limbs move alike.
+    assert missing == [9, 10]
+    assert not found.agrees
+
+
+def test_printed_table_ii_agrees_with_the_closed_forms(knee):
+    geometry = read_geometry(knee.path.parent / "geometry.yaml", "3ups_rpu", 1)
+    for printed, row in zip(TABLE_II, base_parameter_rows(), strict=True):
+        exact = {k: v for k, v in row.coefficients(geometry).items() if abs(v) > 1e-12}
+        assert exact.keys() == printed.keys()
+        for label, value in printed.items():
+            assert exact[label] == pytest.approx(value, abs=5e-5)
+
+
+@pytest.mark.parametrize("values", [None, OTHER], ids=["the paper's", "another geometry"])
+def test_table_iii_is_what_inertia_transfer_says(knee, comparison, write_robot, monkeypatch, values):
+    if values is None:
+        found, table_i = comparison, TABLE_I
+        geometry = read_geometry(knee.path.parent / "geometry.yaml", "3ups_rpu", 1)
+    else:
+        geometry = Geometry(**values)
+        robot = load_mechanism(write_robot(geometry_of(values), "3ups_rpu"))
+        table_i = measured_geometry(robot)
+        base = find_base_parameters(structural_observation(robot))
+        order = closed_form_order(base, geometry)
+        found = replace(comparison, mechanism=robot, base=base, rows=tuple(order))
+        monkeypatch.setattr(type(found), "order", property(lambda self: np.array(self.rows)))
+    monkeypatch.setattr("loopid.report.paper_base_tables.TABLE_I", table_i)
+    exact = {row.number: row.coefficients(geometry) for row in base_parameter_rows()}
+    labels = {"m12": "leg1_stem.m", "m22": "leg2_stem.m", "m32": "leg3_stem.m"}
+    cells = [list(column.cells) for column in transfer_table(found).columns]
+    seen = {9: set(), 10: set()}
+    for number, term, _, formula, computed in zip(*cells, strict=True):
+        value = exact[int(number)][labels[term]]
+        assert float(formula) == pytest.approx(value, abs=1e-6)
+        assert float(computed) == pytest.approx(value, abs=1e-6)
+        seen[int(number)].add(labels[term])
+    assert seen == {n: set(exact[n]) & set(labels.values()) for n in (9, 10)}
+
+
+def closed_form_order(base, geometry):
+    """Number of the base parameter that equals each closed form."""
+    order = []
+    for row in base_parameter_rows():
+        exact = {k: v for k, v in row.coefficients(geometry).items() if abs(v) > 1e-12}
+        order += [
+            number
+            for number, terms in enumerate(base.terms)
+            if terms.keys() == exact.keys() and all(abs(terms[k] - exact[k]) < 1e-9 for k in exact)
+        ]
+    return order

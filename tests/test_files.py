@@ -1,0 +1,144 @@
+"""Files are written whole or not at all."""
+
+import os
+import stat
+
+import pytest
+
+from loopid.errors import LoopidError, OutputError
+from loopid.files import write_file, write_files
+
+CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def fail_at(monkeypatch, name, call, error):
+    """Let the so-manieth call of a function of os fail."""
+    real, calls = getattr(os, name), []
+
+    def failing(*arguments, **options):
+        calls.append(name)
+        if len(calls) == call:
+            raise error
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(os, name, failing)
+
+
+@pytest.fixture
+def umask():
+    """Set the process's umask, and put it back."""
+    before = os.umask(0o022)
+    yield os.umask
+    os.umask(before)
+
+
+def test_what_is_written_can_be_read(tmp_path):
+    folder = tmp_path / "new" / "folder"
+    paths = write_files(folder, CONTENTS)
+    assert paths == [folder / name for name in CONTENTS]
+    assert contents(folder) == {
+        "page.md": "é ≤ µ\n".encode(),
+        "figure.png": bytes(range(256)),
+    }
+
+
+def test_files_that_are_there_are_replaced_and_others_stay(tmp_path):
+    (tmp_path / "page.md").write_text("a longer text than the new one, which must go\n")
+    (tmp_path / "notes.txt").write_text("mine\n")
+    write_files(tmp_path, {"page.md": "new\n"})
+    assert contents(tmp_path) == {"page.md": b"new\n", "notes.txt": b"mine\n"}
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+@pytest.mark.parametrize("call", [1, 2])
+def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(
+    tmp_path, monkeypatch, error, call
+):
+    old = dict.fromkeys(CONTENTS, b"old\n")
+    for name, content in old.items():
+        (tmp_path / name).write_bytes(content)
+    fail_at(monkeypatch, "fsync", call, error)
+    expected = OutputError if isinstance(error, OSError) else KeyboardInterrupt
+    with pytest.raises(expected):
+        write_files(tmp_path, CONTENTS)
+    assert contents(tmp_path) == old
+
+
+def test_text_that_cannot_be_encoded_leaves_no_draft(tmp_path):
+    with pytest.raises(UnicodeEncodeError):
+        write_files(tmp_path, {"good.txt": "good", "bad.txt": "\ud800"})
+    assert contents(tmp_path) == {}
+
+
+def test_the_reason_of_a_failure_is_told(tmp_path, monkeypatch):
+    fail_at(monkeypatch, "fsync", 1, OSError(28, "No space left on device"))
+    with pytest.raises(OutputError, match=f"cannot write to {tmp_path}.*No space left on device"):
+        write_file(tmp_path / "page.md", "text")
+
+
+def test_a_folder_that_refuses_files_is_named(tmp_path, monkeypatch):
+    denied = PermissionError(13, "Permission denied", str(tmp_path / "draft"))
+    fail_at(monkeypatch, "open", 1, denied)
+    with pytest.raises(OutputError, match=f"cannot write to {tmp_path}.*Permission denied"):
+        write_files(tmp_path, CONTENTS)
+    assert contents(tmp_path) == {}
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
+def test_a_folder_without_permission_is_named(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match=str(tmp_path)):
+        write_files(tmp_path, CONTENTS)
+    tmp_path.chmod(0o700)
+    assert contents(tmp_path) == {}
+
+
+@pytest.mark.parametrize("place", ["taken", "taken/deeper"])
+def test_a_file_where_a_folder_is_needed_is_named_and_stays(tmp_path, place):
+    (tmp_path / "taken").write_text("mine\n")
+    with pytest.raises(OutputError, match="taken") as caught:
+        write_files(tmp_path / place, CONTENTS)
+    assert isinstance(caught.value, LoopidError)
+    assert "\n" not in str(caught.value)
+    assert contents(tmp_path) == {"taken": b"mine\n"}
+
+
+def test_a_folder_where_a_file_is_needed_is_named_and_stays(tmp_path):
+    (tmp_path / "page.md").mkdir()
+    with pytest.raises(OutputError, match=r"page\.md"):
+        write_file(tmp_path / "page.md", "text")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.md"]
+    assert (tmp_path / "page.md").is_dir()
+
+
+def test_a_file_that_cannot_be_replaced_leaves_the_others_as_they_were(tmp_path):
+    (tmp_path / "a.md").write_text("old\n")
+    (tmp_path / "b.md").mkdir()
+    with pytest.raises(OutputError, match=r"b\.md"):
+        write_files(tmp_path, {"a.md": "new\n", "b.md": "new\n"})
+    assert (tmp_path / "a.md").read_text() == "old\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.md", "b.md"]
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_permissions_are_those_that_the_umask_leaves(tmp_path, umask, mask):
+    umask(mask)
+    write_file(tmp_path / "page.md", "text")
+    (tmp_path / "plain.md").write_text("text")
+    modes = {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
+    assert modes == {0o666 & ~mask}
+    assert umask(mask) == mask
+
+
+def test_a_single_file_is_written_into_a_new_folder(tmp_path):
+    write_file(tmp_path / "results" / "fit.json", '{"µ": 1}\n')
+    assert contents(tmp_path / "results") == {"fit.json": '{"µ": 1}\n'.encode()}
+
+
+def test_nothing_to_write_makes_the_folder_alone(tmp_path):
+    assert write_files(tmp_path / "empty", {}) == []
+    assert contents(tmp_path / "empty") == {}
