@@ -54,9 +54,7 @@ def wander(robot, seed, seconds=60.0, rate=10.0, size=(0.06, 0.04, 0.2, 0.2), ha
 def stand(robot, seconds=20.0, rate=10.0):
     """No motion at all."""
     names, middle = centre(robot)
-    return joint_motion(
-        robot, point_to_point(names, middle, [Waypoint(middle, seconds)], rate)
-    )
+    return joint_motion(robot, point_to_point(names, middle, [Waypoint(middle, seconds)], rate))
 
 
 def record(robot, motion, terms=None, standard=None, noise=1.0, seed=0, name="run"):
@@ -71,6 +69,17 @@ def modelled(model, motion, values, noise=1.0, seed=0, name="run"):
     force = model.regressor(motion) @ values
     error = np.random.default_rng(seed).normal(scale=noise, size=force.shape)
     return Recording.of_motion(name, model.mechanism.actuated, motion, force + error)
+
+
+def logged(robot, motion, terms=None, noise=1.0, seed=0, standard=None):
+    """Text of a log in CSV, encoder steps and normal errors included."""
+    given = (None, None) if terms is None else terms
+    errors = Noise(gaussian=noise, encoder_step=2e-6)
+    found = simulate_measurement(robot, motion, errors, seed, standard, *given)
+    kinds = ("position", "force")
+    names = ["time", *(f"{joint}.{kind}" for kind in kinds for joint in robot.actuated)]
+    rows = np.column_stack([found.time, found.position, found.force])
+    return "\n".join([",".join(names), *(",".join(f"{x:.9g}" for x in row) for row in rows), ""])
 
 
 def changed(robot, **differences):

@@ -55,9 +55,7 @@ def test_files_that_are_there_are_replaced_and_others_stay(tmp_path):
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 @pytest.mark.parametrize("call", [1, 2])
-def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(
-    tmp_path, monkeypatch, error, call
-):
+def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(tmp_path, monkeypatch, error, call):
     old = dict.fromkeys(CONTENTS, b"old\n")
     for name, content in old.items():
         (tmp_path / name).write_bytes(content)

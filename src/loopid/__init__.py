@@ -12,6 +12,14 @@ from loopid.base_parameters import (
     find_base_parameters,
 )
 from loopid.errors import LoopidError
+from loopid.experiment import (
+    ForceModel,
+    Identification,
+    find_force_model,
+    identify,
+    split_recordings,
+)
+from loopid.identification import FitResult, FitSamples, fit
 from loopid.kinematics import (
     assemble,
     closed_motion,
@@ -22,6 +30,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.loading import bundled_robots, load_mechanism
+from loopid.logs import Log, Recording, prepare_recording, read_log
 from loopid.mechanism import LoopClosure, Mechanism
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import (
@@ -34,6 +43,19 @@ from loopid.regressors import (
     structural_observation,
     tree_regressor,
 )
+from loopid.simulation import Noise, simulate_measurement
+from loopid.trajectories import (
+    FourierSeries,
+    JointMotion,
+    LowPass,
+    Motion,
+    Waypoint,
+    joint_motion,
+    point_to_point,
+    read_motion_program,
+    read_reference,
+    review_motion,
+)
 
 __version__ = version("loopid")
 
@@ -41,31 +63,55 @@ __all__ = [
     "BaseParameters",
     "ExactSearch",
     "ExhaustiveSearch",
+    "FitResult",
+    "FitSamples",
+    "ForceModel",
     "ForceParts",
+    "FourierSeries",
+    "Identification",
+    "JointMotion",
     "JointTerms",
+    "Log",
     "LoopClosure",
     "LoopidError",
+    "LowPass",
     "Mechanism",
+    "Motion",
+    "Noise",
     "Observation",
     "Parameter",
     "ParameterSet",
     "PivotedQR",
+    "Recording",
     "SearchResult",
     "SubgroupSearch",
+    "Waypoint",
     "__version__",
     "assemble",
     "bundled_robots",
     "closed_motion",
     "dynamic_regressor",
     "find_base_parameters",
+    "find_force_model",
+    "fit",
     "force_parts",
     "gravity_regressor",
+    "identify",
+    "joint_motion",
     "load_mechanism",
     "mobility",
     "platform_coordinates",
+    "point_to_point",
+    "prepare_recording",
     "project",
     "random_configurations",
+    "read_log",
+    "read_motion_program",
+    "read_reference",
+    "review_motion",
+    "simulate_measurement",
     "singularity_measure",
+    "split_recordings",
     "structural_observation",
     "tree_regressor",
 ]

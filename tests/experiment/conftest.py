@@ -1,10 +1,10 @@
 """One force model of the knee robot, and motions that excite it."""
 
 import pytest
-from made_runs import ARM, friction, wander
 
 from loopid import load_mechanism
 from loopid.experiment import find_force_model
+from made_runs import ARM, friction, wander
 
 
 @pytest.fixture(scope="session")

@@ -24,6 +24,11 @@ def made(seed, noise_seed=None, used=None):
     return FitSamples.of(NAMES, MOTORS, W, W @ TRUTH + SIGMA * noise, used)
 
 
+def off(mass=0.0, lever=0.0):
+    """Values beside the truth."""
+    return TRUTH + np.array([mass, lever, 0.0])
+
+
 def judged(validation, values, baseline):
     return judge("any", 1, values, np.zeros((3, 3)), (made(0), validation), baseline)
 
@@ -35,7 +40,7 @@ def test_the_baseline_is_as_good_as_itself():
 
 
 def test_the_ratio_is_that_of_mean_squares_with_motors_weighted_alike():
-    values, baseline = TRUTH + [0.3, 0.0, 0.0], TRUTH + [0.0, 0.5, 0.0]
+    values, baseline = off(0.3), off(lever=0.5)
     validation = made(2)
     squares = [(validation.residual(phi) ** 2).mean(axis=0) for phi in (values, baseline)]
     found = judged(validation, values, baseline)
@@ -47,7 +52,7 @@ def test_larger_errors_of_one_motor_do_not_hide_those_of_another():
     validation, scale = made(3), np.array([1.0, 100.0])
     W = validation.regressor * scale[:, None]
     louder = FitSamples.of(NAMES, MOTORS, W, validation.force * scale)
-    values, baseline = TRUTH + [0.3, 0.0, 0.0], TRUTH + [0.0, 0.5, 0.0]
+    values, baseline = off(0.3), off(lever=0.5)
     assert judged(louder, values, baseline).error_ratio == pytest.approx(
         judged(validation, values, baseline).error_ratio, rel=1e-9
     )
@@ -58,7 +63,7 @@ def test_unused_samples_do_not_count():
     used[100:250, 0] = used[400:, 1] = False
     clean = made(4, used=used)
     spoilt = clean.with_force(np.where(used, clean.force, 1e6))
-    values, baseline = TRUTH + [0.3, 0.0, 0.0], TRUTH + [0.0, 0.5, 0.0]
+    values, baseline = off(0.3), off(lever=0.5)
     assert judged(spoilt, values, baseline).error_ratio == pytest.approx(
         judged(clean, values, baseline).error_ratio, rel=1e-12
     )
@@ -67,7 +72,7 @@ def test_unused_samples_do_not_count():
 def test_a_motor_that_never_takes_part_leaves_the_verdict_to_the_others():
     used = np.ones((ROWS, 2), dtype=bool)
     used[:, 1] = False
-    values, baseline = TRUTH + [0.3, 0.0, 0.0], TRUTH + [0.0, 0.5, 0.0]
+    values, baseline = off(0.3), off(lever=0.5)
     found = judged(made(5, used=used), values, baseline)
     squares = [(made(5).residual(phi)[:, 0] ** 2).mean() for phi in (values, baseline)]
     assert found.error_ratio[0] == pytest.approx(squares[0] / squares[1], rel=1e-12)
@@ -77,18 +82,15 @@ def test_a_motor_that_never_takes_part_leaves_the_verdict_to_the_others():
 @pytest.mark.parametrize(
     ("values", "baseline"),
     [
-        ([0.0, 0.0, 0.0], [0.3, -0.3, 0.0]),
-        ([0.3, -0.3, 0.0], [0.0, 0.0, 0.0]),
-        ([0.0, 0.0, 0.0], [12.0, 9.0, 0.0]),
+        (off(), off(0.3, -0.3)),
+        (off(0.3, -0.3), off()),
+        (off(), off(12.0, 9.0)),
     ],
     ids=["a little better", "a little worse", "far better"],
 )
 def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, baseline):
     found = np.array(
-        [
-            judged(made(6, draw), TRUTH + values, TRUTH + baseline).error_ratio
-            for draw in range(1, DRAWS + 1)
-        ]
+        [judged(made(6, draw), values, baseline).error_ratio for draw in range(1, DRAWS + 1)]
     )
     spread, told = found[:, 0].std(ddof=1), found[:, 1].mean()
     assert 0.75 < told / spread < 1.33
@@ -96,7 +98,7 @@ def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, basel
 
 def test_the_better_of_two_nearly_equal_candidates_is_rarely_called_better():
     # Errors of the same size in other directions: two standard errors hold in about 98 % of draws.
-    values, baseline = TRUTH + [0.5, 0.0, 0.0], TRUTH + [0.0, 0.5, 0.0]
+    values, baseline = off(0.5), off(lever=0.5)
     verdicts = []
     for seed in range(10, 10 + DRAWS):
         found = judged(made(seed), values, baseline)

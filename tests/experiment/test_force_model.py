@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from made_runs import record
 
 from loopid import JointTerms, closed_motion, force_parts, random_configurations
 from loopid.experiment import find_force_model, force_model
 from loopid.kinematics import random_motions
 from loopid.regressors import JOINT_KINDS, motion_parameters
 from loopid.trajectories import JointMotion
+from made_runs import record
 
 KINDS = tuple(JOINT_KINDS)
 
@@ -101,9 +101,7 @@ def test_without_joint_terms_all_columns_are_bodies(knee):
     model = find_force_model(knee)
     assert (len(model.parameters), len(model.joint_columns)) == (15, 0)
     np.testing.assert_array_equal(model.body_columns, np.arange(15))
-    np.testing.assert_allclose(
-        model.prior, model.base.values(knee.standard_parameters("gravity"))
-    )
+    np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))
 
 
 def test_friction_is_nothing_that_the_robot_file_knows(knee_model):

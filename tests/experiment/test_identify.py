@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_runs import changed, friction, modelled, record, stand, wander
 
 from loopid import JointTerms
 from loopid.errors import CorrelationWarning, DataError, ExcitationWarning, OptionError, RankError
 from loopid.experiment import find_force_model, identify, split_recordings
+from made_runs import changed, friction, modelled, record, stand, wander
 
 DRAWS = 10
 

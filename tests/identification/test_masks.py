@@ -111,6 +111,15 @@ def test_an_actuator_without_samples_changes_nothing(masked, make_samples, estim
     assert np.isnan([found.quality.residual_rms[1], found.quality.r_squared[1]]).all()
 
 
+def test_a_constant_force_has_no_share_to_explain(make_samples):
+    rng, W = np.random.default_rng(0), np.ones((50, 2, 1))
+    force = np.stack([np.full(50, 1 / 3), 1 + rng.normal(size=50)], axis=1)
+    quality = OrdinaryLeastSquares().fit(make_samples(W, force).problem).quality
+    assert np.isnan(quality.r_squared[0])
+    assert quality.residual_rms[0] > 0
+    assert quality.r_squared[1] < 1
+
+
 def test_a_parameter_of_an_absent_actuator_is_named(masked, make_samples):
     samples = masked(5)
     W = samples.regressor.copy()

@@ -1,9 +1,9 @@
 """What the paper's tables and figures are computed from, at a low rate."""
 
 import pytest
-from small_paper import small_paper
 
 from loopid.paper.experiment import Experiment
+from small_paper import small_paper
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,15 @@
 """Records for machines: complete, and nothing that JSON cannot say."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters.expressions import expression
-from loopid.report import base_record, check_record, compare_with_paper
-from loopid.report.paper import TABLE_II, paper_tables
-from loopid.symbolic import base_parameter_rows, read_geometry
+from loopid.report import base_record, check_record, identification_record, motions_record
+from loopid.trajectories import JointRange, MotionReview
 
 
 @pytest.fixture(scope="module")
@@ -17,10 +17,16 @@ def robot():
     return load_mechanism("3ups_rpu")
 
 
-def test_records_are_strict_json(robot):
+def assert_strict(record):
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+
+
+def test_records_are_strict_json(robot, identification, paper):
     base = find_base_parameters(structural_observation(robot))
-    for record in (base_record(robot.name, "gravity", base), check_record(robot)):
-        assert json.loads(json.dumps(record, allow_nan=False)) == record
+    assert_strict(base_record(robot.name, "gravity", base))
+    assert_strict(check_record(robot))
+    assert_strict(identification_record(identification))
+    assert_strict(motions_record(robot.name, paper.experiment.reviews, paper.seconds))
 
 
 def test_terms_rebuild_the_matrix(robot):
@@ -31,29 +37,78 @@ def test_terms_rebuild_the_matrix(robot):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
 
 
-def test_printed_table_ii_agrees_with_the_closed_forms(robot):
-    geometry = read_geometry(robot.path.parent / "geometry.yaml", "3ups_rpu", 1)
-    for printed, row in zip(TABLE_II, base_parameter_rows(), strict=True):
-        exact = {k: v for k, v in row.coefficients(geometry).items() if abs(v) > 1e-12}
-        assert exact.keys() == printed.keys()
-        for label, value in printed.items():
-            assert exact[label] == pytest.approx(value, abs=5e-5)
+def test_an_identification_is_recorded_whole(identification):
+    record, found = identification_record(identification), identification
+    model, count = found.force_model, len(found.fit.values)
+    assert (record["mechanism"], record["model"]) == ("3ups_rpu", "gravity")
+    assert record["actuators"] == list(model.mechanism.actuated)
+    assert record["expressions"] == list(model.base.expressions)
+    assert len(record["expressions"]) == count == 23
+    np.testing.assert_array_equal(record["robot_file"], model.prior)
+    np.testing.assert_array_equal(record["supported"], found.supported.values)
+    assert record["fit"] == found.fit.record()
+    corrected = [model.parameters.labels[j] for j in found.reduction.columns]
+    assert record["supported_corrections"] == corrected
 
 
-def test_every_row_of_the_paper_is_found_once():
-    comparison = compare_with_paper()
-    assert comparison.agrees
-    assert sorted(comparison.rows) == list(range(len(TABLE_II)))
-    assert comparison.seconds > 0
-    assert paper_tables(comparison)[0].row_count == len(TABLE_II)
+def test_recordings_are_recorded_with_what_was_left_out(identification):
+    record = identification_record(identification)
+    for part, recordings in (
+        (record["training"], identification.training),
+        (record["validation"], identification.validation),
+    ):
+        (entry,), (recording,) = part, recordings
+        assert (entry["name"], entry["samples"]) == ("run_1", len(recording))
+        assert entry["used"] == recording.used.sum(axis=0).tolist()
+        assert entry["cutoff"] == pytest.approx(2.5, rel=1e-3)
+        assert any("stands still" in reason for reason in entry["dropped"])
 
 
-def test_a_row_that_differs_is_reported(robot, monkeypatch):
-    wrong = (*TABLE_II[:8], TABLE_II[8] | {"leg2_stem.m": 0.1930}, *TABLE_II[9:])
-    monkeypatch.setattr("loopid.report.paper.TABLE_II", wrong)
-    comparison = compare_with_paper()
-    assert comparison.rows[8] is None
-    assert not comparison.agrees
+def test_candidates_are_recorded_with_their_errors(identification):
+    record = identification_record(identification)
+    assert len(record["candidates"]) == 3
+    for entry, candidate in zip(record["candidates"], identification.candidates, strict=True):
+        assert (entry["name"], entry["fitted"]) == (candidate.name, candidate.fitted)
+        assert entry["beats_baseline"] is candidate.beats_baseline
+        ratio = entry["error_ratio"], entry["error_ratio_standard_error"]
+        assert ratio == candidate.error_ratio
+        for part in ("training", "validation"):
+            quality = getattr(candidate, part)
+            np.testing.assert_array_equal(entry[part]["rms"], quality.residual_rms)
+            np.testing.assert_array_equal(entry[part]["r_squared"], quality.r_squared)
+
+
+def test_what_is_not_finite_is_null(identification):
+    candidate = identification.candidates[1]
+    empty = replace(candidate.validation, residual_rms=np.full(4, np.nan))
+    odd = replace(candidate, validation=empty, error_ratio=(np.inf, np.nan))
+    candidates = (identification.candidates[0], odd, identification.candidates[2])
+    record = identification_record(replace(identification, candidates=candidates))
+    assert_strict(record)
+    entry = record["candidates"][1]
+    assert entry["validation"]["rms"] == [None] * 4
+    assert entry["error_ratio"] is entry["error_ratio_standard_error"] is None
+
+
+def test_a_motion_is_recorded_with_its_nearest_limit():
+    ranges = (JointRange("a", -1.0, 1.0, -2.0, 3.0), JointRange("b", 0.0, 0.5, -0.2, np.inf))
+    review = MotionReview(ranges, 0.05, 2.5, 0.01, {"a": 0.3})
+    record = motions_record("robot", {"up": review}, {"up": 12.0})
+    assert_strict(record)
+    (motion,) = record["motions"]
+    assert (motion["name"], motion["seconds"]) == ("up", 12.0)
+    assert (motion["nearest_limit"], motion["clearance"]) == ("b", 0.2)
+    assert motion["ranges"] == {"a": [-1.0, 1.0], "b": [0.0, 0.5]}
+    assert (motion["singularity"], motion["singular_time"]) == (0.05, 2.5)
+    assert motion["problems"] == []
+
+
+@pytest.mark.parametrize("ranges", [(), (JointRange("a", -1.0, 1.0, -np.inf, np.inf),)])
+def test_a_robot_without_limits_is_recorded_in_strict_json(ranges):
+    review = MotionReview(ranges, 0.05, 2.5, 0.01, {"a": 0.3})
+    record = motions_record("robot", {"up": review}, {"up": 12.0})
+    assert_strict(record)
+    assert record["motions"][0]["clearance"] is None
 
 
 @pytest.mark.parametrize(

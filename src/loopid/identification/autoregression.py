@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter
 
 from loopid.arrays import FloatArray
 
-# Keeps models of errors that hardly return to zero from never returning.
+# Keeps errors that hardly return to zero from never returning.
 LARGEST_REFLECTION = 0.9999
 
 
@@ -30,18 +29,16 @@ class Autoregression:
     variance: float
 
     @classmethod
-    def of_covariances(
-        cls, covariances: FloatArray, limit: float = LARGEST_REFLECTION
-    ) -> Autoregression:
+    def of_covariances(cls, covariances: FloatArray) -> Autoregression:
         """The model with autocovariances (p + 1,) at lags 0 to p, by Levinson's recursion.
 
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
-        do, or ask for more than a limit below 1, the model ends at that lag with the limit.
+        do, the model ends at that lag with the largest allowed.
         """
         polynomial, variance = np.ones(1), float(covariances[0])
         for k in range(1, len(covariances)):
             asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -limit, limit))
+            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
             polynomial, variance = raised(polynomial, reflection), variance * (1 - reflection**2)
             if reflection != asked:
                 break
@@ -73,6 +70,11 @@ class Autoregression:
         coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
         time, less what both count.
         """
+        if not self.order:
+            return self.variance * rows
+        # Slow to import, and only needed where errors are correlated.
+        from scipy.signal import lfilter
+
         numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
         past = lfilter(numerator, self.polynomial, rows, axis=0)
         future = lfilter(numerator, self.polynomial, rows[::-1], axis=0)[::-1]

@@ -64,7 +64,7 @@ class ErrorModel:
             (n, n), as ``sums``, over all actuators.
         """
         left = [float(np.sum(sums * gram)) for gram in self._grams[: len(self._shared)]]
-        return self._shared - np.array(left)
+        return np.asarray(self._shared - np.array(left), dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
         """Make the model again, with what the fit takes up under the present models added back."""
@@ -76,16 +76,14 @@ class ErrorModel:
 
     def effective_samples(self) -> float:
         """How many independent samples would tell the mean error as well."""
-        spread = sum(float(u[:, 0] @ self.model.covariance_times(u)[:, 0]) for u in self._used)
-        if not spread > 0:
+        if not self.model.order:
             return float(self.samples)
+        spread = sum(float(np.vdot(u, self.model.covariance_times(u))) for u in self._used)
         variance = float(self.model.covariances[0])
         return min(self.samples**2 * variance / spread, float(self.samples))
 
     def _adopt(self, covariances: FloatArray) -> None:
-        # Errors slower than a log is long cannot be told from an offset.
-        limit = 1 - 1 / max(self.samples, 2)
-        self.model = Autoregression.of_covariances(covariances, limit)
+        self.model = Autoregression.of_covariances(covariances)
         spread = [self.model.covariance_times(part) for part in self._parts]
         self.sums = _lagged(self._parts, spread, 0)
         present = [part * u for part, u in zip(spread, self._used, strict=True)]

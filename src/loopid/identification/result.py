@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
@@ -84,7 +84,7 @@ class FitResult(ComparedByFields):
             raise OptionError(f"level must be between 0 and 1, not {level}")
         reach = np.full(len(self.values), np.inf)
         if self.degrees_of_freedom >= LEAST_FREEDOM:
-            reach = student.ppf(0.5 + level / 2, self.degrees_of_freedom) * self.standard_errors
+            reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
     @property

@@ -22,7 +22,7 @@ from loopid.progress import Progress
 
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]
-RATE = 20.0  # Hz, of the simulated forces
+RATE = 10.0  # Hz, of the simulated forces
 COVERAGE_RATE = 2.0  # Hz, of each repetition
 REPETITIONS = 500
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError, OptionError
@@ -66,6 +65,9 @@ class LowPass:
                 f"{len(signal)} samples are too few to filter at {self.cutoff:g} Hz: it takes "
                 f"{self.least_samples(rate)} at {rate:g} Hz"
             )
+        # Slow to import, and only needed for logs.
+        from scipy.signal import butter, sosfiltfilt
+
         sections = butter(self.order, self.cutoff, fs=rate, output="sos")
         filtered = sosfiltfilt(sections, signal, axis=0, padlen=self._padding(rate))
         return np.asarray(filtered, dtype=np.float64)

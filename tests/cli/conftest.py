@@ -1,0 +1,82 @@
+"""The command line as its users meet it, in this process, and logs to give it."""
+
+import json
+import sys
+import warnings
+from dataclasses import dataclass
+
+import pytest
+
+from loopid import load_mechanism
+from loopid.cli import main
+from made_runs import ARM, FRICTION, friction, logged, wander
+
+
+@dataclass
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Call the command line in this process, as its entry point does."""
+
+    def call(*arguments: str) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["loopid", *map(str, arguments)])
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            code = 0
+            try:
+                main()
+            except SystemExit as end:
+                code = int(end.code or 0)
+        return Outcome(code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def run_json(run):
+    def call(*arguments: str) -> dict:
+        done = run(*arguments, "--json")
+        assert done.code == 0, done.err
+        return json.loads(done.out, parse_constant=lambda text: pytest.fail(f"not JSON: {text}"))
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def log_texts(knee):
+    """Two runs of the knee robot as CSV."""
+    return {
+        name: logged(knee, wander(knee, seed, seconds=30.0, rate=50.0), friction(knee), seed=seed)
+        for name, seed in (("run.csv", 1), ("other.csv", 3))
+    }
+
+
+@pytest.fixture(scope="session")
+def logs(log_texts, tmp_path_factory):
+    """Paths of the same runs."""
+    folder = tmp_path_factory.mktemp("logs")
+    for name, text in log_texts.items():
+        (folder / name).write_text(text)
+    return {name: str(folder / name) for name in log_texts}
+
+
+@pytest.fixture(scope="session")
+def arm_files(tmp_path_factory):
+    """A serial robot and a log of it."""
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.urdf").write_text(ARM)
+    arm = load_mechanism(folder / "arm.urdf")
+    motion = wander(arm, 1, seconds=20.0, rate=50.0, size=(1.0, 1.2))
+    (folder / "arm.csv").write_text(logged(arm, motion, noise=0.1))
+    return str(folder / "arm.urdf"), str(folder / "arm.csv")
+
+
+@pytest.fixture(scope="session")
+def friction_values():
+    """Coulomb friction of the logs' motors by label."""
+    return {f"leg{limb}_stroke.Fc": value for limb, value in enumerate(FRICTION["Fc"], 1)}

@@ -1,0 +1,213 @@
+"""Figures: column width, text inside, the same bytes again, and the numbers that they show."""
+
+import struct
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from loopid import load_mechanism
+from loopid.errors import MissingExtraError
+from loopid.experiment import find_force_model, identify
+from loopid.report import drawing, identify_figures, paper_figures
+from loopid.report.drawing import COLUMN, MOST_POINTS, RESOLUTION, thinned
+from loopid.report.identify_figures import draw_forces, draw_parameters, draw_reduction
+from loopid.report.paper_figures import (
+    draw_action,
+    draw_gravity,
+    draw_gravity_and_friction,
+    draw_influence,
+    draw_shares,
+)
+from made_runs import ARM, modelled, wander
+
+DRAWERS = {
+    "forces": (draw_forces, "identification"),
+    "parameters": (draw_parameters, "identification"),
+    "reduction": (draw_reduction, "identification"),
+    "figure_2": (draw_shares, "shares"),
+    "figure_3": (draw_gravity_and_friction, "shares"),
+    "figure_4": (draw_influence, "simulated"),
+    "figure_5": (draw_gravity, "actual"),
+    "figure_6": (draw_action, "actual"),
+}
+
+
+@pytest.fixture(scope="module")
+def parts(identification, paper):
+    return {
+        "identification": identification,
+        "shares": paper.shares,
+        "simulated": paper.simulated,
+        "actual": paper.actual,
+    }
+
+
+@pytest.fixture(scope="module", params=DRAWERS)
+def drawn(request, parts):
+    """A figure's name, its files, those of a second drawing, and the figure itself."""
+    drawer, part = DRAWERS[request.param]
+    module = sys.modules[drawer.__module__]
+    kept = []
+
+    def keep(figure, name):
+        kept.append(figure)
+        return drawing.rendered(figure, name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "rendered", keep)
+        files = drawer(parts[part])
+    return request.param, files, drawer(parts[part]), kept[0]
+
+
+def test_each_figure_is_an_svg_and_a_png(drawn):
+    name, files, _, _ = drawn
+    assert set(files) == {f"{name}.svg", f"{name}.png"}
+    assert files[f"{name}.png"].startswith(b"\x89PNG\r\n\x1a\n")
+    assert ET.fromstring(files[f"{name}.svg"]).tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_each_figure_is_as_wide_as_a_column_and_fits_on_a_page(drawn):
+    name, files, _, _ = drawn
+    width, height = struct.unpack(">II", files[f"{name}.png"][16:24])
+    assert width == pytest.approx(COLUMN * RESOLUTION, abs=1)
+    assert 1.0 < height / RESOLUTION < 9.5
+    root = ET.fromstring(files[f"{name}.svg"])
+    assert float(root.get("width").removesuffix("pt")) == pytest.approx(72 * COLUMN, abs=0.5)
+
+
+def test_a_second_drawing_has_the_same_bytes(drawn):
+    _, files, again, _ = drawn
+    assert files == again
+
+
+def test_nothing_is_drawn_outside_the_figure(drawn):
+    figure = drawn[3]
+    box = figure.get_tightbbox(FigureCanvasAgg(figure).get_renderer())
+    width, height = figure.get_size_inches()
+    slack = 0.01
+    assert -slack <= box.x0 < box.x1 <= width + slack
+    assert -slack <= box.y0 < box.y1 <= height + slack
+
+
+def test_every_axis_says_what_it_shows_in_which_unit(drawn):
+    for ax in drawn[3].axes:
+        assert ax.get_title() or drawn[3].get_suptitle()
+        label = ax.get_ylabel()
+        assert label or [text.get_text() for text in ax.get_yticklabels()]
+        if "force" in label:
+            assert "(N" in label or "(mN)" in label or "%" in label
+
+
+def axes_of(monkeypatch, module, drawer, part):
+    kept = []
+
+    def keep(figure, name):
+        kept.append(figure)
+        return {}
+
+    monkeypatch.setattr(module, "rendered", keep)
+    drawer(part)
+    return kept[0].axes
+
+
+def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, identification):
+    axes = axes_of(monkeypatch, identify_figures, draw_forces, identification)
+    recording = identification.validation[0]
+    W = identification.force_model.regressor(recording.motion)
+    predictions = [
+        W @ candidate.values for candidate in (identification.baseline, identification.supported)
+    ]
+    assert len(recording) < MOST_POINTS
+    for k, ax in enumerate(axes):
+        for line, values in zip(ax.lines, (recording.force, *predictions), strict=True):
+            shown = np.where(recording.used[:, k], values[:, k], np.nan)
+            np.testing.assert_array_equal(line.get_xdata(), recording.motion.time)
+            np.testing.assert_allclose(line.get_ydata(), shown, atol=1e-9)
+        assert np.isnan(ax.lines[0].get_ydata()).any()
+        assert ax.get_ylabel() == "force (N)"
+
+
+def test_a_turning_joint_has_its_force_in_newton_metres(identification, knee):
+    unit = identify_figures.force_unit
+    assert unit(identification, "leg1_stroke") == "N"
+    assert unit(identification, "leg4_revolute") == "N m"
+
+
+def test_parameters_are_shown_against_the_robot_file(monkeypatch, identification):
+    (ax,) = axes_of(monkeypatch, identify_figures, draw_parameters, identification)
+    bodies = identification.force_model.body_columns
+    fit, prior = identification.fit, identification.force_model.prior
+    off = ((fit.values - prior) / fit.standard_errors)[bodies]
+    np.testing.assert_allclose(ax.lines[0].get_xdata(), off)
+    names = [text.get_text().split()[0] for text in ax.get_yticklabels()]
+    order = np.argsort(-ax.lines[0].get_ydata())
+    shown = [fit.parameters.labels[j] for j in bodies]
+    assert names == [shown[k] for k in order]
+
+
+def test_bars_of_the_parameters_are_the_intervals_of_the_fit(monkeypatch, identification):
+    # Few degrees of freedom make them wider than 1.96 standard errors.
+    few = replace(identification.fit, degrees_of_freedom=4.0)
+    found = replace(identification, fit=few)
+    (ax,) = axes_of(monkeypatch, identify_figures, draw_parameters, found)
+    reach = np.ptp(few.intervals(), axis=1) / few.standard_errors
+    ends = [np.ptp(np.array(bar)[:, 0]) for bar in ax.collections[0].get_segments()]
+    np.testing.assert_allclose(ends, reach[identification.force_model.body_columns])
+
+
+def test_the_chosen_number_of_corrections_is_marked(monkeypatch, identification):
+    (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, identification)
+    chosen = [line for line in ax.lines if line.get_label() == "supported"]
+    assert list(chosen[0].get_xdata()) == [identification.reduction.supported] * 2
+
+
+def test_figure_4_shows_influence_and_what_is_explained(monkeypatch, paper):
+    (ax,) = axes_of(monkeypatch, paper_figures, draw_influence, paper.simulated)
+    heights = [bar.get_height() for bar in ax.patches]
+    np.testing.assert_allclose(heights, paper.simulated.influence)
+    explained = [line for line in ax.lines if len(line.get_ydata()) == 15]
+    assert any(np.allclose(line.get_ydata(), paper.simulated.explained) for line in explained)
+
+
+def test_figures_of_the_robot_show_limbs_1_and_4(monkeypatch, paper):
+    actual = paper.actual
+    for drawer, values in ((draw_gravity, "measured_gravity"), (draw_action, "measured_force")):
+        axes = axes_of(monkeypatch, paper_figures, drawer, actual)
+        rows = thinned(len(actual.time))
+        for ax, limb in zip(axes, (1, 4), strict=True):
+            shown = np.where(actual.used, getattr(actual, values), np.nan)[rows, limb - 1]
+            np.testing.assert_array_equal(ax.lines[0].get_ydata(), shown)
+
+
+@pytest.mark.parametrize("count", [1, 2, MOST_POINTS, 40_000])
+def test_long_lines_are_thinned_from_end_to_end(count):
+    rows = thinned(count)
+    assert len(rows) == min(count, MOST_POINTS)
+    assert (rows[0], rows[-1]) == (0, count - 1)
+    assert (np.diff(rows) > 0).all()
+    assert len(rows) < 3 or np.ptp(np.diff(rows)) <= 1
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch, identification):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match=r"matplotlib is not installed.*loopid\[plot\]"):
+        draw_reduction(identification)
+
+
+def test_a_serial_robot_has_a_row_for_each_of_its_motors(monkeypatch, tmp_path):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    arm = load_mechanism(tmp_path / "arm.urdf")
+    model = find_force_model(arm)
+    runs = [
+        [modelled(model, wander(arm, seed, seconds=20.0, size=(1.0, 1.0)), model.prior, seed=seed)]
+        for seed in (1, 2)
+    ]
+    axes = axes_of(monkeypatch, identify_figures, draw_forces, identify(model, *runs))
+    assert [ax.get_title() for ax in axes] == ["shoulder", "elbow"]
+    assert {ax.get_ylabel() for ax in axes} == {"force (N m)"}
