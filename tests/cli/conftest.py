@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from loopid import load_mechanism
+from loopid import JointTerms, load_mechanism
 from loopid.cli import main
 from made_runs import ARM, FRICTION, friction, logged, wander
 
@@ -49,16 +49,14 @@ def run_json(run):
 
 @pytest.fixture(scope="session")
 def log_texts(knee):
-    """Two runs of the knee robot as CSV."""
-    return {
-        name: logged(knee, wander(knee, seed, seconds=30.0, rate=50.0), friction(knee), seed=seed)
-        for name, seed in (("run.csv", 1), ("other.csv", 3))
-    }
+    """A run of the knee robot as CSV."""
+    motion = wander(knee, 1, seconds=30.0, rate=50.0)
+    return {"run.csv": logged(knee, motion, friction(knee), seed=1)}
 
 
 @pytest.fixture(scope="session")
 def logs(log_texts, tmp_path_factory):
-    """Paths of the same runs."""
+    """Path of the same run."""
     folder = tmp_path_factory.mktemp("logs")
     for name, text in log_texts.items():
         (folder / name).write_text(text)
@@ -67,16 +65,18 @@ def logs(log_texts, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def arm_files(tmp_path_factory):
-    """A serial robot and a log of it."""
+    """A serial robot, which is quick to identify, and two logs of it."""
     folder = tmp_path_factory.mktemp("arm")
     (folder / "arm.urdf").write_text(ARM)
     arm = load_mechanism(folder / "arm.urdf")
-    motion = wander(arm, 1, seconds=20.0, rate=50.0, size=(1.0, 1.2))
-    (folder / "arm.csv").write_text(logged(arm, motion, noise=0.1))
-    return str(folder / "arm.urdf"), str(folder / "arm.csv")
+    terms = JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
+    for name, seed in (("run.csv", 1), ("other.csv", 2)):
+        motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))
+        (folder / name).write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
+    return tuple(str(folder / name) for name in ("arm.urdf", "run.csv", "other.csv"))
 
 
 @pytest.fixture(scope="session")
 def friction_values():
-    """Coulomb friction of the logs' motors by label."""
+    """Coulomb friction of the knee robot's motors by label."""
     return {f"leg{limb}_stroke.Fc": value for limb, value in enumerate(FRICTION["Fc"], 1)}

@@ -3,23 +3,24 @@
 import json
 import re
 import stat
-import sys
+import warnings
 from pathlib import Path
 
 import pytest
 
+from loopid import JointTerms
+from loopid.experiment import find_force_model, identify, split_recordings
+from loopid.logs import prepare_recording, read_log
+from loopid.report import identification_record
 from made_runs import friction, logged, wander
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
-def mass(record, values="fit"):
+def mass(record):
     """Estimated mass of the platform."""
-    names = [parameter["name"] for parameter in record["fit"]["parameters"]]
-    column = names.index("platform.m")
-    if values == "fit":
-        return record["fit"]["parameters"][column]["value"]
-    return record[values][column]
+    found = {entry["name"]: entry["value"] for entry in record["fit"]["parameters"]}
+    return found["platform.m"]
 
 
 def lines_of(text):
@@ -27,23 +28,18 @@ def lines_of(text):
 
 
 @pytest.fixture(scope="module")
-def record(logs, tmp_path_factory):
-    """The answer to the plainest call."""
-    from io import StringIO
+def record(knee, logs):
+    """What the library says of the first run."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        recording = prepare_recording(knee, read_log(logs["run.csv"], knee))
+        model = find_force_model(knee, "gravity", JointTerms(knee.actuated))
+        return identification_record(identify(model, *split_recordings([recording])))
 
-    from loopid.cli import main
 
-    with pytest.MonkeyPatch.context() as patch:
-        stream = StringIO()
-        patch.setattr(sys, "stdout", stream)
-        patch.setattr(sys, "stderr", StringIO())
-        patch.setattr(sys, "argv", ["loopid", "identify", "3ups_rpu", logs["run.csv"], "--json"])
-        patch.setattr("warnings.showwarning", lambda *arguments: None)
-        patch.setattr("warnings.filters", [])
-        with pytest.raises(SystemExit) as end:
-            main()
-    assert not end.value.code
-    return json.loads(stream.getvalue())
+def test_the_command_says_what_the_library_says(run_json, logs, record):
+    first, again = (run_json("identify", "3ups_rpu", logs["run.csv"]) for _ in range(2))
+    assert first == again == json.loads(json.dumps(record))
 
 
 def test_friction_and_gravity_are_found(record, friction_values):
@@ -100,7 +96,7 @@ def test_results_are_replaced_by_the_next_run(run, logs, tmp_path):
     assert mode == stat.S_IMODE((tmp_path / "plain").stat().st_mode)
 
 
-def test_the_order_of_samples_and_the_split_are_the_options(run_json, logs, record):
+def test_the_split_is_an_option(run_json, logs, record):
     little = run_json("identify", "3ups_rpu", logs["run.csv"], "--train", "0.3")
     sizes = [sum(part["samples"] for part in little[name]) for name in ("training", "validation")]
     whole = record["training"][0]["samples"] + record["validation"][0]["samples"]
@@ -112,7 +108,7 @@ def test_a_validation_log_takes_the_place_of_the_split(run_json, logs):
     found = run_json("identify", "3ups_rpu", logs["run.csv"], "--validate", logs["other.csv"])
     assert [part["name"] for part in found["training"]] == ["run"]
     assert [part["name"] for part in found["validation"]] == ["other"]
-    assert found["validation"][0]["samples"] > 400
+    assert found["validation"][0]["samples"] > 300
 
 
 def test_several_logs_count_together(run_json, logs, record):
@@ -143,7 +139,7 @@ def test_without_terms_only_bodies_are_fitted(run_json, knee, tmp_path):
     assert found["candidates"][0]["fitted"] == 0
 
 
-def test_the_estimator_and_the_model_are_the_options(run_json, logs):
+def test_the_estimator_is_an_option(run_json, logs):
     found = run_json("identify", "3ups_rpu", logs["run.csv"], "--estimator", "ols")
     assert found["fit"]["estimator"] == "ols"
     weights = {actuator["weight"] for actuator in found["fit"]["actuators"]}
@@ -179,10 +175,6 @@ def test_a_mapping_names_columns_and_units(run_json, log_texts, record, tmp_path
     mapping = ("--mapping", tmp_path / "mapping.yaml")
     found = run_json("identify", "3ups_rpu", tmp_path / "raw.csv", *mapping)
     assert mass(found) == pytest.approx(mass(record), rel=1e-3)
-
-
-def test_the_same_call_gives_the_same_answer(run_json, logs, record):
-    assert run_json("identify", "3ups_rpu", logs["run.csv"]) == record
 
 
 def test_json_alone_is_on_the_output_and_warnings_are_single_lines(run, logs):
@@ -250,12 +242,10 @@ def test_too_few_rows_are_refused(run, log_texts, tmp_path):
     assert_refused(run("identify", "3ups_rpu", path), ["short"])
 
 
-def test_a_log_too_short_for_all_parameters_is_refused_or_warned_about(run, log_texts, tmp_path):
+def test_a_log_too_short_for_the_parameters_is_refused(run, log_texts, tmp_path):
     path = tmp_path / "brief.csv"
     path.write_text("\n".join(log_texts["run.csv"].splitlines()[:90]) + "\n")
-    done = run("identify", "3ups_rpu", path)
-    assert done.code == 2
-    assert "Traceback" not in done.err
+    assert_refused(run("identify", "3ups_rpu", path), [])
 
 
 def test_a_file_where_results_should_go_is_named_and_stays(run, logs, tmp_path):

@@ -147,7 +147,8 @@ def test_a_refusal_in_a_process_of_its_own():
 
 
 def test_heavy_libraries_are_imported_only_when_needed():
-    script = "import sys, loopid; print([m for m in ('yourdfpy', 'sympy', 'matplotlib') if m in sys.modules])"
+    heavy = ("yourdfpy", "sympy", "matplotlib")
+    script = f"import sys, loopid.cli; print([m for m in {heavy} if m in sys.modules])"
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.identification import FitSamples, Quality
-from loopid.identification.quality import fit_quality
+from loopid.identification import FitSamples, Quality, fit_quality
 
 # Stretches of time that count as independent when mean errors are compared.
 BATCHES = 20

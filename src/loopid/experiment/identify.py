@@ -11,9 +11,14 @@ from loopid.arrays import FloatArray
 from loopid.errors import DataError
 from loopid.experiment.candidate import Candidate, judge
 from loopid.experiment.force_model import ForceModel
-from loopid.identification import Estimator, FitResult, FitSamples, fit
-from loopid.identification.fitting import quiet_fit
-from loopid.identification.steps import fit_in_steps
+from loopid.identification import (
+    Estimator,
+    FitResult,
+    FitSamples,
+    fit,
+    fit_in_steps,
+    quiet_fit,
+)
 from loopid.logs import Recording
 from loopid.reduction import Reduction, eliminate
 

@@ -1,7 +1,7 @@
 """What the parameters are: fit problems, estimators, results with their uncertainty."""
 
 from loopid.identification.estimate import Estimate
-from loopid.identification.fitting import ESTIMATORS, fit
+from loopid.identification.fitting import ESTIMATORS, fit, quiet_fit
 from loopid.identification.least_squares import (
     Estimator,
     OrdinaryLeastSquares,
@@ -28,4 +28,5 @@ __all__ = [
     "fit",
     "fit_in_steps",
     "fit_quality",
+    "quiet_fit",
 ]

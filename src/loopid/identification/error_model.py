@@ -14,6 +14,10 @@ from loopid.arrays import BoolArray, FloatArray
 from loopid.identification.autoregression import Autoregression
 from loopid.identification.burg import burg_covariances, run_lengths
 
+# Parts of a correction that are tried, and the part of the innovations' variance that must stay.
+DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
+KEPT_INNOVATION = 0.5
+
 
 class ErrorModel:
     """Autoregressive errors of one actuator, and how they add up in the estimates.
@@ -53,7 +57,9 @@ class ErrorModel:
         self._pairs = np.array([_lagged(self._used, self._used, k)[0, 0] for k in lags])
         self._grams = [_lagged(self._parts, self._parts, k) for k in lags]
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
-        self._adopt(self._observed * self.samples / freedom)
+        start = Autoregression.of_covariances(self._observed * self.samples / freedom)
+        self._least_innovation = KEPT_INNOVATION * start.variance * freedom / self.samples
+        self._adopt(start)
 
     def taken_up(self, sums: FloatArray) -> FloatArray:
         """By how much a fit lowers Σ_t e_t e_{t+k} over used pairs, on average; (p + 1,).
@@ -67,12 +73,20 @@ class ErrorModel:
         return np.asarray(self._shared - np.array(left), dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
-        """Make the model again, with what the fit takes up under the present models added back."""
+        """Make the model again, with what the fit takes up under the present models added back.
+
+        A fit takes up what is smooth, so the innovations stay what they are. Where the whole
+        correction would shrink them, it asks for errors that cannot be, and is damped.
+        """
         taken = self.taken_up(sums)
         lags = slice(len(taken))
-        covariances = self._observed[lags] + taken / np.maximum(self._pairs[lags], 1.0)
-        if covariances[0] > 0:
-            self._adopt(covariances)
+        correction = taken / np.maximum(self._pairs[lags], 1.0)
+        for part in DAMPING:
+            covariances = self._observed[lags] + part * correction
+            model = Autoregression.of_covariances(covariances)
+            if model.order == len(covariances) - 1 and model.variance >= self._least_innovation:
+                return self._adopt(model)
+        return None
 
     def effective_samples(self) -> float:
         """How many independent samples would tell the mean error as well."""
@@ -82,8 +96,8 @@ class ErrorModel:
         variance = float(self.model.covariances[0])
         return min(self.samples**2 * variance / spread, float(self.samples))
 
-    def _adopt(self, covariances: FloatArray) -> None:
-        self.model = Autoregression.of_covariances(covariances)
+    def _adopt(self, model: Autoregression) -> None:
+        self.model = model
         spread = [self.model.covariance_times(part) for part in self._parts]
         self.sums = _lagged(self._parts, spread, 0)
         present = [part * u for part, u in zip(spread, self._used, strict=True)]

@@ -18,13 +18,16 @@ SUFFIXES = (".json", ".yaml", ".yml")
 
 def write_record(path: str | Path, record: dict[str, Any]) -> None:
     """Write a record of plain numbers, lists and texts, whole or not at all."""
+    write_file(path, record_text(path, record))
+
+
+def record_text(path: str | Path, record: dict[str, Any]) -> str:
+    """The content of a file of that name."""
     if _is_json(path):
-        text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    else:
-        stream = StringIO()
-        _yaml().dump(record, stream)
-        text = stream.getvalue()
-    write_file(path, text)
+        return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    stream = StringIO()
+    _yaml().dump(record, stream)
+    return stream.getvalue()
 
 
 def read_record(path: str | Path) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from loopid.experiment import (
     prediction_error,
     split_recordings,
 )
-from loopid.identification import FitResult
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import FitResult, quiet_fit
 from loopid.logs import Log, Recording, prepare_recording
 from loopid.mechanism import Mechanism
 from loopid.paper.base import rows_of_table_ii

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.identification import FitSamples
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import FitSamples, quiet_fit
 from loopid.paper.printed import FORCE_NOISE
 from loopid.progress import Progress
 from loopid.seeds import random_generator

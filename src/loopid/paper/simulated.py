@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.errors import CorrelationWarning
 from loopid.experiment import ForceModel
-from loopid.identification import FitResult, FitSamples, OrdinaryLeastSquares, fit
+from loopid.identification import FitResult, FitSamples, quiet_fit
 from loopid.paper.base import BaseComparison
 from loopid.paper.experiment import Experiment, frictionless_recordings
 from loopid.paper.printed import TABLE_IV
@@ -59,11 +57,7 @@ def fit_simulated(experiment: Experiment, comparison: BaseComparison, seed: int)
     single = ordered_samples(experiment, comparison, seed)
     whole, truth = FitSamples.combined(list(single.values())), ordered_truth(comparison)
     first = whole.select(range(FIRST))
-    fifteen = fit(whole, OrdinaryLeastSquares())
-    with warnings.catch_warnings():
-        # Leaving parameters out leaves a pattern in the residuals: that is the point here.
-        warnings.simplefilter("ignore", CorrelationWarning)
-        eight = fit(first, OrdinaryLeastSquares())
+    fifteen, eight = quiet_fit(whole, "ols"), quiet_fit(first, "ols")
     bent = np.stack([truncated_values(part.problem, truth, FIRST) for part in single.values()])
     pulled = {"all": whole} | single
     return SimulatedFit(

@@ -10,8 +10,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.errors import CorrelationWarning, ExcitationWarning
 from loopid.experiment import ForceModel, find_force_model
-from loopid.identification import FitResult, FitSamples, fit
-from loopid.identification.steps import fit_in_steps
+from loopid.identification import FitResult, FitSamples, fit_in_steps, quiet_fit
 from loopid.logs import Recording
 from loopid.paper.base import rows_of_table_ii
 from loopid.paper.experiment import Experiment, friction_terms, friction_values
@@ -53,7 +52,7 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
         warnings.simplefilter("ignore", ExcitationWarning)
         warnings.simplefilter("ignore", CorrelationWarning)
         in_steps = fit_in_steps(warm_up, main, known, "ols")
-        return TwoSteps(truth, in_steps, fit(main, "ols"))
+    return TwoSteps(truth, in_steps, quiet_fit(main, "ols"))
 
 
 def _samples(

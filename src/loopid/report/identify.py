@@ -71,14 +71,17 @@ def findings(found: Identification) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
     full, supported = found.candidates[1], found.supported
     said = [_conditions(found), _compared(full), _compared(supported)]
-    if not full.beats_baseline:
-        blamed = ", ".join(found.fit.unsupported()) or "none alone"
+    weak = found.fit.unsupported()
+    if weak or not full.beats_baseline:
         said.append(
-            "The data do not support all parameters together; the intervals of these include "
-            f"zero: {blamed}."
+            "Of all parameters together, the data do not tell these from zero: "
+            f"{', '.join(weak) or 'none alone'}."
         )
     kept = found.reduction.result.parameters.labels
-    said.append(f"The data support {len(kept)} of {len(found.fit.parameters)} parameters.")
+    said.append(
+        f"The data support {len(kept)} of {len(found.fit.parameters)} parameters; their ± holds if "
+        "the others are as in the robot file, and joint terms that are left out are zero."
+    )
     return said
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 from loopid.experiment import Identification
+from loopid.identification.storage import record_text
 from loopid.report.identify import identification_record, identification_tables
 from loopid.report.identify_figures import identification_figures
 from loopid.report.markdown import markdown_table
@@ -18,10 +17,10 @@ CAPTIONS = {
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and result, by file name."""
-    record = json.dumps(identification_record(found), indent=2, ensure_ascii=False)
     return {
         "report.md": identification_page(found),
-        "identification.json": record + "\n",
+        "identification.json": record_text("identification.json", identification_record(found)),
+        "parameters.yaml": record_text("parameters.yaml", found.fit.record()),
         **identification_figures(found),
     }
 

@@ -1,0 +1,196 @@
+"""However a log is spoilt, the command ends with one sentence, or says what it left out."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+POSITIONS, FORCES = range(1, 5), range(5, 9)
+
+
+@pytest.fixture(scope="module")
+def table(log_texts):
+    """Header, and rows (N, 9) of time, positions and forces."""
+    head, *rows = log_texts["run.csv"].splitlines()
+    return head, np.array([[float(x) for x in row.split(",")] for row in rows])
+
+
+@pytest.fixture
+def identify(run, table, tmp_path):
+    """Run the command on rows, or on a text."""
+
+    def call(rows, *options):
+        text = rows
+        if not isinstance(rows, str):
+            lines = [",".join("" if x is None else f"{x:.9g}" for x in row) for row in rows]
+            text = "\n".join([table[0], *lines, ""])
+        (tmp_path / "spoilt.csv").write_text(text)
+        return run("identify", "3ups_rpu", tmp_path / "spoilt.csv", *options)
+
+    return call
+
+
+def said(done):
+    """All warnings and errors; nothing else may be on the error stream."""
+    lines = [line for line in done.err.splitlines() if line]
+    assert all(line.startswith(("loopid: warning: ", "loopid: error: ")) for line in lines)
+    errors = [line for line in lines if line.startswith("loopid: error: ")]
+    assert len(errors) == (done.code == 2)
+    assert done.code in (0, 2)
+    assert (done.out == "") == (done.code == 2)
+    return "\n".join(lines)
+
+
+def about_the_log(done):
+    """Warnings that are not about correlation or excitation, which good logs give too."""
+    return [
+        line
+        for line in said(done).splitlines()
+        if "follow one another" not in line and "do not tell" not in line
+    ]
+
+
+def test_a_good_log_gives_no_warning_about_itself(identify, table):
+    done = identify(table[1])
+    assert done.code == 0
+    assert about_the_log(done) == []
+
+
+def test_a_few_empty_rows_are_left_out_and_said(identify, table):
+    rows = table[1].copy()
+    rows[200:203, 2] = np.nan
+    done = identify(rows)
+    assert done.code == 0
+    assert any("spoilt" in line and "3" in line for line in about_the_log(done))
+
+
+def test_many_empty_rows_are_refused(identify, table):
+    rows = table[1].copy()
+    rows[200:900, 2] = np.nan
+    done = identify(rows)
+    assert done.code == 2
+    assert "spoilt" in said(done)
+
+
+def test_times_that_go_back_are_refused(identify, table):
+    rows = table[1].copy()
+    rows[[300, 301]] = rows[[301, 300]]
+    done = identify(rows)
+    assert done.code == 2
+    assert "time must increase" in said(done)
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "words"),
+    [
+        (POSITIONS, 1e3, ["outside its limits", "0.001"]),
+        (POSITIONS, 1e-3, ["outside its limits", "1000"]),
+        ([0], 1e3, ["median step", "0.001"]),
+        ([0], 1e6, ["median step", "1e-06"]),
+    ],
+)
+def test_the_wrong_unit_is_refused_with_the_factor(identify, table, columns, factor, words):
+    rows = table[1].copy()
+    rows[:, columns] *= factor
+    done = identify(rows)
+    assert done.code == 2
+    for word in words:
+        assert word in said(done)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_forces_in_the_wrong_unit_are_said(identify, table, factor):
+    rows = table[1].copy()
+    rows[:, FORCES] *= factor
+    done = identify(rows)
+    assert "force" in "\n".join(about_the_log(done))
+
+
+@pytest.mark.parametrize("pair", [(5, 8), (1, 4), (1, 5)])
+def test_exchanged_columns_are_said_or_refused(identify, table, pair):
+    rows = table[1].copy()
+    rows[:, pair] = rows[:, pair[::-1]]
+    assert about_the_log(identify(rows))
+
+
+def test_a_force_with_the_wrong_sign_is_said(identify, table):
+    rows = table[1].copy()
+    rows[:, 8] *= -1
+    assert any("leg4_stroke points the other way" in line for line in about_the_log(identify(rows)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 20])
+def test_a_log_of_hardly_any_rows_is_refused(identify, table, count):
+    done = identify(table[1][:count])
+    assert done.code == 2
+    assert "spoilt" in said(done)
+
+
+def test_motors_that_never_move_are_refused(identify, table):
+    rows = table[1].copy()
+    rows[:, POSITIONS] = rows[0, POSITIONS]
+    done = identify(rows)
+    assert done.code == 2
+    assert "nothing moves" in said(done)
+
+
+@pytest.mark.parametrize("column", [1, 5])
+def test_a_dead_sensor_is_said(identify, table, column):
+    rows = table[1].copy()
+    rows[:, column] = rows[0, column]
+    done = identify(rows)
+    assert "leg1_stroke" in said(done)
+    assert "never changes" in said(done)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n\n", "time\n", "not a log at all", "\x00\x01\x02", "a,b\n1"]
+)
+def test_what_is_no_table_is_refused(identify, text):
+    done = identify(text)
+    assert done.code == 2
+    assert "spoilt" in said(done)
+
+
+def spoil(rows, kind, place, length, column, factor):
+    """Rows with one thing wrong."""
+    rows, start = rows.copy(), int(place * len(rows))
+    part = slice(start, start + length)
+    if kind == "lose":
+        return np.delete(rows, part, axis=0)
+    if kind == "repeat":
+        return np.concatenate([rows[:start], rows[part], rows[start:]])
+    if kind == "empty":
+        rows[part, column] = np.nan
+    elif kind == "hold":
+        rows[part, column] = rows[start, column]
+    elif kind == "scale":
+        rows[part, column] *= factor
+    elif kind == "shift":
+        rows[start:, column] += factor
+    elif kind == "cut":
+        return rows[: start + 1]
+    else:
+        rows[:, column] = rows[:, 1 + column % 8]
+    return rows
+
+
+spoilers = st.tuples(
+    st.sampled_from(["lose", "repeat", "empty", "hold", "scale", "shift", "cut", "copy"]),
+    st.floats(0, 1, exclude_max=True),
+    st.integers(1, 600),
+    st.integers(0, 8),
+    st.sampled_from([1e3, 1e-3, -1.0, 0.0, 1e300, 1.5, float("inf")]),
+)
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(spoilt=st.lists(spoilers, min_size=1, max_size=3))
+@pytest.mark.filterwarnings("ignore::RuntimeWarning:test_bad_logs_through_main")
+def test_no_spoilt_log_ends_in_a_traceback(identify, table, spoilt):
+    rows = table[1]
+    with np.errstate(all="ignore"):
+        for change in spoilt:
+            if len(rows):
+                rows = spoil(rows, *change)
+    said(identify(rows))

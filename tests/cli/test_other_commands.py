@@ -1,0 +1,195 @@
+"""``loopid motions`` and ``loopid paper``, and what all commands have in common."""
+
+import importlib
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from loopid.cli import paper as COMMAND
+from small_paper import small_paper
+
+MOTIONS = """coordinates: [shoulder, elbow]
+rate: 20
+speeds: {{shoulder: 0.5, elbow: 0.5}}
+motions:
+  swing:
+    description: to and fro
+    start: {{shoulder: 0, elbow: 0}}
+    steps:
+      - there_and_back:
+          - to: {{shoulder: {far}}}
+        between:
+          - hold: 1
+"""
+OPTIONS = {
+    "check": ["--lock", "--json"],
+    "base": ["--model", "--search", "--criterion", "--samples", "--seed", "--lock", "--json"],
+    "motions": ["--rate", "--margin", "--lock", "--json"],
+    "identify": [
+        "--mapping",
+        "--model",
+        "--terms",
+        "--estimator",
+        "--cutoff",
+        "--train",
+        "--validate",
+        "--friction-log",
+        "--out",
+        "--lock",
+        "--json",
+    ],
+    "paper": ["--out", "--log", "--seed"],
+}
+
+
+# Of the command's own name there is a function, too.
+COMMAND = importlib.import_module("loopid.cli.paper")
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """The paper's command with a small reproduction; gives what it was asked for."""
+    asked = []
+
+    def reproduce(logs=(), seed=0, stage=None):
+        asked.append((tuple(logs), seed))
+        with stage("nine trajectories") as report:
+            report(9, 9)
+        return small_paper()
+
+    monkeypatch.setattr(COMMAND, "reproduce_paper", reproduce)
+    return asked
+
+
+def test_the_nine_motions_can_be_run(run_json):
+    record = run_json("motions", "3ups_rpu", "--rate", "2")
+    assert [motion["name"] for motion in record["motions"]] == list("123456789")
+    for motion in record["motions"]:
+        assert motion["problems"] == []
+        assert motion["clearance"] > 0
+        assert motion["seconds"] > 60
+        assert 0 < max(motion["speeds"].values()) < 0.05
+
+
+def test_the_nine_motions_are_a_table_of_nine_lines(run):
+    done = run("motions", "3ups_rpu", "--rate", "1")
+    assert done.code == 0
+    assert done.err == ""
+    names = re.findall(r"^ {2}(\d) ", done.out, flags=re.MULTILINE)
+    assert names == list("123456789")
+
+
+def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp_path):
+    robot, _ = arm_files
+    for far, problems in ((1.0, 0), (3.5, 1)):
+        (tmp_path / "swing.yaml").write_text(MOTIONS.format(far=far))
+        record = run_json("motions", robot, tmp_path / "swing.yaml")
+        (motion,) = record["motions"]
+        assert len(motion["problems"]) == problems
+        assert motion["ranges"]["shoulder"] == pytest.approx([0.0, far])
+        assert ("outside" in run("motions", robot, tmp_path / "swing.yaml").out) == bool(problems)
+    record = run_json("motions", robot, tmp_path / "swing.yaml", "--margin", "2")
+    assert any("singularity" in problem for problem in record["motions"][0]["problems"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["motions", "5p"], ["5p", "3ups_rpu"]),
+        (["motions", "3ups_rpu", "nowhere.yaml"], ["nowhere.yaml"]),
+        (["motions", "3ups_rpu", "--rate", "0"], ["rate"]),
+        (["motions", "3ups_rpu", "--margin", "-1", "--rate", "1"], ["margin"]),
+        (["motions", "nobody"], ["nobody"]),
+        (["paper", "--seed", "-1"], ["seed"]),
+        (["paper", "--log", "nowhere"], ["nowhere"]),
+    ],
+)
+def test_refusals_are_one_sentence_and_exit_code_2(run, monkeypatch, arguments, words):
+    monkeypatch.setattr("loopid.paper.reproduce.RATE", 0.2)
+    monkeypatch.setattr("loopid.paper.reproduce.COVERAGE_RATE", 0.1)
+    done = run(*arguments)
+    assert done.code == 2
+    assert done.out == ""
+    last = done.err.splitlines()[-1]
+    assert last.startswith("loopid: error: ")
+    assert all(line.startswith("loopid: warning: ") for line in done.err.splitlines()[:-1])
+    for word in words:
+        assert word in last
+
+
+def test_the_paper_is_printed_and_written(run, small, monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "160")
+    done = run("paper", "--out", tmp_path / "paper", "--seed", "3")
+    assert done.code == 0, done.err
+    assert small == [((), 3)]
+    for number in ("I", "II", "III", "IV", "V"):
+        assert f"Table {number}: " in done.out
+    assert "not found" not in done.out
+    assert "0.1928 m22 - 0.3 m12 + mm xm" in done.out
+    assert "14.1434" in done.out
+    page = (tmp_path / "paper" / "paper.md").read_text()
+    for link in re.findall(r"\(([^)]+\.svg)\)", page):
+        assert (tmp_path / "paper" / link).exists()
+
+
+def test_the_paper_writes_nothing_unless_asked(run, small, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert run("paper").code == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_logs_of_the_robot_reach_the_paper(run, small):
+    run("paper", "--log", "a.csv", "--log", "b.csv")
+    assert small == [(("a.csv", "b.csv"), 0)]
+
+
+def test_a_row_that_is_not_found_ends_with_an_error(run, small, monkeypatch):
+    found = small_paper()
+    base = replace(found.base, rows=(*found.base.rows[:8], None, *found.base.rows[9:]))
+    lacking = replace(found, base=base)
+    monkeypatch.setattr(COMMAND, "reproduce_paper", lambda *a, **b: lacking)
+    monkeypatch.setattr(COMMAND, "paper_tables", lambda found: [])
+    done = run("paper")
+    assert done.code == 2
+    assert "not every row of the paper's Table II was found" in done.err
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+def test_help_names_every_option_and_no_other(run, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "200")
+    done = run(command, "--help")
+    assert done.code == 0
+    found = set(re.findall(r"--[a-z][a-z-]*", done.out)) - {"--help"}
+    assert found == set(OPTIONS[command])
+    assert re.match(rf"Usage: .*loopid {command} ", done.out)
+
+
+def test_the_commands_are_listed(run):
+    done = run("--help")
+    for command in OPTIONS:
+        assert re.search(rf"^ +{command} +\S", done.out, flags=re.MULTILINE)
+
+
+def test_a_reader_that_has_seen_enough_ends_the_command_quietly():
+    script = [sys.executable, "-c", "from loopid.cli import main; main()", "base", "3ups_rpu"]
+    with subprocess.Popen(
+        [*script, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        process.stdout.close()
+        said = process.stderr.read().decode()
+        assert process.wait(timeout=60) in (0, 1, 141)
+    assert "Traceback" not in said
+    assert "BrokenPipe" not in said
+
+
+def test_warnings_of_a_process_of_its_own_are_single_lines(logs):
+    script = [sys.executable, "-c", "from loopid.cli import main; main()"]
+    arguments = ["identify", "3ups_rpu", logs["run.csv"], "--json"]
+    done = subprocess.run([*script, *arguments], capture_output=True, text=True, check=True)
+    json.loads(done.stdout)
+    assert all(line.startswith("loopid: warning: ") for line in done.stderr.splitlines())
+    assert done.stderr.count("\n") <= 3
