@@ -6,9 +6,9 @@ BIN := .venv/bin
 
 .PHONY: demo test lint bench clean
 
-# The main job: the paper's base parameters, proven best.
-demo: .venv/core
-	@$(BIN)/loopid paper
+# The main job: all tables and figures of the paper, with their uncertainty.
+demo: .venv/plot
+	@$(BIN)/loopid paper --out out
 
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
@@ -31,14 +31,14 @@ clean:
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/core: .venv/pip pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+.venv/plot: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot]'
 	@touch $@
 
 .venv/test: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
-	@touch $@ .venv/core
+	@touch $@ .venv/plot
 
 .venv/lint: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint]'
-	@touch $@ .venv/core .venv/test
+	@touch $@ .venv/plot .venv/test

@@ -8,7 +8,7 @@ import pytest
 from loopid.paper import reproduce
 from loopid.paper.reproduce import PaperReproduction
 
-RATE = 4.0
+RATE = 2.0
 REPETITIONS = 12
 
 

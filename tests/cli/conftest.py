@@ -5,6 +5,7 @@ import sys
 import warnings
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 from loopid import JointTerms, load_mechanism

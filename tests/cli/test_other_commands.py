@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import pytest
 
-from loopid.cli import paper as COMMAND
 from small_paper import small_paper
 
 MOTIONS = """coordinates: [shoulder, elbow]
@@ -84,7 +83,7 @@ def test_the_nine_motions_are_a_table_of_nine_lines(run):
 
 
 def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp_path):
-    robot, _ = arm_files
+    robot = arm_files[0]
     for far, problems in ((1.0, 0), (3.5, 1)):
         (tmp_path / "swing.yaml").write_text(MOTIONS.format(far=far))
         record = run_json("motions", robot, tmp_path / "swing.yaml")
@@ -105,12 +104,10 @@ def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp
         (["motions", "3ups_rpu", "--margin", "-1", "--rate", "1"], ["margin"]),
         (["motions", "nobody"], ["nobody"]),
         (["paper", "--seed", "-1"], ["seed"]),
-        (["paper", "--log", "nowhere"], ["nowhere"]),
     ],
 )
 def test_refusals_are_one_sentence_and_exit_code_2(run, monkeypatch, arguments, words):
     monkeypatch.setattr("loopid.paper.reproduce.RATE", 0.2)
-    monkeypatch.setattr("loopid.paper.reproduce.COVERAGE_RATE", 0.1)
     done = run(*arguments)
     assert done.code == 2
     assert done.out == ""
@@ -145,6 +142,17 @@ def test_the_paper_writes_nothing_unless_asked(run, small, monkeypatch, tmp_path
 def test_logs_of_the_robot_reach_the_paper(run, small):
     run("paper", "--log", "a.csv", "--log", "b.csv")
     assert small == [(("a.csv", "b.csv"), 0)]
+
+
+def test_a_log_that_is_not_there_is_refused_before_anything_is_computed(run, monkeypatch):
+    def compute(*arguments):
+        pytest.fail("the paper was computed first")
+
+    monkeypatch.setattr("loopid.paper.reproduce.fit_simulated", compute)
+    monkeypatch.setattr("loopid.paper.reproduce.RATE", 0.2)
+    done = run("paper", "--log", "nowhere")
+    assert done.code == 2
+    assert done.err.startswith("loopid: error: there is no log nowhere")
 
 
 def test_a_row_that_is_not_found_ends_with_an_error(run, small, monkeypatch):
@@ -186,9 +194,9 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly():
     assert "BrokenPipe" not in said
 
 
-def test_warnings_of_a_process_of_its_own_are_single_lines(logs):
+def test_warnings_of_a_process_of_its_own_are_single_lines(arm_files):
     script = [sys.executable, "-c", "from loopid.cli import main; main()"]
-    arguments = ["identify", "3ups_rpu", logs["run.csv"], "--json"]
+    arguments = ["identify", *arm_files[:2], "--json"]
     done = subprocess.run([*script, *arguments], capture_output=True, text=True, check=True)
     json.loads(done.stdout)
     assert all(line.startswith("loopid: warning: ") for line in done.stderr.splitlines())

@@ -11,14 +11,15 @@ from loopid.paper.reproduce import reproduce_paper
 from loopid.trajectories import joint_motion, read_motion_program
 
 SHORT = ("3", "9")
+RATE = 10.0
 
 
 @pytest.fixture(scope="module")
 def short(knee):
-    """Two short trajectories at the rate of the paper's reproduction."""
+    """Two short trajectories at half the rate of the paper's reproduction."""
     program = read_motion_program("3ups_rpu")
-    motions = {name: joint_motion(knee, program.motion(name, 20.0)) for name in SHORT}
-    return Experiment(knee, 20.0, motions, {}, {})
+    motions = {name: joint_motion(knee, program.motion(name, RATE)) for name in SHORT}
+    return Experiment(knee, RATE, motions, {}, {})
 
 
 @pytest.fixture(scope="module")

@@ -37,6 +37,8 @@ class SimulatedFit:
         cond(W_1) with 15 and 8 parameters, by trajectory; all nine under ``"all"``.
     influence, influence_reach : FloatArray
         (15,) p_i in %, and half the width of its 95 % interval from the fit's covariance.
+    alone : FloatArray
+        (15,), rms in N of the forces that each parameter makes alone.
     explained : FloatArray
         (15,) part of the forces that the first i parameters explain, 1 - |T - A_i| / |T|, in %.
     """
@@ -49,6 +51,7 @@ class SimulatedFit:
     condition_numbers: dict[str, tuple[float, float]]
     influence: FloatArray
     influence_reach: FloatArray
+    alone: FloatArray
     explained: FloatArray
 
 
@@ -69,6 +72,7 @@ def fit_simulated(experiment: Experiment, comparison: BaseComparison, seed: int)
         condition_numbers={name: _conditions(part) for name, part in pulled.items()},
         influence=influence(whole, fifteen.values),
         influence_reach=_influence_reach(whole, fifteen, seed),
+        alone=np.sqrt(((whole.regressor * truth) ** 2).mean(axis=(0, 1))),
         explained=_explained(whole, fifteen.values),
     )
 

@@ -95,11 +95,11 @@ def conditions_table(simulated: SimulatedFit, coverage: Coverage) -> Table:
 
 def influence_table(simulated: SimulatedFit) -> Table:
     """Figure 4 in numbers."""
-    columns = (">i", "base parameter", ">p_i (%)", ">± 95 %", ">explained (%)")
+    columns = (">i", "base parameter", ">alone (N rms)", ">p_i (%)", ">± 95 %", ">explained (%)")
     table = plain_table("figure 4: influence of the first i base parameters", *columns)
     rows = zip(simulated.influence, simulated.influence_reach, simulated.explained, strict=True)
     for k, (share, reach, explained) in enumerate(rows):
-        numbers = f"{share:.2f}", f"{reach:.2f}", f"{explained:.2f}"
+        numbers = f"{simulated.alone[k]:.2f}", f"{share:.2f}", f"{reach:.2f}", f"{explained:.2f}"
         table.add_row(str(k + 1), paper_expression(TABLE_II[k]), *numbers)
     return table
 
@@ -121,7 +121,9 @@ def actual_table(actual: ActualFit) -> Table:
     source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
     title = f"Table V: base parameters from {source} (kg, kg m)"
     columns = (">", "base parameter", ">CAD", ">paper", ">eight, 95 %", ">fifteen, 95 %")
-    table = plain_table(title, *columns, ">supported", *([">truth"] if actual.is_stand_in else []))
+    table = plain_table(
+        title, *columns, ">if the rest is as CAD", *([">truth"] if actual.is_stand_in else [])
+    )
     model, supported = actual.identification.force_model, actual.identification.supported
     for k, column in enumerate(actual.order):
         row = [str(k + 1), paper_expression(TABLE_II[k]), f"{model.prior[column]:.3f}"]
