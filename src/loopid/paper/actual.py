@@ -57,8 +57,8 @@ class ActualFit:
         (N, dof), as logged, and less the baseline's friction.
     cad_force, cad_gravity : FloatArray
         (N, dof), by the robot file, with the baseline's friction in the former.
-    eight_force : FloatArray
-        (N, dof), by the eight parameters and friction.
+    eight_force, eight_reach : FloatArray
+        (N, dof), by the eight parameters and friction, and half the width of its 95 % interval.
     fitted_gravity, fitted_reach : FloatArray
         (N, dof), by the supported parameters, and half the width of its 95 % interval.
     """
@@ -76,6 +76,7 @@ class ActualFit:
     cad_force: FloatArray
     cad_gravity: FloatArray
     eight_force: FloatArray
+    eight_reach: FloatArray
     fitted_gravity: FloatArray
     fitted_reach: FloatArray
 
@@ -101,6 +102,7 @@ def fit_actual(
     samples = found.samples[0].select([*order, *force_model.joint_columns])
     joints = range(len(order), len(samples.parameters))
     eight = quiet_fit(samples.select([*range(FIRST), *joints]))
+    force, reach = _eight_force(found, recordings[0], order, eight)
     gravity = None if standard is None else _gravity_truth(force_model, standard)
     return ActualFit(
         sources=tuple(recording.name for recording in recordings),
@@ -108,7 +110,8 @@ def fit_actual(
         order=order,
         fifteen=quiet_fit(samples),
         eight=eight,
-        eight_force=_eight_force(found, recordings[0], order, eight),
+        eight_force=force,
+        eight_reach=reach,
         truth=None if gravity is None else gravity[order],
         **_shown(found, recordings[0]),
     )
@@ -126,10 +129,10 @@ def _gravity_truth(force_model: ForceModel, standard: FloatArray) -> FloatArray:
 
 def _eight_force(
     found: Identification, recording: Recording, order: IntArray, eight: FitResult
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     model = found.force_model
-    columns = [*order[:FIRST], *model.joint_columns]
-    return eight.predict(model.regressor(recording.motion)[:, :, columns])
+    W = model.regressor(recording.motion)[:, :, [*order[:FIRST], *model.joint_columns]]
+    return eight.predict(W), INTERVAL * prediction_error(W, eight.covariance)
 
 
 def _shown(found: Identification, recording: Recording) -> dict[str, Any]:

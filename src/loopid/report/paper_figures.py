@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.paper import PaperReproduction
 from loopid.paper.actual import ActualFit
 from loopid.paper.shares import LIMBS, ForceShares
@@ -79,11 +81,10 @@ _EXPLAINED = r"explained: $1 - \|T - A_i\|/\|T\|$"
 def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
     """Figure 5: gravity of limbs 1 and 4, from the CAD model and from the measured forces."""
     with drawing(len(LIMBS)) as (figure, axes):
-        for letter, ax, limb in zip(PANELS, axes[:, 0], LIMBS, strict=False):
-            _gaps(ax, actual, actual.measured_gravity, limb, GREY, "measured less friction", 0.6)
-            _gaps(ax, actual, actual.cad_gravity, limb, BLUE, "robot file")
-            _band(ax, actual, actual.fitted_gravity, actual.fitted_reach, limb, "fit, 95 %")
-            ax.set(title=f"({letter}) limb {limb}", ylabel="force (N)")
+        for panel in _panels(actual, axes):
+            panel.line(actual.measured_gravity, GREY, "measured less friction")
+            panel.line(actual.cad_gravity, BLUE, "robot file")
+            panel.line(actual.fitted_gravity, RED, "fit, 95 %", actual.fitted_reach)
         _finish(figure, axes[:, 0])
         return rendered(figure, "figure_5")
 
@@ -91,39 +92,42 @@ def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
 def draw_action(actual: ActualFit) -> dict[str, bytes]:
     """Figure 6: total force of limbs 1 and 4, simulated and measured."""
     with drawing(len(LIMBS)) as (figure, axes):
-        for letter, ax, limb in zip(PANELS, axes[:, 0], LIMBS, strict=False):
-            _gaps(ax, actual, actual.measured_force, limb, GREY, "measured", 0.6)
-            _gaps(ax, actual, actual.cad_force, limb, BLUE, "robot file")
-            _gaps(ax, actual, actual.eight_force, limb, RED, "eight parameters")
-            ax.set(title=f"({letter}) limb {limb}", ylabel="force (N)")
+        for panel in _panels(actual, axes):
+            panel.line(actual.measured_force, GREY, "measured")
+            panel.line(actual.cad_force, BLUE, "robot file")
+            panel.line(actual.eight_force, RED, "eight parameters, 95 %", actual.eight_reach)
         _finish(figure, axes[:, 0])
         return rendered(figure, "figure_6")
 
 
-def _gaps(
-    ax: Any,
-    actual: ActualFit,
-    force: FloatArray,
-    limb: int,
-    color: str,
-    label: str,
-    width: float = 1.0,
-) -> None:
-    """A line that breaks where the limb's force was not used."""
+@dataclass(frozen=True)
+class _Panel:
+    """Axes of one limb, whose lines break where its force was not used."""
+
+    ax: Any
+    time: FloatArray
+    rows: IntArray
+    column: int
+    gaps: BoolArray
+
+    def line(
+        self, force: FloatArray, color: str, label: str, reach: FloatArray | None = None
+    ) -> None:
+        """A force (N, dof), and the interval around it."""
+        middle = np.where(self.gaps, np.nan, force[self.rows, self.column])
+        width = 0.6 if color == GREY else 1.0
+        self.ax.plot(self.time, middle, color=color, label=label, linewidth=width)
+        if reach is not None:
+            half = reach[self.rows, self.column]
+            ends = middle - half, middle + half
+            self.ax.fill_between(self.time, *ends, color=color, alpha=0.3, linewidth=0)
+
+
+def _panels(actual: ActualFit, axes: Any) -> Iterator[_Panel]:
     rows = thinned(len(actual.time))
-    shown = np.where(actual.used, force, np.nan)[rows, limb - 1]
-    ax.plot(actual.time[rows], shown, color=color, label=label, linewidth=width)
-
-
-def _band(
-    ax: Any, actual: ActualFit, middle: FloatArray, reach: FloatArray, limb: int, label: str
-) -> None:
-    rows, column = thinned(len(actual.time)), limb - 1
-    line, half = (np.where(actual.used, values, np.nan)[rows, column] for values in (middle, reach))
-    ax.fill_between(
-        actual.time[rows], line - half, line + half, color=RED, alpha=0.3, linewidth=0, label=label
-    )
-    ax.plot(actual.time[rows], line, color=RED, linewidth=0.7)
+    for letter, ax, limb in zip(PANELS, axes[:, 0], LIMBS, strict=False):
+        ax.set(title=f"({letter}) limb {limb}", ylabel="force (N)")
+        yield _Panel(ax, actual.time[rows], rows, limb - 1, ~actual.used[rows, limb - 1])
 
 
 def _finish(figure: Any, axes: Any) -> None:
