@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping
+from errno import EISDIR
 from pathlib import Path
 
 from loopid.errors import OutputError
@@ -30,6 +31,8 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     directory, waiting = Path(folder), dict[Path, Path]()
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        for name in contents:
+            _refuse_folder(directory / name)
         for name, content in contents.items():
             waiting[directory / name] = _write_beside(directory / name, content)
         for place, draft in waiting.items():
@@ -46,6 +49,12 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
 def write_file(path: str | Path, content: bytes | str) -> None:
     """Write one file whole or not at all; see ``write_files``."""
     write_files(Path(path).parent, {Path(path).name: content})
+
+
+def _refuse_folder(place: Path) -> None:
+    # Known beforehand, lest some files be replaced and others not.
+    if place.is_dir():
+        raise IsADirectoryError(EISDIR, "it is a folder", str(place))
 
 
 def _write_beside(place: Path, content: bytes | str) -> Path:

@@ -131,10 +131,9 @@ def test_influence_is_no_accuracy(simulated):
 def test_the_reach_of_influence_is_that_of_other_draws_of_the_noise(fits, simulated):
     shares = np.array([found.influence for found in fits])
     reach = np.array([found.influence_reach for found in fits]).mean(axis=0)
-    assert (reach > 0).all()
-    spread = shares.std(axis=0, ddof=1)
-    # Five draws tell a standard deviation to a factor of three at most.
-    assert (spread < 3 * reach / 1.96).all()
+    # Five draws of fifteen numbers tell a standard deviation to a factor of two or so.
+    told, spread = np.sqrt((reach**2).mean()) / 1.96, np.sqrt(shares.var(axis=0, ddof=1).mean())
+    assert 0.4 < told / spread < 2.5
     assert (simulated.influence_reach < reach).all()
 
 

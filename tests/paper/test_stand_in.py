@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from loopid.paper.actual import STAND_IN_SPREAD, fit_actual, simulate_stand_in
-from loopid.paper.experiment import COULOMB, Experiment
+from loopid.paper.experiment import COULOMB, Experiment, friction_values
 from loopid.paper.reproduce import reproduce_paper
 from loopid.trajectories import joint_motion, read_motion_program
 
@@ -62,6 +62,18 @@ def test_the_truth_is_not_the_robot_file(fitted, knee, stand_in):
     assert ratio.std() == pytest.approx(STAND_IN_SPREAD, rel=0.25)
     prior = fitted.identification.force_model.prior[fitted.order]
     assert (np.abs(fitted.truth - prior) > 1e-5).all()
+
+
+def test_the_forces_are_those_of_the_truth(fitted):
+    found = fitted.identification
+    samples, model = found.samples[0], found.force_model
+    squares = []
+    for bodies in (fitted.truth, model.prior[fitted.order]):
+        values = np.empty(23)
+        values[fitted.order] = bodies
+        values[model.joint_columns] = friction_values()
+        squares.append((samples.residual(values)[samples.used] ** 2).mean())
+    assert squares[0] < 0.9 * squares[1]
 
 
 def test_the_truth_is_in_the_order_of_table_ii(fitted, knee, stand_in):

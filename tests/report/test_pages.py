@@ -161,7 +161,8 @@ def test_nobody_is_blamed_where_all_parameters_are_sure(identification):
         ((0.5, 0.1), ": better than it."),
         ((0.9, 0.1), ": not clearly better than it."),
         ((1.1, 0.1), ": not clearly better than it."),
-        ((1.5, 0.1), ": worse than it."),
+        ((1.3, 0.2), ": not clearly better than it."),
+        ((1.21, 0.1), ": worse than it."),
     ],
 )
 def test_verdicts_take_two_standard_errors(identification, ratio, verdict):

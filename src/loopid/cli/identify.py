@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from loopid.cli.console import Json, Lock, Out, RobotFile, progress_bar, show
+from loopid.errors import OptionError
 from loopid.experiment import (
     DEFAULT_FRACTION,
     find_force_model,
@@ -59,6 +60,8 @@ def identify(
     as_json: Json = False,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
+    if not 0 < train < 1:
+        raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = load_mechanism(file, lock=lock or ())
     joint_terms = _joint_terms(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)

@@ -11,6 +11,8 @@ from loopid.identification import FitSamples, Quality, fit_quality
 
 # Stretches of time that count as independent when mean errors are compared.
 BATCHES = 20
+# Differences below this are round-off.
+NO_DIFFERENCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Candidate:
     def beats_baseline(self) -> bool:
         """Whether the validation error is smaller by more than two standard errors."""
         ratio, error = self.error_ratio
-        return ratio + 2 * error < 1.0
+        return 1.0 - ratio > 2 * error + NO_DIFFERENCE
 
 
 def judge(
@@ -72,19 +74,21 @@ def judge(
 def _error_ratio(
     samples: FitSamples, values: FloatArray, baseline: FloatArray
 ) -> tuple[float, float]:
-    """Ratio of mean squared errors, with the standard error of the difference of paired batches."""
+    """Ratio of mean squared errors, and its standard error to first order, from paired batches."""
     squares = np.stack([_weighted_squares(samples, phi, baseline) for phi in (values, baseline)])
     batches = np.array_split(squares, min(BATCHES, squares.shape[1]), axis=1)
     means = np.stack([batch.mean(axis=1) for batch in batches])
-    difference = (means[:, 0] - means[:, 1]) / means[:, 1].mean()
-    return 1.0 + float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(means)))
+    ratio = squares[0].mean() / squares[1].mean()
+    departure = (means[:, 0] - ratio * means[:, 1]) / squares[1].mean()
+    return float(ratio), float(departure.std(ddof=1) / np.sqrt(len(means)))
 
 
 def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:
     """Squared errors (N,), each actuator in units of its baseline error."""
     scale = fit_quality(samples.problem, baseline).residual_rms
-    residual = np.where(samples.used, samples.residual(values), 0.0)
-    return np.asarray(((residual / scale) ** 2).sum(axis=1), dtype=np.float64)
+    present = samples.used.any(axis=0)
+    residual = np.where(samples.used, samples.residual(values), 0.0)[:, present]
+    return np.asarray(((residual / scale[present]) ** 2).sum(axis=1), dtype=np.float64)
 
 
 def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -128,6 +128,7 @@ def _baseline(
         left = samples.less(samples.regressor @ values).select(joints)
         terms = quiet_fit(left, estimator)
         values = values.copy()
-        values[joints] = terms.values
+        # A joint term may lead a combination with bodies: what the robot file says of it stays.
+        values[joints] += terms.values
         covariance[np.ix_(joints, joints)] = terms.covariance
     return values, covariance

@@ -9,7 +9,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.errors import ExcitationWarning, RankError
 from loopid.identification.problem import FitProblem
-from loopid.identification.result import FitResult
+from loopid.identification.result import LEAST_FREEDOM, FitResult
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
@@ -41,6 +41,9 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
 
 def warn_of_unsupported(result: FitResult) -> None:
     """Name, once, the estimates that the data do not tell from zero."""
+    if result.degrees_of_freedom < LEAST_FREEDOM:
+        # No interval is finite then, whatever the parameter: the errors are to blame.
+        return
     names = result.unsupported()
     if not names:
         return

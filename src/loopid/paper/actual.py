@@ -21,10 +21,17 @@ from loopid.identification import FitResult, quiet_fit
 from loopid.logs import Log, Recording, prepare_recording
 from loopid.mechanism import Mechanism
 from loopid.paper.base import rows_of_table_ii
-from loopid.paper.experiment import ENCODER_STEP, Experiment, friction_terms, friction_values
+from loopid.paper.experiment import (
+    ENCODER_STEP,
+    MASSES,
+    STAND_IN,
+    Experiment,
+    friction_terms,
+    friction_values,
+)
 from loopid.paper.printed import FORCE_NOISE, TABLE_V
 from loopid.progress import Progress
-from loopid.seeds import random_generator
+from loopid.seeds import derived_seed, random_generator
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import LowPass
 
@@ -41,7 +48,7 @@ class ActualFit:
     Attributes
     ----------
     sources : tuple of str
-        Names of the logs; ``("stand-in", ...)`` where the robot is a simulated one.
+        Names of the logs, or of the trajectories of a stand-in.
     identification : Identification
     order : IntArray
         (15,), columns of the force model in the order of Table II.
@@ -165,13 +172,16 @@ def simulate_stand_in(
     """
     mechanism = experiment.mechanism
     standard = mechanism.standard_parameters()
-    spread = random_generator(seed, stream=2).normal(1.0, STAND_IN_SPREAD, len(standard))
+    spread = random_generator(derived_seed(seed, MASSES)).normal(
+        1.0, STAND_IN_SPREAD, len(standard)
+    )
     truth = standard * spread
     noise = Noise(uniform=FORCE_NOISE, encoder_step=ENCODER_STEP)
     recordings = []
     for k, (name, motion) in enumerate(experiment.motions.items()):
         friction = friction_terms(mechanism), friction_values()
-        measured = simulate_measurement(mechanism, motion, noise, seed + k, truth, *friction)
+        errors = derived_seed(seed, STAND_IN, k)
+        measured = simulate_measurement(mechanism, motion, noise, errors, truth, *friction)
         still = np.zeros(len(motion.time), dtype=np.int64)
         log = Log(name, mechanism.actuated, measured.time, measured.position, measured.force, still)
         recordings.append(prepare_recording(mechanism, log, LowPass(experiment.rate / 10)))

@@ -8,9 +8,10 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.identification import FitSamples, quiet_fit
+from loopid.paper.experiment import COVERAGE
 from loopid.paper.printed import FORCE_NOISE
 from loopid.progress import Progress
-from loopid.seeds import random_generator
+from loopid.seeds import derived_seed, random_generator
 
 LEVEL = 0.95
 
@@ -52,7 +53,7 @@ def measure_coverage(
     truth : FloatArray
         (n,).
     """
-    exact, generator = samples.regressor @ truth, random_generator(seed, stream=1)
+    exact, generator = samples.regressor @ truth, random_generator(derived_seed(seed, COVERAGE))
     covered, errors = np.empty((2, repetitions, len(truth)))
     for k in range(repetitions):
         noise = generator.uniform(-FORCE_NOISE, FORCE_NOISE, exact.shape)

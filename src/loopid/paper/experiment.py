@@ -12,6 +12,7 @@ from loopid.mechanism import Mechanism
 from loopid.paper.printed import FORCE_NOISE
 from loopid.progress import Progress
 from loopid.regressors import ForceParts, JointTerms, force_parts
+from loopid.seeds import derived_seed
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     JointMotion,
@@ -26,6 +27,8 @@ from loopid.trajectories import (
 COULOMB = (17.0, 22.0, 19.0, 230.0)
 VISCOUS = (320.0, 320.0, 320.0, 2000.0)
 ENCODER_STEP = 2e-5  # m per count
+# Parts of the work whose noise is drawn apart: see ``derived_seed``.
+SIMULATED, MAIN, WARM_UP, STAND_IN, MASSES, COVERAGE, DRAWS = range(7)
 STANDING = 1e-6  # m/s; the round-off of a motor that stands has no direction
 
 
@@ -91,7 +94,7 @@ def frictionless_recordings(experiment: Experiment, seed: int) -> list[Recording
     noise, mechanism = Noise(uniform=FORCE_NOISE), experiment.mechanism
     recordings = []
     for k, (name, motion) in enumerate(experiment.motions.items()):
-        measured = simulate_measurement(mechanism, motion, noise, seed + k)
+        measured = simulate_measurement(mechanism, motion, noise, derived_seed(seed, SIMULATED, k))
         recordings.append(Recording.of_motion(name, mechanism.actuated, motion, measured.force))
     return recordings
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from loopid.identification import FitSamples
 from loopid.loading import load_mechanism
-from loopid.logs import prepare_recording, read_log
-from loopid.mechanism import Mechanism
+from loopid.logs import Recording, prepare_recording, read_log
 from loopid.paper.actual import ActualFit, fit_actual, simulate_stand_in
 from loopid.paper.base import BaseComparison, compare_base_parameters
 from loopid.paper.coverage import Coverage, measure_coverage
@@ -87,6 +86,8 @@ def reproduce_paper(
     """
     stage = stage or _silent
     mechanism = load_mechanism("3ups_rpu")
+    # First, so that a log that cannot be used is refused at once.
+    recordings = [prepare_recording(mechanism, read_log(log, mechanism)) for log in logs]
     base = compare_base_parameters(mechanism)
     with stage("nine trajectories") as report:
         experiment = run_experiment(mechanism, RATE, report)
@@ -95,7 +96,7 @@ def reproduce_paper(
         coverage = _coverage(experiment, base, repetitions, seed, report)
     two_steps = identify_in_two_steps(experiment, seed)
     with stage("robot") as report:
-        actual = _actual(mechanism, experiment, logs, seed, report)
+        actual = _actual(experiment, recordings, seed, report)
     return PaperReproduction(
         geometry=measured_geometry(mechanism),
         base=base,
@@ -122,14 +123,9 @@ def _coverage(
 
 
 def _actual(
-    mechanism: Mechanism,
-    experiment: Experiment,
-    logs: Sequence[str],
-    seed: int,
-    report: Progress,
+    experiment: Experiment, recordings: Sequence[Recording], seed: int, report: Progress
 ) -> ActualFit:
-    if logs:
-        recordings = [prepare_recording(mechanism, read_log(log, mechanism)) for log in logs]
-        return fit_actual(mechanism, recordings)
-    recordings, truth = simulate_stand_in(experiment, seed, report)
-    return fit_actual(mechanism, recordings, truth)
+    if recordings:
+        return fit_actual(experiment.mechanism, recordings)
+    simulated, truth = simulate_stand_in(experiment, seed, report)
+    return fit_actual(experiment.mechanism, simulated, truth)

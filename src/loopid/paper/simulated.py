@@ -10,13 +10,13 @@ from loopid.arrays import FloatArray
 from loopid.experiment import ForceModel
 from loopid.identification import FitResult, FitSamples, quiet_fit
 from loopid.paper.base import BaseComparison
-from loopid.paper.experiment import Experiment, frictionless_recordings
+from loopid.paper.experiment import DRAWS, Experiment, frictionless_recordings
 from loopid.paper.printed import TABLE_IV
 from loopid.reduction import influence, truncated_values
-from loopid.seeds import random_generator
+from loopid.seeds import derived_seed, random_generator
 
 FIRST = len(TABLE_IV)
-DRAWS = 300  # of the estimates, for intervals of what follows from them
+INFLUENCE_DRAWS = 300  # of the estimates, for intervals of what follows from them
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def _explained(samples: FitSamples, values: FloatArray) -> FloatArray:
 
 def _influence_reach(samples: FitSamples, result: FitResult, seed: int) -> FloatArray:
     """Half the width (n,) of 95 % intervals of p_i, from draws of the estimates."""
-    generator = random_generator(seed, stream=3)
-    draws = generator.multivariate_normal(result.values, result.covariance, DRAWS)
+    generator = random_generator(derived_seed(seed, DRAWS))
+    draws = generator.multivariate_normal(result.values, result.covariance, INFLUENCE_DRAWS)
     shares = np.stack([influence(samples.problem, values) for values in draws])
     low, high = np.percentile(shares, [2.5, 97.5], axis=0)
     return np.asarray((high - low) / 2, dtype=np.float64)

@@ -13,12 +13,19 @@ from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitResult, FitSamples, fit_in_steps, quiet_fit
 from loopid.logs import Recording
 from loopid.paper.base import rows_of_table_ii
-from loopid.paper.experiment import Experiment, friction_terms, friction_values
+from loopid.paper.experiment import (
+    MAIN,
+    WARM_UP,
+    Experiment,
+    friction_terms,
+    friction_values,
+)
 from loopid.paper.printed import FORCE_NOISE
+from loopid.seeds import derived_seed
 from loopid.simulation import Noise, simulate_measurement
 
 # The platform goes up and down, as in the paper's warm-up.
-WARM_UP = ("3", "4")
+UP_AND_DOWN = ("3", "4")
 
 
 @dataclass(frozen=True)
@@ -43,8 +50,8 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
     mechanism = experiment.mechanism
     model = find_force_model(mechanism, "gravity", friction_terms(mechanism))
     order = [*rows_of_table_ii(model.base), *model.joint_columns]
-    main = _samples(experiment, model, tuple(experiment.motions), seed).select(order)
-    warm_up = _samples(experiment, model, WARM_UP, seed + 1).select(order)
+    main = _samples(experiment, model, tuple(experiment.motions), (seed, MAIN)).select(order)
+    warm_up = _samples(experiment, model, UP_AND_DOWN, (seed, WARM_UP)).select(order)
     known = [name.label for name in list(main.parameters)[-len(model.joint_columns) :]]
     truth = np.concatenate([model.prior[order[: -len(known)]], friction_values()])
     with warnings.catch_warnings():
@@ -56,14 +63,15 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
 
 
 def _samples(
-    experiment: Experiment, model: ForceModel, names: tuple[str, ...], seed: int
+    experiment: Experiment, model: ForceModel, names: tuple[str, ...], part: tuple[int, int]
 ) -> FitSamples:
     mechanism, noise = experiment.mechanism, Noise(uniform=FORCE_NOISE)
     friction = friction_terms(mechanism), friction_values()
     parts = []
     for k, name in enumerate(names):
         motion = experiment.motions[name]
-        measured = simulate_measurement(mechanism, motion, noise, seed + k, None, *friction)
+        seed = derived_seed(*part, k)
+        measured = simulate_measurement(mechanism, motion, noise, seed, None, *friction)
         recording = Recording.of_motion(name, mechanism.actuated, motion, measured.force)
         parts.append(model.samples(recording))
     return FitSamples.combined(parts)

@@ -44,5 +44,7 @@ def tree_regressor(
     columns = mechanism.columns(model)
     regressor = np.empty((len(q), pinocchio_model.nv, len(columns)))
     for k, state in enumerate(zip(q, v, a, strict=True)):
-        regressor[k] = pin.computeJointTorqueRegressor(pinocchio_model, data, *state)[:, columns]
+        whole = pin.computeJointTorqueRegressor(pinocchio_model, data, *state)
+        # For a single coordinate the binding drops the axis of its one row.
+        regressor[k] = whole.reshape(pinocchio_model.nv, -1)[:, columns]
     return regressor

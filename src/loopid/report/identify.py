@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from loopid.experiment import Candidate, Identification
+from loopid.experiment.candidate import NO_DIFFERENCE
 from loopid.identification import Quality
 from loopid.logs import Recording
 from loopid.report.style import plain_table
@@ -104,7 +105,7 @@ def sorted_cutoffs(cutoffs: set[float | None]) -> list[float | None]:
 def _compared(candidate: Candidate) -> str:
     ratio, error = candidate.error_ratio
     verdict = "better than" if candidate.beats_baseline else "not clearly better than"
-    if ratio - 2 * error > 1:
+    if ratio - 1 > 2 * error + NO_DIFFERENCE:
         verdict = "worse than"
     return (
         f"With {candidate.name} the mean squared error on data that were not fitted is "

@@ -65,14 +65,13 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
     bodies = found.force_model.body_columns
     place = np.arange(len(bodies))[::-1]
     offset = (found.fit.values - found.force_model.prior)[bodies] / error[bodies]
+    reach = np.ptp(found.fit.intervals(), axis=1) / 2
     with drawing(height=0.7 + 0.16 * len(bodies)) as (figure, axes):
         ax = axes[0, 0]
-        ax.errorbar(offset, place, xerr=INTERVAL, fmt="o", color=BLUE, markersize=3, linewidth=1)
+        bars = (reach / error)[bodies]
+        ax.errorbar(offset, place, xerr=bars, fmt="o", color=BLUE, markersize=3, linewidth=1)
         ax.axvline(0.0, color=GREY, linewidth=0.8)
-        names = [
-            f"{labels[j]}  ±{INTERVAL * error[j]:.2g} {found.fit.parameters[j].unit}"
-            for j in bodies
-        ]
+        names = [f"{labels[j]}  ±{reach[j]:.2g} {found.fit.parameters[j].unit}" for j in bodies]
         ax.set_yticks(place, names)
         figure.suptitle("base parameters against the robot file", fontsize=8)
         figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)

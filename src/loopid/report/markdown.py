@@ -13,8 +13,14 @@ def markdown_table(table: Table) -> str:
     rules = ["---:" if column.justify == "right" else "---" for column in table.columns]
     lines = [head, rules, *map(list, zip(*columns, strict=True))]
     body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    return f"**{table.title}**\n\n{body}\n" if table.title else f"{body}\n"
+    title = f"**{_plain(table.title)}**\n\n" if table.title else ""
+    caption = f"\n{_plain(table.caption)}\n" if table.caption else ""
+    return f"{title}{body}\n{caption}"
 
 
 def _cell(value: object) -> str:
-    return Text.from_markup(str(value)).plain.replace("|", r"\|").replace("\n", " ")
+    return _plain(value).replace("|", r"\|").replace("\n", " ")
+
+
+def _plain(value: object) -> str:
+    return Text.from_markup(str(value)).plain

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 from rich.table import Table
@@ -25,7 +26,8 @@ def motions_record(
 
 
 def _review(review: MotionReview) -> dict[str, Any]:
-    nearest = min(review.ranges, key=lambda r: r.clearance, default=None)
+    limited = [r for r in review.ranges if isfinite(r.clearance)]
+    nearest = min(limited, key=lambda r: r.clearance, default=None)
     return {
         "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
         "nearest_limit": None if nearest is None else nearest.joint,
@@ -39,16 +41,21 @@ def _review(review: MotionReview) -> dict[str, Any]:
 
 def motions_tables(record: dict[str, Any]) -> list[Table]:
     """One line a motion, and what speaks against any of them."""
-    columns = ("motion", ">time (s)", ">least clearance", "at joint", ">least singularity measure")
-    table = plain_table(f"{record['mechanism']}: motions", *columns, ">top speed", "problems")
+    columns = ("motion", ">time", ">least clearance", ">singularity", ">top speed")
+    table = plain_table(f"{record['mechanism']}: motions", *columns, "problems")
     for motion in record["motions"]:
         table.add_row(
             motion["name"],
             f"{motion['seconds']:.1f}",
-            "-" if motion["clearance"] is None else f"{motion['clearance']:.4f}",
-            motion["nearest_limit"] or "-",
+            _clearance(motion),
             f"{motion['singularity']:.4f}",
             f"{max(motion['speeds'].values()):.4f}",
             "; ".join(motion["problems"]) or "none",
         )
     return [table]
+
+
+def _clearance(motion: dict[str, Any]) -> str:
+    if motion["clearance"] is None:
+        return "no limits"
+    return f"{motion['clearance']:.4f} {motion['nearest_limit']}"

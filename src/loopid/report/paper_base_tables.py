@@ -29,7 +29,7 @@ def base_table(comparison: BaseComparison) -> Table:
     for number, (printed, row) in enumerate(zip(TABLE_II, comparison.rows, strict=True), start=1):
         paper = paper_expression(printed)
         if row is None:
-            table.add_row(str(number), paper, "[red]not found[/red]", "", "")
+            table.add_row(str(number), paper, "not found", "", "")
             continue
         unit = base.parameters.select(base.base)[row].unit
         table.add_row(str(number), paper, base.expressions[row], f"{values[row]:.4f}", unit)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from rich.table import Table
 
-from loopid.arrays import FloatArray
 from loopid.identification import FitResult
 from loopid.paper.actual import ActualFit
 from loopid.paper.coverage import LEVEL, Coverage
@@ -34,24 +33,23 @@ def shares_table(shares: ForceShares) -> Table:
 
 def simulated_table(simulated: SimulatedFit) -> Table:
     """Table IV: eight parameters, what truncation predicts, and whether the paper's value fits."""
-    columns = (">", "base parameter", ">CAD", ">paper", ">loopid ± std", ">expected")
-    more = (">off by (std)", ">expected of single trajectories", "paper fits")
-    table = plain_table("Table IV: eight base parameters, simulated (kg, kg m)", *columns, *more)
+    columns = (">row", ">paper", ">loopid ± std", ">expected", ">off by (std)")
+    title = "Table IV: eight base parameters, simulated (rows of Table II; kg, kg m)"
+    table = plain_table(title, *columns, ">single trajectories", "fits")
     eight, expected = simulated.eight, simulated.expected
     for k in range(FIRST):
         low, high = simulated.expected_range[k]
         error = eight.standard_errors[k]
         table.add_row(
-            str(k + 1),
-            paper_expression(TABLE_II[k]),
-            f"{simulated.truth[k]:.4f}",
+            k + 1,
             f"{TABLE_IV[k]:.2f}",
-            f"{eight.values[k]:.4f} ± {error:.4f}",
-            f"{expected[k]:.4f}",
+            f"{eight.values[k]:.3f} ± {error:.3f}",
+            f"{expected[k]:.3f}",
             f"{(eight.values[k] - expected[k]) / error:+.2f}",
-            f"{low:.2f} ... {high:.2f}",
+            f"{low:.2f} to {high:.2f}",
             _paper_fits(TABLE_IV[k], expected[k], error, (low, high)),
         )
+    table.caption = "fits: the paper's value, for all nine trajectories (yes) or one alone (singly)"
     return table
 
 
@@ -60,7 +58,7 @@ def _paper_fits(printed: float, expected: float, error: float, single: tuple[flo
     if abs(printed - expected) <= FITS * error + 0.005:
         return "yes"
     inside = single[0] - FITS * error <= printed <= single[1] + FITS * error
-    return "a single trajectory could" if inside else "no"
+    return "singly" if inside else "no"
 
 
 def fifteen_table(simulated: SimulatedFit, coverage: Coverage) -> Table:
@@ -119,30 +117,29 @@ def steps_table(steps: TwoSteps) -> Table:
 def actual_table(actual: ActualFit) -> Table:
     """Table V: eight, and all fifteen, parameters from logs, with friction fitted too."""
     source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
-    title = f"Table V: base parameters from {source} (kg, kg m)"
-    columns = (">", "base parameter", ">CAD", ">paper", ">eight, 95 %", ">fifteen, 95 %")
-    table = plain_table(
-        title, *columns, ">if the rest is as CAD", *([">truth"] if actual.is_stand_in else [])
-    )
+    title = f"Table V: base parameters from {source} (rows of Table II; kg, kg m)"
+    columns = (">row", ">CAD", ">paper", ">eight ± 95 %", ">fifteen ± 95 %", ">rest as CAD ± std")
+    table = plain_table(title, *columns, *([">truth"] if actual.is_stand_in else []))
     model, supported = actual.identification.force_model, actual.identification.supported
+    errors = np.sqrt(np.diag(supported.covariance))
     for k, column in enumerate(actual.order):
-        row = [str(k + 1), paper_expression(TABLE_II[k]), f"{model.prior[column]:.3f}"]
-        row += [f"{TABLE_V[k]:.2f}" if k < FIRST else ""]
-        row += [_interval(actual.eight, k) if k < FIRST else "", _interval(actual.fifteen, k)]
-        error = np.sqrt(supported.covariance[column, column])
-        row += [_supported(float(supported.values[column]), float(error))]
-        table.add_row(*row, *_truth(actual.truth, k))
+        first = k < FIRST
+        table.add_row(
+            k + 1,
+            f"{model.prior[column]:.3f}",
+            f"{TABLE_V[k]:.2f}" if first else "",
+            _reach(actual.eight, k) if first else "",
+            _reach(actual.fifteen, k),
+            _supported(float(supported.values[column]), float(errors[column])),
+            *([] if actual.truth is None else [f"{actual.truth[k]:.3f}"]),
+        )
     return table
 
 
-def _interval(result: FitResult, k: int) -> str:
+def _reach(result: FitResult, k: int) -> str:
     low, high = result.intervals()[k]
-    return f"{result.values[k]:.3g} ({low:.3g} ... {high:.3g})"
+    return f"{result.values[k]:.3g} ± {(high - low) / 2:.2g}"
 
 
 def _supported(value: float, error: float) -> str:
     return f"{value:.3g} ± {error:.2g}" if error > 0 else "as CAD"
-
-
-def _truth(truth: FloatArray | None, k: int) -> list[str]:
-    return [] if truth is None else [f"{truth[k]:.3f}"]
