@@ -21,6 +21,7 @@ lint: .venv/lint
 bench: .venv/test
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/symbolic.py
+	$(BIN)/python benchmarks/identification.py
 
 clean:
 	rm -rf .venv

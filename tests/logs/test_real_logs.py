@@ -1,7 +1,5 @@
 """The logs of the real robots, whole."""
 
-import time
-
 import numpy as np
 import pytest
 from logged_runs import LOGS, read_stream
@@ -60,9 +58,3 @@ def test_few_samples_carry_the_same(recording, log):
     assert recording.cutoff == pytest.approx(5, rel=1e-3)
     assert rate == pytest.approx(25, rel=1e-3)
     assert len(recording) == pytest.approx(len(log) / 4, abs=25)
-
-
-def test_reading_and_preparing_is_quick(mechanism, folder):
-    start = time.process_time()
-    prepare_recording(mechanism, read_log(folder, mechanism))
-    assert time.process_time() - start < 2

@@ -18,6 +18,7 @@ DEFAULT_CUTOFF = 0.05
 # Samples are kept at no less than this many times the cut-off frequency.
 LEAST_OVERSAMPLING = 5.0
 LEAST_SAMPLES = 3  # what it takes to differentiate
+ROUNDING = 1e-3  # relative, of measured rates
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ def _smooth_part(
 def _stride(rate: float, lowpass: LowPass | None) -> int:
     if lowpass is None:
         return 1
-    return max(int(rate / (LEAST_OVERSAMPLING * lowpass.cutoff) + 1e-9), 1)
+    # Rates are measured: one that is a little short of a whole number of times is meant to be it.
+    return max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)
 
 
 def _dropped(reason: str, time: FloatArray) -> Dropped:
