@@ -80,14 +80,30 @@ def test_standard_errors_of_steps_are_those_of_the_full_error_model(make_data):
     assert found.steps[2].relative_std == pytest.approx(relative.max())
 
 
-def test_the_fewest_within_one_standard_error_are_chosen(make_data):
+def test_the_fewest_that_are_not_clearly_worse_are_chosen(make_data):
     found = eliminate(*make_data(1))
     errors = np.array([step.validation_error for step in found.steps])
     best = found.steps[int(errors.argmin())]
     fewer = [s for s in found.steps if len(s.labels) < len(found.chosen.labels)]
-    limit = best.validation_error + best.standard_error
-    assert found.chosen.validation_error <= limit
-    assert all(step.validation_error > limit for step in fewer)
+    assert (best.excess, best.excess_error) == (0, 0)
+    for step in found.steps:
+        assert step.excess == pytest.approx(step.validation_error - best.validation_error)
+    allowed = {
+        id(step): max(min(best.standard_error, 2 * step.excess_error), 0.02 * best.validation_error)
+        for step in found.steps
+    }
+    assert found.chosen.excess <= allowed[id(found.chosen)]
+    assert all(step.excess > allowed[id(step)] for step in fewer)
+
+
+def test_what_no_step_explains_does_not_count_as_doubt(make_data):
+    training, validation = make_data(1)
+    found = eliminate(training, validation)
+    # A disturbance of the validation data that is far from all regressors.
+    rough = np.where(np.arange(len(validation)) % 2, 1.0, -1.0)[:, None] * 3
+    spoilt = eliminate(training, validation.with_force(validation.force + rough))
+    assert spoilt.chosen.standard_error > found.chosen.standard_error
+    assert spoilt.chosen.labels == found.chosen.labels
 
 
 def test_the_standard_error_is_the_spread_of_the_validation_error(make_data):

@@ -8,9 +8,8 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.identification import FitSamples, Quality, fit_quality
+from loopid.reduction.validation import sum_deviation
 
-# Stretches of time that count as independent when mean errors are compared.
-BATCHES = 20
 # Differences below this are round-off.
 NO_DIFFERENCE = 1e-9
 
@@ -32,7 +31,7 @@ class Candidate:
         On the data of the fit, and on others.
     error_ratio : tuple of float
         Mean squared validation error, actuators weighted alike, over that of the baseline; and its
-        standard error, from the spread over stretches of time.
+        standard error.
     """
 
     name: str
@@ -74,13 +73,14 @@ def judge(
 def _error_ratio(
     samples: FitSamples, values: FloatArray, baseline: FloatArray
 ) -> tuple[float, float]:
-    """Ratio of mean squared errors, and its standard error to first order, from paired batches."""
-    squares = np.stack([_weighted_squares(samples, phi, baseline) for phi in (values, baseline)])
-    batches = np.array_split(squares, min(BATCHES, squares.shape[1]), axis=1)
-    means = np.stack([batch.mean(axis=1) for batch in batches])
-    ratio = squares[0].mean() / squares[1].mean()
-    departure = (means[:, 0] - ratio * means[:, 1]) / squares[1].mean()
-    return float(ratio), float(departure.std(ddof=1) / np.sqrt(len(means)))
+    """Ratio of mean squared errors, and its standard error to first order.
+
+    Squares at one time are paired, and what is left follows itself as an autoregressive process.
+    """
+    own, other = (_weighted_squares(samples, phi, baseline) for phi in (values, baseline))
+    ratio = own.sum() / other.sum()
+    spread = sum_deviation(samples, own - ratio * other, np.asarray(samples.used.any(axis=1)))
+    return float(ratio), float(spread / other.sum())
 
 
 def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:

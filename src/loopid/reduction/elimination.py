@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,12 @@ from loopid.identification.quality import fit_quality
 from loopid.identification.result import relative_deviation
 from loopid.reduction.result import Reduction, ReductionStep
 from loopid.reduction.subset_fit import SubsetFits
-from loopid.reduction.validation import mean_squared_error
+from loopid.reduction.validation import excess_error, mean_squared_error
+
+# Standard errors of a difference that make it clear.
+CLEARLY = 2.0
+# Relative difference of mean squared errors that nobody would carry a parameter for.
+NO_CONSEQUENCE = 0.02
 
 
 def eliminate(
@@ -28,7 +34,8 @@ def eliminate(
 
     At each step the parameter with the largest relative standard deviation goes back to its
     reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
-    chosen whose validation error is within one standard error of the least [Breiman1984].
+    chosen whose validation error is not clearly above the least: within one standard error of it
+    [Breiman1984] and two of the difference, or within 2 %.
 
     Parameters
     ----------
@@ -56,8 +63,8 @@ def eliminate(
     full = quiet_fit(training, estimator)
     steps = _steps(training, validation, full, start, kept)
     best = min(steps, key=lambda step: step.validation_error)
-    limit = best.validation_error + best.standard_error
-    chosen = [step for step in steps if step.validation_error <= limit][-1]
+    steps = [_compared(step, best, validation, _error_scale(full)) for step in steps]
+    chosen = [step for step in steps if step.excess <= _allowed(step, best)][-1]
     result = _fit_of(training, chosen, start, estimator)
     return Reduction(names, start, tuple(steps), chosen, result)
 
@@ -129,6 +136,26 @@ def _judged(
         validation_error=error,
         standard_error=spread,
     )
+
+
+def _allowed(step: ReductionStep, best: ReductionStep) -> float:
+    """How much worse than the best a step may be.
+
+    One standard error of the best [Breiman1984], which is wide where a disturbance that no step
+    explains makes all of them doubtful; so also two of the difference, which is not. Less than a
+    difference of no consequence is never asked for.
+    """
+    doubt = min(best.standard_error, CLEARLY * step.excess_error)
+    return max(doubt, NO_CONSEQUENCE * best.validation_error)
+
+
+def _compared(
+    step: ReductionStep, best: ReductionStep, validation: FitSamples, scale: FloatArray
+) -> ReductionStep:
+    if step is best:
+        return step
+    excess, error = excess_error(validation, step.values, best.values, scale)
+    return replace(step, excess=excess, excess_error=error)
 
 
 def _fit_of(

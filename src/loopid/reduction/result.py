@@ -34,6 +34,8 @@ class ReductionStep:
         Over all actuators.
     standard_error : float
         Of ``validation_error``.
+    excess, excess_error : float
+        Of ``validation_error`` over that of the best step, and its standard error; 0 for the best.
     """
 
     labels: tuple[str, ...]
@@ -45,6 +47,8 @@ class ReductionStep:
     training_error: float
     validation_error: float
     standard_error: float
+    excess: float = 0.0
+    excess_error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("values", "training_rms", "validation_rms"):
@@ -64,8 +68,7 @@ class Reduction:
     steps : tuple of ReductionStep
         From all parameters to the fewest.
     chosen : ReductionStep
-        With the fewest parameters of those whose validation error is within one standard error of
-        the least.
+        With the fewest parameters of those whose validation error is not clearly above the least.
     result : FitResult
         Of the supported parameters; forces of the others are taken away before.
     """

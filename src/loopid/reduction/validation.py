@@ -26,17 +26,39 @@ def mean_squared_error(
     scale : FloatArray
         (dof,), times each residual; 0 leaves an actuator out.
     """
+    return _mean(samples, _squares(samples, values, scale), scale)
+
+
+def excess_error(
+    samples: FitSamples, values: FloatArray, best: FloatArray, scale: FloatArray
+) -> tuple[float, float]:
+    """By how much the mean squared error exceeds that of the best values, and its standard error.
+
+    Of the differences at each time: what both share, as a disturbance that neither explains, does
+    not count as doubt. Parameters as of ``mean_squared_error``.
+    """
+    series = _squares(samples, values, scale) - _squares(samples, best, scale)
+    return _mean(samples, series, scale)
+
+
+def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
+    """Squared scaled residuals of all actuators together (N,)."""
     counted = samples.used & (scale > 0)
-    squares = ((samples.residual(values) * scale) ** 2 * counted).sum(axis=1)
-    counts = counted.sum(axis=1)
+    squares = (samples.residual(values) * scale) ** 2 * counted
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
+
+
+def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
+    """Mean of a series (N,) by forces that count, and its standard error."""
+    counts = (samples.used & (scale > 0)).sum(axis=1)
     total = float(counts.sum())
     if not total:
         raise DataError("there is no validation sample of an actuator that was fitted")
-    error = float(squares.sum()) / total
-    return error, _sum_deviation(samples, squares - error * counts, counts > 0) / total
+    mean = float(series.sum()) / total
+    return mean, sum_deviation(samples, series - mean * counts, counts > 0) / total
 
 
-def _sum_deviation(samples: FitSamples, series: FloatArray, present: BoolArray) -> float:
+def sum_deviation(samples: FitSamples, series: FloatArray, present: BoolArray) -> float:
     """Standard deviation of the sum of a series (N,) where it is present (N,)."""
     runs = run_lengths(present, samples.pieces)
     model = Autoregression.of_covariances(burg_covariances(series, runs))
