@@ -73,7 +73,8 @@ def identify(
     validation: Sequence[Recording] = recordings(validate)
     if not validation:
         training, validation = split_recordings(training, train)
-    force_model = find_force_model(mechanism, model, joint_terms)
+    with progress_bar("poses") as report:
+        force_model = find_force_model(mechanism, model, joint_terms, progress=report)
     friction = recordings(friction_log)
     found = identify_recordings(force_model, training, validation, estimator, friction)
     if out is not None:

@@ -14,6 +14,7 @@ from loopid.kinematics import closed_motion
 from loopid.logs import Recording
 from loopid.mechanism import Mechanism
 from loopid.parameters import KINDS, ParameterSet
+from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation
 from loopid.trajectories import JointMotion
 
@@ -89,6 +90,7 @@ def find_force_model(
     joint_terms: JointTerms | None = None,
     search: str | SearchStrategy = "exact",
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> ForceModel:
     """Find the base parameters of a mechanism with its joint terms.
 
@@ -98,8 +100,10 @@ def find_force_model(
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms, optional
         Friction, drives and offsets to be identified with the bodies.
-    search, seed
+    search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
     """
-    observation = structural_observation(mechanism, model, seed=seed, joint_terms=joint_terms)
+    observation = structural_observation(
+        mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
+    )
     return ForceModel(mechanism, model, joint_terms, find_base_parameters(observation, search))
