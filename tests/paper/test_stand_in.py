@@ -5,9 +5,10 @@ import warnings
 import numpy as np
 import pytest
 
-from loopid.paper.actual import STAND_IN_SPREAD, fit_actual, simulate_stand_in
+from loopid.paper.actual import fit_actual
 from loopid.paper.experiment import COULOMB, Experiment, friction_values
 from loopid.paper.reproduce import reproduce_paper
+from loopid.paper.stand_in import SPREAD, simulate_stand_in
 from loopid.trajectories import joint_motion, read_motion_program
 
 SHORT = ("3", "9")
@@ -59,7 +60,7 @@ def test_friction_is_found_too(fitted):
 def test_the_truth_is_not_the_robot_file(fitted, knee, stand_in):
     ratio = stand_in[1] / np.where(knee.standard_parameters() == 0, 1, knee.standard_parameters())
     ratio = ratio[knee.standard_parameters() != 0]
-    assert ratio.std() == pytest.approx(STAND_IN_SPREAD, rel=0.25)
+    assert ratio.std() == pytest.approx(SPREAD, rel=0.25)
     prior = fitted.identification.force_model.prior[fitted.order]
     assert (np.abs(fitted.truth - prior) > 1e-5).all()
 

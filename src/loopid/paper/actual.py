@@ -1,4 +1,4 @@
-"""Table V and figures 5 and 6: the real robot, or a stand-in where no log is given."""
+"""Table V and figures 5 and 6: what logs of the robot say."""
 
 from __future__ import annotations
 
@@ -18,25 +18,12 @@ from loopid.experiment import (
     split_recordings,
 )
 from loopid.identification import FitResult, quiet_fit
-from loopid.logs import Log, Recording, prepare_recording
+from loopid.logs import Recording
 from loopid.mechanism import Mechanism
 from loopid.paper.base import rows_of_table_ii
-from loopid.paper.experiment import (
-    ENCODER_STEP,
-    MASSES,
-    STAND_IN,
-    Experiment,
-    friction_terms,
-    friction_values,
-)
-from loopid.paper.printed import FORCE_NOISE, TABLE_V
-from loopid.progress import Progress
-from loopid.seeds import derived_seed, random_generator
-from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import LowPass
+from loopid.paper.experiment import friction_terms
+from loopid.paper.printed import TABLE_V
 
-# The stand-in's masses and inertias differ from the robot file by this standard deviation.
-STAND_IN_SPREAD = 0.1
 FIRST = len(TABLE_V)
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 
@@ -161,30 +148,3 @@ def _shown(found: Identification, recording: Recording) -> dict[str, Any]:
         "fitted_gravity": W[:, :, bodies] @ supported.values[bodies],
         "fitted_reach": INTERVAL * prediction_error(W[:, :, bodies], spread),
     }
-
-
-def simulate_stand_in(
-    experiment: Experiment, seed: int, progress: Progress | None = None
-) -> tuple[list[Recording], FloatArray]:
-    """Logs of a robot that is not quite the robot file's, and its standard parameters.
-
-    The logs go through the same filter, assembly and masks as those of a real robot.
-    """
-    mechanism = experiment.mechanism
-    standard = mechanism.standard_parameters()
-    spread = random_generator(derived_seed(seed, MASSES)).normal(
-        1.0, STAND_IN_SPREAD, len(standard)
-    )
-    truth = standard * spread
-    noise = Noise(uniform=FORCE_NOISE, encoder_step=ENCODER_STEP)
-    recordings = []
-    for k, (name, motion) in enumerate(experiment.motions.items()):
-        friction = friction_terms(mechanism), friction_values()
-        errors = derived_seed(seed, STAND_IN, k)
-        measured = simulate_measurement(mechanism, motion, noise, errors, truth, *friction)
-        still = np.zeros(len(motion.time), dtype=np.int64)
-        log = Log(name, mechanism.actuated, measured.time, measured.position, measured.force, still)
-        recordings.append(prepare_recording(mechanism, log, LowPass(experiment.rate / 10)))
-        if progress is not None:
-            progress(k + 1, len(experiment.motions))
-    return recordings, truth

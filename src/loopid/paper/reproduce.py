@@ -9,15 +9,17 @@ from dataclasses import dataclass
 from loopid.identification import FitSamples
 from loopid.loading import load_mechanism
 from loopid.logs import Recording, prepare_recording, read_log
-from loopid.paper.actual import ActualFit, fit_actual, simulate_stand_in
+from loopid.paper.actual import ActualFit, fit_actual
 from loopid.paper.base import BaseComparison, compare_base_parameters
 from loopid.paper.coverage import Coverage, measure_coverage
 from loopid.paper.experiment import Experiment, run_experiment
 from loopid.paper.geometry import measured_geometry
 from loopid.paper.shares import ForceShares, force_shares
 from loopid.paper.simulated import SimulatedFit, fit_simulated, ordered_samples, ordered_truth
+from loopid.paper.stand_in import simulate_stand_in
 from loopid.paper.two_steps import TwoSteps, identify_in_two_steps
 from loopid.progress import Progress
+from loopid.seeds import derived_seed
 
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]
@@ -86,7 +88,8 @@ def reproduce_paper(
     """
     stage = stage or _silent
     mechanism = load_mechanism("3ups_rpu")
-    # First, so that a log that cannot be used is refused at once.
+    # First, so that a seed or a log that cannot be used is refused at once.
+    derived_seed(seed)
     recordings = [prepare_recording(mechanism, read_log(log, mechanism)) for log in logs]
     base = compare_base_parameters(mechanism)
     with stage("nine trajectories") as report:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from loopid.experiment import Identification
 from loopid.identification.storage import record_text
-from loopid.report.identify import identification_record, identification_tables
+from loopid.report.identify import identification_record
 from loopid.report.identify_figures import identification_figures
+from loopid.report.identify_tables import identification_tables
 from loopid.report.markdown import markdown_table
 
 CAPTIONS = {

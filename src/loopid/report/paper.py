@@ -5,7 +5,8 @@ from __future__ import annotations
 from rich.table import Table
 
 from loopid.paper import PaperReproduction
-from loopid.report.identify import candidates_table, findings
+from loopid.report.identify import findings
+from loopid.report.identify_tables import candidates_table
 from loopid.report.markdown import markdown_table
 from loopid.report.motions import motions_record, motions_tables
 from loopid.report.paper_base_tables import (
@@ -29,8 +30,8 @@ CAPTIONS = {
     "figure_2": "Inertial, and Coriolis and centrifugal, forces of limbs 1 and 4.",
     "figure_3": "Gravitational and friction forces of limbs 1 and 4.",
     "figure_4": "Influence of the first i base parameters.",
-    "figure_5": "Gravity of limbs 1 and 4: measured, by the robot file, and fitted.",
-    "figure_6": "Total force of limbs 1 and 4: measured, and by the robot file with friction.",
+    "figure_5": "Gravity of limbs 1 and 4: measured, by the robot file, fitted to the first 60 %.",
+    "figure_6": "Total force of limbs 1 and 4: measured, by the robot file, by eight parameters.",
 }
 
 
