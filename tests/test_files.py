@@ -6,7 +6,7 @@ import stat
 import pytest
 
 from loopid.errors import LoopidError, OutputError
-from loopid.files import write_file, write_files
+from loopid.files import require_folder, write_file, write_files
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
 
@@ -140,3 +140,12 @@ def test_a_single_file_is_written_into_a_new_folder(tmp_path):
 def test_nothing_to_write_makes_the_folder_alone(tmp_path):
     assert write_files(tmp_path / "empty", {}) == []
     assert contents(tmp_path / "empty") == {}
+
+
+def test_a_folder_that_cannot_be_is_refused_before_the_work(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    for place in (tmp_path / "taken", tmp_path / "taken" / "deeper" / "still"):
+        with pytest.raises(OutputError, match="taken is not a folder"):
+            require_folder(place)
+    require_folder(tmp_path / "new" / "deeper")
+    assert not (tmp_path / "new").exists()

@@ -46,6 +46,22 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     return list(waiting)
 
 
+def require_folder(folder: str | Path) -> None:
+    """Refuse a folder that cannot be written to before the work whose results it is for.
+
+    Raises
+    ------
+    OutputError
+        Naming what is in the way.
+    """
+    place = Path(folder).absolute()
+    existing = next(path for path in (place, *place.parents) if path.exists())
+    if not existing.is_dir():
+        raise OutputError(f"cannot write to {folder}: {existing} is not a folder")
+    if not os.access(existing, os.W_OK):
+        raise OutputError(f"cannot write to {folder}: no permission in {existing}")
+
+
 def write_file(path: str | Path, content: bytes | str) -> None:
     """Write one file whole or not at all; see ``write_files``."""
     write_files(Path(path).parent, {Path(path).name: content})

@@ -201,3 +201,14 @@ def test_warnings_of_a_process_of_its_own_are_single_lines(arm_files):
     json.loads(done.stdout)
     assert all(line.startswith("loopid: warning: ") for line in done.stderr.splitlines())
     assert done.stderr.count("\n") <= 3
+
+
+@pytest.mark.parametrize("command", [["paper"], ["identify", "3ups_rpu", "nowhere.csv"]])
+def test_a_report_without_matplotlib_is_refused_before_the_work(
+    run, command, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    done = run(*command, "--out", str(tmp_path / "out"))
+    assert done.code == 2
+    assert "matplotlib is not installed: pip install 'loopid[plot]' brings it" in done.err
+    assert not (tmp_path / "out").exists()

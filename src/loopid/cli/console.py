@@ -13,7 +13,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from loopid.files import require_folder
 from loopid.progress import Progress as Reporter
+from loopid.report import require_matplotlib
 
 RobotFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
@@ -25,6 +27,13 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
+
+
+def require_output(out: str | None) -> None:
+    """Refuse, before the work is done, a report that could not be drawn or written."""
+    if out is not None:
+        require_folder(out)
+        require_matplotlib()
 
 
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from loopid.cli.console import Out, progress_bar, show
+from loopid.cli.console import Out, progress_bar, require_output, show
 from loopid.errors import LoopidError
 from loopid.files import write_files
 from loopid.paper import reproduce_paper
@@ -22,6 +22,7 @@ def paper(
     seed: Annotated[int, typer.Option(help="Of all noise.")] = 0,
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
+    require_output(out)
     found = reproduce_paper(log or (), seed, progress_bar)
     if out is not None:
         write_files(out, paper_files(found))

@@ -2,6 +2,7 @@
 
 from loopid.report.base import base_record, base_tables
 from loopid.report.check import check_record, check_tables
+from loopid.report.drawing import require_matplotlib
 from loopid.report.identify import identification_record
 from loopid.report.identify_page import identification_files
 from loopid.report.identify_tables import identification_tables
@@ -20,4 +21,5 @@ __all__ = [
     "motions_tables",
     "paper_files",
     "paper_tables",
+    "require_matplotlib",
 ]

@@ -47,6 +47,20 @@ STYLE: dict[str, Any] = {
 }
 
 
+def require_matplotlib() -> None:
+    """Refuse figures where they cannot be drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        When matplotlib is not installed.
+    """
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("matplotlib", "plot") from error
+
+
 @contextmanager
 def drawing(rows: int = 1, columns: int = 1, height: float = 1.6) -> Iterator[tuple[Any, Any]]:
     """A figure of column width with axes (rows, columns), in our style.
@@ -61,11 +75,10 @@ def drawing(rows: int = 1, columns: int = 1, height: float = 1.6) -> Iterator[tu
     MissingExtraError
         When matplotlib is not installed.
     """
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
     with mpl.rc_context(cast(Any, STYLE)):
         figure = Figure(figsize=(COLUMN, height * rows))
         yield figure, figure.subplots(rows, columns, squeeze=False)
