@@ -112,7 +112,8 @@ def test_the_better_of_two_nearly_equal_candidates_is_rarely_called_better():
 )
 def test_two_standard_errors_make_a_candidate_better(ratio, error, better):
     nothing = Quality(np.zeros(2), np.zeros(2), np.zeros(2))
-    found = Candidate("any", 1, TRUTH, np.zeros((3, 3)), nothing, nothing, (ratio, error))
+    both = (TRUTH, TRUTH)
+    found = Candidate("any", 1, TRUTH, np.eye(3), nothing, nothing, both, (ratio, error))
     assert found.beats_baseline is better
 
 
@@ -148,3 +149,17 @@ def test_nothing_fitted_has_no_error_of_prediction():
     assert not prediction_error(W, np.zeros((3, 3))).any()
     # A covariance that round-off has made slightly negative gives 0 rather than NaN.
     assert np.isfinite(prediction_error(W, -1e-20 * np.eye(3))).all()
+
+
+def test_an_rms_has_the_error_of_its_spread_over_draws():
+    found = [judged(made(6, draw), off(0.3), TRUTH) for draw in range(1, DRAWS + 1)]
+    spread = np.std([each.validation.residual_rms for each in found], axis=0, ddof=1)
+    told = np.mean([each.rms_errors[1] for each in found], axis=0)
+    assert ((told / spread > 0.75) & (told / spread < 1.33)).all()
+
+
+def test_an_rms_of_a_motor_that_never_takes_part_has_no_error():
+    used = np.ones((ROWS, 2), dtype=bool)
+    used[:, 1] = False
+    errors = judged(made(5, used=used), off(0.3), TRUTH).rms_errors[1]
+    assert np.isnan(errors).tolist() == [False, True]

@@ -8,8 +8,10 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.identification import FitSamples, Quality, fit_quality
-from loopid.reduction.validation import sum_deviation
 
+# Stretches of time whose errors count as independent of each other: few, hence long, as errors
+# follow one another for seconds.
+BATCHES = 8
 # Differences below this are round-off.
 NO_DIFFERENCE = 1e-9
 
@@ -29,6 +31,8 @@ class Candidate:
         (n, n), zero where nothing was fitted.
     training, validation : Quality
         On the data of the fit, and on others.
+    rms_errors : tuple of FloatArray
+        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
     error_ratio : tuple of float
         Mean squared validation error, actuators weighted alike, over that of the baseline; and its
         standard error.
@@ -40,6 +44,7 @@ class Candidate:
     covariance: FloatArray
     training: Quality
     validation: Quality
+    rms_errors: tuple[FloatArray, FloatArray]
     error_ratio: tuple[float, float]
 
     @property
@@ -66,21 +71,35 @@ def judge(
         covariance=covariance,
         training=fit_quality(training.problem, values),
         validation=fit_quality(validation.problem, values),
+        rms_errors=(_rms_errors(training, values), _rms_errors(validation, values)),
         error_ratio=_error_ratio(validation, values, baseline),
     )
+
+
+def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
+    squares, errors = samples.residual(values) ** 2, np.full(len(samples.actuators), np.nan)
+    for k in np.flatnonzero(samples.problem.samples):
+        used = np.asarray(samples.used[:, k])
+        mean = squares[used, k].mean()
+        if mean > 0:
+            errors[k] = _mean_error(squares[used, k]) / (2 * np.sqrt(mean))
+    return errors
+
+
+def _mean_error(series: FloatArray) -> float:
+    """Standard error of the mean of a series (N,), from the spread of its batches; NaN for one."""
+    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
+    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
 def _error_ratio(
     samples: FitSamples, values: FloatArray, baseline: FloatArray
 ) -> tuple[float, float]:
-    """Ratio of mean squared errors, and its standard error to first order.
-
-    Squares at one time are paired, and what is left follows itself as an autoregressive process.
-    """
+    """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
     own, other = (_weighted_squares(samples, phi, baseline) for phi in (values, baseline))
     ratio = own.sum() / other.sum()
-    spread = sum_deviation(samples, own - ratio * other, np.asarray(samples.used.any(axis=1)))
-    return float(ratio), float(spread / other.sum())
+    return float(ratio), float(_mean_error(own - ratio * other) / other.mean())
 
 
 def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from loopid.arrays import FloatArray
 from loopid.experiment import Candidate, Identification
 from loopid.experiment.candidate import NO_DIFFERENCE
 from loopid.identification import Quality
@@ -45,17 +46,18 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
     return {
         "name": candidate.name,
         "fitted": candidate.fitted,
-        "training": _quality(candidate.training),
-        "validation": _quality(candidate.validation),
+        "training": _quality(candidate.training, candidate.rms_errors[0]),
+        "validation": _quality(candidate.validation, candidate.rms_errors[1]),
         "error_ratio": _number(ratio),
         "error_ratio_standard_error": _number(error),
         "beats_baseline": candidate.beats_baseline,
     }
 
 
-def _quality(quality: Quality) -> dict[str, list[float | None]]:
+def _quality(quality: Quality, errors: FloatArray) -> dict[str, list[float | None]]:
     return {
         "rms": [_number(value) for value in quality.residual_rms],
+        "rms_standard_error": [_number(value) for value in errors],
         "r_squared": [_number(value) for value in quality.r_squared],
     }
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from loopid.experiment import Identification
-from loopid.identification import Quality
+from loopid.experiment import Candidate, Identification
 from loopid.report.identify import findings
 from loopid.report.style import plain_table
 
@@ -53,20 +52,23 @@ def _supported_table(found: Identification) -> Table:
 
 def candidates_table(found: Identification) -> Table:
     """Prediction errors of the robot file, all parameters and the supported ones."""
-    columns = [f">{candidate.name}" for candidate in found.candidates]
-    table = plain_table("prediction errors on fitted and on new data: RMS (R²)", "", *columns)
+    columns = [f">{candidate.name.removesuffix(' parameters')}" for candidate in found.candidates]
+    title = "prediction errors on fitted and on new data: RMS ± std (R²)"
+    table = plain_table(title, "", *columns)
     table.add_row("parameters fitted", *(str(c.fitted) for c in found.candidates))
     for k, actuator in enumerate(found.force_model.mechanism.actuated):
-        for part, name in (("training", "fitted"), ("validation", "new")):
-            qualities = [getattr(candidate, part) for candidate in found.candidates]
-            table.add_row(f"{actuator}, {name}", *(_quality_cell(q, k) for q in qualities))
+        for part, name in enumerate(("fit", "new")):
+            cells = (_quality_cell(candidate, part, k) for candidate in found.candidates)
+            table.add_row(f"{actuator}, {name}", *cells)
     ratios = ["1", *("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in found.candidates[1:])]
     table.add_row("squared error, new", *ratios)
     return table
 
 
-def _quality_cell(quality: Quality, k: int) -> str:
-    return f"{quality.residual_rms[k]:.3g} ({quality.r_squared[k]:.3f})"
+def _quality_cell(candidate: Candidate, part: int, k: int) -> str:
+    quality = (candidate.training, candidate.validation)[part]
+    rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
+    return f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
 
 
 def _noise_table(found: Identification) -> Table:
