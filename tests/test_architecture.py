@@ -14,6 +14,7 @@ STREET = (
     "threads",
     "files",
     "parameters",
+    "observation",
     "mechanism",
     "kinematics",
     "loading",
@@ -31,7 +32,7 @@ STREET = (
 )
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
-MODEL = {"pinocchio", "mechanism", "kinematics", "loading"}
+MODEL = {"pinocchio", "mechanism", "kinematics", "loading", "regressors"}
 NEVER = dict.fromkeys(("base_parameters", "identification", "reduction"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
 

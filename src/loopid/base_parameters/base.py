@@ -13,8 +13,8 @@ from loopid.base_parameters.regrouping import base_columns, regrouping_matrix
 from loopid.base_parameters.search import ChoiceProblem, SearchResult, SearchStrategy, make_strategy
 from loopid.base_parameters.structure import Structure, analyse
 from loopid.errors import DataError, SearchError
+from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.regressors.observation import Observation
 
 
 @dataclass(frozen=True)

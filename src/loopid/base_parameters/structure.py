@@ -12,8 +12,8 @@ import numpy as np
 
 from loopid.arrays import FloatArray, IntArray, frozen
 from loopid.errors import RankError
+from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.regressors.observation import Observation
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12

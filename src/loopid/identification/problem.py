@@ -13,8 +13,8 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
-from loopid.regressors.observation import triangular_factor
 
 
 @dataclass(frozen=True)
