@@ -33,6 +33,12 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     return values
 
 
+def spread_rows(count: int, most: int) -> IntArray:
+    """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
+    rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+    return np.asarray(np.unique(rows), dtype=np.int64)
+
+
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
     """The array as finite rows of a given width; one row may come without its axis.
 

@@ -10,7 +10,8 @@ from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import closed_motion, measured_coordinates
 from loopid.mechanism import Mechanism
-from loopid.regressors import JointTerms, force_parts
+from loopid.regressors import JointTerms, motion_regressor
+from loopid.regressors.parts import standard_values
 from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion
 
@@ -85,10 +86,12 @@ def simulate_measurement(
     joint_terms, joint_values : JointTerms and FloatArray, optional
         Drives and friction, and their parameters (k,).
     """
-    state = (motion.configurations, motion.velocities, motion.accelerations)
-    force = force_parts(mechanism, *state, standard_parameters).total
+    values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
-        force = force + _joint_forces(mechanism, motion, joint_terms, joint_values)
+        values.append(_joint_values(mechanism, joint_terms, joint_values))
+    state = (motion.configurations, motion.velocities, motion.accelerations)
+    whole = closed_motion(mechanism, *state)
+    force = motion_regressor(mechanism, whole, "full", joint_terms) @ np.concatenate(values)
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
     error += generator.normal(scale=noise.gaussian, size=force.shape)
@@ -98,11 +101,8 @@ def simulate_measurement(
     return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
 
 
-def _joint_forces(
-    mechanism: Mechanism,
-    motion: JointMotion,
-    terms: JointTerms | None,
-    values: FloatArray | None,
+def _joint_values(
+    mechanism: Mechanism, terms: JointTerms | None, values: FloatArray | None
 ) -> FloatArray:
     if terms is None or values is None:
         raise OptionError("joint_terms and joint_values go together: give both or neither")
@@ -112,5 +112,4 @@ def _joint_forces(
             f"joint values must have shape ({len(names)},), one each for "
             f"{', '.join(names.labels)}, not {phi.shape}"
         )
-    state = (motion.configurations, motion.velocities, motion.accelerations)
-    return terms.columns(mechanism, closed_motion(mechanism, *state)) @ phi
+    return phi

@@ -1,6 +1,6 @@
 """From recordings to parameters: the force model, its identification, what the data support."""
 
-from loopid.experiment.candidate import Candidate, prediction_error
+from loopid.experiment.candidate import Candidate, prediction_error, prediction_reach
 from loopid.experiment.force_model import ForceModel, find_force_model
 from loopid.experiment.identify import (
     DEFAULT_FRACTION,
@@ -17,5 +17,6 @@ __all__ = [
     "find_force_model",
     "identify",
     "prediction_error",
+    "prediction_reach",
     "split_recordings",
 ]

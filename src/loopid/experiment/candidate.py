@@ -12,6 +12,7 @@ from loopid.identification import FitSamples, Quality, fit_quality
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
 # follow one another for seconds.
 BATCHES = 8
+INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 # Differences below this are round-off.
 NO_DIFFERENCE = 1e-9
 
@@ -108,6 +109,11 @@ def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatAr
     present = samples.used.any(axis=0)
     residual = np.where(samples.used, samples.residual(values), 0.0)[:, present]
     return np.asarray(((residual / scale[present]) ** 2).sum(axis=1), dtype=np.float64)
+
+
+def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Half the width (N, dof) of the 95 % intervals of predicted forces."""
+    return INTERVAL * prediction_error(regressor, covariance)
 
 
 def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:

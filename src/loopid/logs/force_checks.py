@@ -10,9 +10,8 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, IntArray, spread_rows
 from loopid.errors import LogWarning
 from loopid.logs.recording import Recording
 from loopid.mechanism import Mechanism
@@ -31,7 +30,7 @@ CLEARLY_BETTER = 1.5
 
 def check_forces(mechanism: Mechanism, recording: Recording) -> None:
     """Warn of forces that are of another size, sign or motor than the robot file lets expect."""
-    rows = np.unique(np.linspace(0, len(recording) - 1, MOST_SAMPLES).astype(np.int64))
+    rows = spread_rows(len(recording), MOST_SAMPLES)
     motion = recording.motion
     state = (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
     predicted = force_parts(mechanism, *state).total
@@ -57,7 +56,7 @@ def _check_size(name: str, measured: FloatArray, predicted: FloatArray) -> None:
 
 
 def _fits(
-    recording: Recording, rows: np.ndarray, predicted: FloatArray
+    recording: Recording, rows: IntArray, predicted: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """What the model of motor i leaves unexplained of force j (dof, dof), and its factors.
 
@@ -83,6 +82,9 @@ def _fits(
 
 def _looks_exchanged(recording: Recording, left: FloatArray) -> bool:
     """Whether the forces fit clearly better in another order of the motors; warns if so."""
+    # Slow to import, and only needed for logs.
+    from scipy.optimize import linear_sum_assignment
+
     motors, forces = linear_sum_assignment(left)
     moved = np.flatnonzero(motors != forces)
     best, given = left[moved, forces[moved]], left[moved, moved]

@@ -14,7 +14,7 @@ from loopid.experiment import (
     Identification,
     find_force_model,
     identify,
-    prediction_error,
+    prediction_reach,
     split_recordings,
 )
 from loopid.identification import FitResult, quiet_fit
@@ -25,7 +25,6 @@ from loopid.paper.experiment import friction_terms
 from loopid.paper.printed import TABLE_V
 
 FIRST = len(TABLE_V)
-INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def _eight_force(
 ) -> tuple[FloatArray, FloatArray]:
     model = found.force_model
     W = model.regressor(recording.motion)[:, :, [*order[:FIRST], *model.joint_columns]]
-    return eight.predict(W), INTERVAL * prediction_error(W, eight.covariance)
+    return eight.predict(W), prediction_reach(W, eight.covariance)
 
 
 def _shown(found: Identification, recording: Recording) -> dict[str, Any]:
@@ -146,5 +145,5 @@ def _shown(found: Identification, recording: Recording) -> dict[str, Any]:
         "cad_force": cad + friction,
         "cad_gravity": cad,
         "fitted_gravity": W[:, :, bodies] @ supported.values[bodies],
-        "fitted_reach": INTERVAL * prediction_error(W[:, :, bodies], spread),
+        "fitted_reach": prediction_reach(W[:, :, bodies], spread),
     }

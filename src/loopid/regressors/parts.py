@@ -55,11 +55,7 @@ def force_parts(
     standard_parameters : FloatArray, optional
         (n,) of ``mechanism.parameters()``; by default those of the robot file.
     """
-    pi = mechanism.standard_parameters() if standard_parameters is None else standard_parameters
-    pi = finite(pi, "standard parameters")
-    if pi.shape != (len(mechanism.parameters()),):
-        expected = len(mechanism.parameters())
-        raise DataError(f"standard parameters must have shape ({expected},), not {pi.shape}")
+    pi = standard_values(mechanism, standard_parameters)
     motion = closed_motion(mechanism, configurations, velocities, accelerations)
     still = np.zeros_like(motion.velocities)
     gravity, accelerated, moving = (
@@ -71,3 +67,12 @@ def force_parts(
         )
     )
     return ForceParts(accelerated - gravity, moving - gravity, gravity)
+
+
+def standard_values(mechanism: Mechanism, given: FloatArray | None) -> FloatArray:
+    """Standard parameters (n,), by default those of the robot file."""
+    pi = finite(mechanism.standard_parameters() if given is None else given, "standard parameters")
+    if pi.shape != (len(mechanism.parameters()),):
+        expected = len(mechanism.parameters())
+        raise DataError(f"standard parameters must have shape ({expected},), not {pi.shape}")
+    return pi

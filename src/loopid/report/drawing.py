@@ -7,25 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
-from loopid.arrays import IntArray
+from loopid.arrays import IntArray, spread_rows
 from loopid.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# The palette of Okabe and Ito, without its yellow, which is too light on paper.
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#D55E00",
-    "#CC79A7",
-    "#56B4E9",
-    "#666666",
-)
+# From the palette of Okabe and Ito.
+BLUE, ORANGE, RED, GREY = "#0072B2", "#E69F00", "#D55E00", "#666666"
 COLUMN = 3.5  # inches: the width of a column of a two-column page
 RESOLUTION = 220  # dots per inch of the PNG
 MOST_POINTS = 1500  # of a line: more than a column can show
@@ -99,7 +89,7 @@ def rendered(figure: Figure, name: str) -> dict[str, bytes]:
 
 def thinned(count: int) -> IntArray:
     """Evenly spread samples, as many as a line can show."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64))
+    return spread_rows(count, MOST_POINTS)
 
 
 def plain_log_labels(axes: Axes) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
-from loopid.experiment import Identification
-from loopid.experiment.candidate import prediction_error
+from loopid.experiment import Identification, prediction_reach
 from loopid.report.drawing import (
     BLUE,
     GREY,
@@ -17,8 +16,6 @@ from loopid.report.drawing import (
     rendered,
     thinned,
 )
-
-INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 
 
 def identification_figures(found: Identification) -> dict[str, bytes]:
@@ -32,14 +29,16 @@ def draw_forces(found: Identification) -> dict[str, bytes]:
     rows = thinned(len(recording))
     time, gaps = recording.motion.time[rows], ~recording.used[rows]
     W = found.force_model.regressor(recording.motion.select(rows))
+    baseline, supported = W @ found.baseline.values, W @ found.supported.values
+    reach = prediction_reach(W, found.supported.covariance)
     with drawing(len(joints), height=1.3) as (figure, axes):
         for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
             ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
-            ax.plot(time, _broken(W @ found.baseline.values, gaps, k), "--", color=BLUE)
-            line = _broken(W @ found.supported.values, gaps, k)
-            reach = INTERVAL * prediction_error(W, found.supported.covariance)[:, k]
+            ax.plot(time, _broken(baseline, gaps, k), "--", color=BLUE)
+            line = _broken(supported, gaps, k)
+            ends = line - reach[:, k], line + reach[:, k]
             ax.plot(time, line, color=RED)
-            ax.fill_between(time, line - reach, line + reach, color=RED, alpha=0.3, linewidth=0)
+            ax.fill_between(time, *ends, color=RED, alpha=0.3, linewidth=0)
             ax.set(title=joint, ylabel=f"force ({force_unit(found, joint)})")
         axes[-1, 0].set_xlabel("time (s)")
         labels = ("measured", "robot file, joint terms", "supported", "its 95 % interval")

@@ -80,24 +80,34 @@ _EXPLAINED = r"explained: $1 - \|T - A_i\|/\|T\|$"
 
 def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
     """Figure 5: gravity of limbs 1 and 4, from the CAD model and from the measured forces."""
-    with drawing(len(LIMBS)) as (figure, axes):
-        for panel in _panels(actual, axes):
-            panel.line(actual.measured_gravity, GREY, "measured less friction")
-            panel.line(actual.cad_gravity, BLUE, "robot file")
-            panel.line(actual.fitted_gravity, RED, "fit, 95 %", actual.fitted_reach)
-        _finish(figure, axes[:, 0])
-        return rendered(figure, "figure_5")
+    return _draw_lines(
+        "figure_5",
+        actual,
+        (actual.measured_gravity, GREY, "measured less friction"),
+        (actual.cad_gravity, BLUE, "robot file"),
+        (actual.fitted_gravity, RED, "fit, 95 %", actual.fitted_reach),
+    )
 
 
 def draw_action(actual: ActualFit) -> dict[str, bytes]:
     """Figure 6: total force of limbs 1 and 4, simulated and measured."""
+    return _draw_lines(
+        "figure_6",
+        actual,
+        (actual.measured_force, GREY, "measured"),
+        (actual.cad_force, BLUE, "robot file"),
+        (actual.eight_force, RED, "eight parameters, 95 %", actual.eight_reach),
+    )
+
+
+def _draw_lines(name: str, actual: ActualFit, *lines: tuple[Any, ...]) -> dict[str, bytes]:
+    """Lines in a panel a limb; each a force, a colour, a label and perhaps a reach."""
     with drawing(len(LIMBS)) as (figure, axes):
         for panel in _panels(actual, axes):
-            panel.line(actual.measured_force, GREY, "measured")
-            panel.line(actual.cad_force, BLUE, "robot file")
-            panel.line(actual.eight_force, RED, "eight parameters, 95 %", actual.eight_reach)
+            for line in lines:
+                panel.line(*line)
         _finish(figure, axes[:, 0])
-        return rendered(figure, "figure_6")
+        return rendered(figure, name)
 
 
 @dataclass(frozen=True)
