@@ -4,6 +4,7 @@ import importlib.metadata
 import importlib.util
 import re
 import sys
+import warnings
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +14,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import settings
 
+from closure_robots import files
+from linkages import LINKAGES
 from loopid import load_mechanism, random_configurations
+from loopid.errors import MobilityWarning
 
 ROOT = Path(__file__).parents[1]
 
@@ -143,6 +147,24 @@ def write_files(tmp_path_factory):
         return folder / "robot.yaml"
 
     return write
+
+
+@pytest.fixture(scope="session")
+def load_files(write_files):
+    """Load a robot made of parts and a description; that coordinates are free is no surprise."""
+
+    def load(parts, description, **options):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MobilityWarning)
+            return load_mechanism(write_files(*files(parts, description)), **options)
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def linkage(load_files):
+    """A linkage by its name, loaded once."""
+    return cache(lambda name: load_files(*LINKAGES[name]))
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base_parameters,
 )
+from loopid.dynamics import forward_dynamics
 from loopid.errors import LoopidError
 from loopid.experiment import (
     ForceModel,
@@ -95,6 +96,7 @@ __all__ = [
     "find_force_model",
     "fit",
     "force_parts",
+    "forward_dynamics",
     "gravity_regressor",
     "identify",
     "joint_motion",

@@ -87,3 +87,15 @@ class CorrelationWarning(UserWarning):
 
 class ExcitationWarning(UserWarning):
     """Data hardly show a parameter that was fitted to them."""
+
+
+class MobilityWarning(UserWarning):
+    """The motors do not determine the motion: passive coordinates stay free."""
+
+
+class ClosureWarning(UserWarning):
+    """The loops of a robot file close only as far as its numbers are rounded."""
+
+
+class ModelWarning(UserWarning):
+    """A robot file says something that the model leaves out, or contradicts itself."""

@@ -33,6 +33,9 @@ class Observation:
         Characteristic length in m: a column per kg m counts this much more than one per kg.
     matrix : FloatArray or None
         W itself (rows, n), where it was kept.
+    natural_size : float
+        What an entry of a column per kg amounts to in a robot of this length, in N or N m:
+        columns that are smaller by the order of round-off are zero, even if all of them are.
     """
 
     parameters: ParameterSet
@@ -40,6 +43,7 @@ class Observation:
     rows: int
     length: float = 1.0
     matrix: FloatArray | None = None
+    natural_size: float = 0.0
 
     @classmethod
     def from_matrix(
@@ -48,6 +52,7 @@ class Observation:
         parameters: ParameterSet,
         length: float = 1.0,
         keep_matrix: bool = False,
+        natural_size: float = 0.0,
     ) -> Observation:
         """Factor an observation matrix.
 
@@ -60,8 +65,10 @@ class Observation:
             See the attribute.
         keep_matrix : bool
             Whether to keep W beside its factor.
+        natural_size : float
+            See the attribute.
         """
-        return cls.from_parts([matrix], parameters, length, keep_matrix)
+        return cls.from_parts([matrix], parameters, length, keep_matrix, natural_size)
 
     @classmethod
     def from_parts(
@@ -70,6 +77,7 @@ class Observation:
         parameters: ParameterSet,
         length: float = 1.0,
         keep_matrix: bool = False,
+        natural_size: float = 0.0,
     ) -> Observation:
         """Factor an observation matrix that comes in parts, with one in memory at a time.
 
@@ -85,7 +93,7 @@ class Observation:
         if rows == 0:
             raise DataError("the observation matrix has no rows")
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        return cls(parameters, frozen(factor), rows, length, matrix)
+        return cls(parameters, frozen(factor), rows, length, matrix, natural_size)
 
 
 def _stacked(matrix: FloatArray, width: int) -> FloatArray:

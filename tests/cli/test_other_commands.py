@@ -24,9 +24,20 @@ motions:
         between:
           - hold: 1
 """
+LOADING = ["--lock", "--floating-base", "--free-mimics"]
 OPTIONS = {
-    "check": ["--lock", "--json"],
-    "base": ["--model", "--search", "--criterion", "--samples", "--seed", "--lock", "--json"],
+    "check": [*LOADING, "--json"],
+    "base": [
+        "--model",
+        "--search",
+        "--criterion",
+        "--samples",
+        "--seed",
+        "--time-limit",
+        *LOADING,
+        "--tied",
+        "--json",
+    ],
     "motions": ["--rate", "--margin", "--lock", "--json"],
     "identify": [
         "--mapping",
@@ -39,6 +50,7 @@ OPTIONS = {
         "--friction-log",
         "--out",
         "--lock",
+        "--tied",
         "--json",
     ],
     "paper": ["--out", "--log", "--seed"],

@@ -79,6 +79,18 @@ def test_a_bundled_name_works_from_any_folder(run, tmp_path, monkeypatch):
     assert "platform.mx - 0.3 leg1_stem.m" in done.out
 
 
+def test_base_says_which_lengths_the_coefficients_are(run, run_json):
+    text = run("base", "3ups_rpu").out
+    for line in ("where -0.3 = x(platform_B1)", "0.1928 m   x of platform_B2 in platform"):
+        assert line in text
+    rows = run_json("base", "3ups_rpu")["base_parameters"]
+    (row,) = [row for row in rows if row["name"] == "platform.my"]
+    assert row["expression"] == (
+        "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m, "
+        "where 0.2298 = y(platform_B2), -0.3 = y(platform_B3)"
+    )
+
+
 def test_check_reports_mobility_and_closure(run_json):
     record = run_json("check", "3ups_rpu")
     assert (record["closure_rows"], record["closure_rank"]) == (9, 9)

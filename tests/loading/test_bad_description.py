@@ -3,7 +3,14 @@
 import pytest
 
 from loopid import LoopidError, load_mechanism
-from loopid.errors import MissingFileError, MobilityError, OptionError, RobotFileError
+from loopid.errors import (
+    MissingFileError,
+    MobilityError,
+    MobilityWarning,
+    OptionError,
+    RobotFileError,
+    SingularityWarning,
+)
 
 MOTORS = r"name_mot: \[[^]]*\]"
 TYPES = r"type: \[[^]]*\]"
@@ -48,20 +55,19 @@ BROKEN = {
     "a list": (r"\A.+", "[leg1_stem, platform_B1]", ("keys", "leg1_stem")),
     "a number": (r"\A.+", "3", ("keys", "3")),
 }
-IMMOBILE = {
-    "no motors": (MOTORS, "name_mot: []", ("too few", "4 degrees of freedom")),
-    "too few": (", leg4_stroke]", "]", ("3 actuated", "too few", "leg1_stroke", "4 degrees")),
-    "too many": (
-        "leg4_stroke]",
-        "leg4_stroke, platform_yaw]",
-        ("5 actuated", "too many", "platform_yaw", "4 degrees of freedom"),
-    ),
+# Motors that do not fit the motion: what is warned of, and the passive coordinates left free.
+ILL_FITTING = {
+    "too few": (", leg4_stroke]", "]", MobilityWarning, ("leave", "free"), 1, 0),
+    "none that helps": (MOTORS, "name_mot: [leg1_stroke]", MobilityWarning, ("free", "lock"), 3, 0),
     # With the platform's tilt known, limb 1 only measures its distance, never its yaw: at the
     # reference the limb lies in the plane that the yaw is symmetric to.
     "undetermined": (
         MOTORS,
         "name_mot: [leg4_revolute, leg4_stroke, platform_pitch, leg1_stroke]",
-        ("do not determine", "singular", "platform_yaw", "leg1_stroke"),
+        SingularityWarning,
+        ("singular", "platform_yaw", "motors stand still"),
+        0,
+        0,
     ),
 }
 
@@ -76,13 +82,30 @@ def test_a_broken_description_is_refused_by_name(case, edited, refusal):
     refusal(failure, str(file), *fragments)
 
 
-@pytest.mark.parametrize("case", IMMOBILE)
-def test_motors_that_do_not_fit_the_motion_are_refused(case, edited, refusal):
-    pattern, replacement, fragments = IMMOBILE[case]
+@pytest.mark.parametrize("case", ILL_FITTING)
+def test_motors_that_do_not_fit_the_motion_are_warned_of(case, edited, refusal):
+    pattern, replacement, category, fragments, free, redundant = ILL_FITTING[case]
     file = edited("yaml", pattern, replacement)
+    with pytest.warns(category) as caught:
+        robot = load_mechanism(file)
+    texts = [str(warning.message) for warning in caught]
+    assert any(all(part in text for part in (str(file), *fragments)) for text in texts)
+    assert (len(robot.free), len(robot.redundant)) == (free, redundant)
+    assert len(robot.independent) == 4
+
+
+def test_motors_beyond_the_degrees_of_freedom_are_redundant(edited):
+    robot = load_mechanism(edited("yaml", r"leg4_stroke\]", "leg4_stroke, platform_yaw]"))
+    assert len(robot.redundant) == 1
+    assert {*robot.independent, *robot.redundant} == set(robot.actuated)
+    assert not robot.free
+
+
+def test_a_robot_without_motors_is_refused(edited, refusal):
+    file = edited("yaml", MOTORS, "name_mot: []")
     with pytest.raises(MobilityError) as failure:
         load_mechanism(file)
-    refusal(failure, str(file), *fragments)
+    refusal(failure, str(file), "no joint has a motor", "name_mot", "leg4_stroke")
 
 
 def test_bytes_that_are_no_text_are_refused(edited, refusal):

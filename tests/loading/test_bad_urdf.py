@@ -9,8 +9,8 @@ JOINT = '<joint name="leg1_universal_1" type="revolute">'
 STROKE = r'(<joint name="leg1_stroke".*?)<limit [^>]*/>'
 BROKEN = {
     # Physics: the pattern, what takes its place, and what the refusal must say.
-    "zero mass": ('mass value="9.82033"', 'mass value="0"', ("platform", "mass", "0 kg")),
     "negative mass": ('mass value="9.82033"', 'mass value="-2"', ("platform", "-2 kg")),
+    "mass too large": ('mass value="9.82033"', 'mass value="1e300"', ("platform", "1e300")),
     "mass NaN": ('mass value="9.82033"', 'mass value="nan"', ("platform", "mass", "finite")),
     "mass infinite": ('mass value="9.82033"', 'mass value="inf"', ("platform", "mass", "finite")),
     "inertia NaN": ('ixx="0.26398"', 'ixx="nan"', ("platform", "<inertia>", "finite")),
@@ -33,7 +33,11 @@ BROKEN = {
     "limit NaN": ('lower="0.6537"', 'lower="nan"', ("leg1_stroke", "<limit>", "finite")),
     "limits crossed": ('lower="0.6537"', 'lower="2"', ("leg1_stroke", "lower 2", "0.9337")),
     "limit missing": (STROKE, r"\1", ("leg1_stroke", "prismatic", "<limit>")),
+    "no effort": ('effort="0" velocity', "velocity", ("leg1_universal_1", "<limit>", "effort")),
+    "effort negative": ('effort="0"', 'effort="-1"', ("leg1_universal_1", "effort", "-1")),
     "no mass": ('<mass value="9.82033"/>', "", ("platform", "<mass>")),
+    "no inertia": ("<inertia ixx=.0.26398[^>]*/>", "", ("platform", "no <inertia>")),
+    "no moment": ('ixx="0.26398"', "", ("platform", "<inertia>", "ixx")),
     "no inertials": ("<inertial>.*?</inertial>", "", ("<inertial>", "nothing to identify")),
     # Structure.
     "link twice": (
@@ -69,14 +73,17 @@ BROKEN = {
         'child link="leg9_stem"',
         ("leg1_stroke", "leg9_stem"),
     ),
-    "mimic": (
-        '<child link="leg2_stem"/>',
-        '<child link="leg2_stem"/><mimic joint="leg1_stroke"/>',
-        ("leg2_stroke", "leg1_stroke", "mimics", "lock it"),
+    "joint of the ground": (
+        'joint name="leg1_stroke"',
+        'joint name="universe"',
+        ("universe", "rename it"),
     ),
+    "link without a name": ('<link name="leg1_cross"/>', "<link/>", ("<link>", "name")),
+    "joint without a name": ('joint name="leg1_stroke"', "joint", ("<joint>", "name")),
     "no links": (r"\A.+", '<robot name="nothing"/>', ("<link>",)),
     # Grammar.
     "XML cut off": ("</robot>.*", "", ("not a valid URDF", "line")),
+    "not a robot": (r"\A.+", "<sdf/>", ("not a valid URDF", "<sdf>", "<robot>")),
     "not XML": (r"\A.+", "solid robot", ("not a valid URDF",)),
     "empty file": (r"\A.+", "", ("not a valid URDF",)),
     "mass not a number": ('mass value="9.82033"', 'mass value="heavy"', ("heavy",)),
@@ -85,11 +92,11 @@ BROKEN = {
         r'\1"0 -1"',
         ("leg1_universal_1",),
     ),
-    "mass without value": ('mass value="9.82033"', "mass", ("platform", "mass must be positive")),
+    "mass without value": ('mass value="9.82033"', "mass", ("platform", "<mass>", "no value")),
     "joint without parent": (
         '<parent link="leg1_cylinder"/>',
         "",
-        ("not a valid URDF", "missing"),
+        ("leg1_stroke", "<parent>", "missing"),
     ),
     "unknown joint type": (
         'name="leg1_stroke" type="prismatic"',

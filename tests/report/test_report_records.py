@@ -8,6 +8,7 @@ import pytest
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters.expressions import expression
+from loopid.mechanism import named_lengths
 from loopid.report import base_record, check_record, identification_record, motions_record
 from loopid.trajectories import JointRange, MotionReview
 
@@ -35,6 +36,32 @@ def test_terms_rebuild_the_matrix(robot):
     labels = base.parameters.labels
     for parameter, row in zip(record["base_parameters"], base.matrix, strict=True):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
+
+
+def test_coefficients_are_named_and_their_lengths_listed(robot):
+    base = find_base_parameters(structural_observation(robot))
+    record = base_record(robot.name, "gravity", base, named_lengths(robot))
+    assert_strict(record)
+    (row,) = [row for row in record["base_parameters"] if row["name"] == "platform.mx"]
+    assert row["coefficients"] == {
+        "platform.mx": None,
+        "leg1_stem.m": "x(platform_B1)",
+        "leg2_stem.m": "x(platform_B2)",
+    }
+    assert row["where"] == ["-0.3 = x(platform_B1)", "0.1928 = x(platform_B2)"]
+    assert row["expression"] == f"{expression(row['terms'])}, where {', '.join(row['where'])}"
+    assert [length["symbol"] for length in record["lengths"]] == [
+        f"{axis}(platform_B{leg})" for axis, leg in ("x1", "x2", "y2", "y3")
+    ]
+    # x of B1, y of B3 and the distance of B2 are all 0.3 m.
+    assert [length["equally_long"] for length in record["lengths"]] == [2, 0, 0, 2]
+
+
+def test_without_lengths_sums_stay_numbers(robot):
+    base = find_base_parameters(structural_observation(robot))
+    record = base_record(robot.name, "gravity", base)
+    assert [row["expression"] for row in record["base_parameters"]] == list(base.expressions)
+    assert record["lengths"] == []
 
 
 def test_an_identification_is_recorded_whole(identification):

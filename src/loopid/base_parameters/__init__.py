@@ -2,6 +2,9 @@
 
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.blocks import independent_blocks
+from loopid.base_parameters.coefficients import name_coefficients
+from loopid.base_parameters.expressions import expression
+from loopid.base_parameters.forms import CoefficientName
 from loopid.base_parameters.search import (
     CRITERIA,
     STRATEGIES,
@@ -20,6 +23,7 @@ __all__ = [
     "STRATEGIES",
     "BaseParameters",
     "ChoiceProblem",
+    "CoefficientName",
     "ExactSearch",
     "ExhaustiveSearch",
     "PivotedQR",
@@ -28,6 +32,8 @@ __all__ = [
     "Structure",
     "SubgroupSearch",
     "analyse",
+    "expression",
     "find_base_parameters",
     "independent_blocks",
+    "name_coefficients",
 ]

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from loopid.base_parameters.forms import CoefficientName
+
 DIGITS = 4
 
 
-def expression(terms: Mapping[str, float], digits: int = DIGITS) -> str:
-    """Write terms as a sum, ``0.1928 leg2_stem.m - 0.3 leg1_stem.m + platform.mx``.
+def expression(
+    terms: Mapping[str, float],
+    digits: int = DIGITS,
+    names: Mapping[str, CoefficientName] | None = None,
+) -> str:
+    """Write terms as a sum, ``platform.mx + 0.1928 leg2_stem.m, where 0.1928 = x(platform_B2)``.
 
     Parameters
     ----------
@@ -16,7 +22,28 @@ def expression(terms: Mapping[str, float], digits: int = DIGITS) -> str:
         Parameter label to coefficient.
     digits : int
         Significant digits of the coefficients; for reading only.
+    names : mapping, optional
+        Parameter label to what its coefficient is, from ``name_coefficients``.
     """
+    where = ", ".join(equations(terms, names or {}, digits))
+    return f"{_sum(terms, digits)}, where {where}" if where else _sum(terms, digits)
+
+
+def equations(
+    terms: Mapping[str, float], names: Mapping[str, CoefficientName], digits: int = DIGITS
+) -> list[str]:
+    """What the coefficients of a sum are, ``0.1928 = x(platform_B2)``, each equation once.
+
+    Parameters
+    ----------
+    terms, names, digits
+        As in ``expression``.
+    """
+    named = (names[label].equation(terms[label], digits) for label in terms if label in names)
+    return list(dict.fromkeys(named))
+
+
+def _sum(terms: Mapping[str, float], digits: int) -> str:
     parts: list[str] = []
     for label, coefficient in terms.items():
         size = f"{abs(coefficient):.{digits}g}"

@@ -131,8 +131,9 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
 def _nonzero_columns(observation: Observation) -> IntArray:
     scales = observation.length ** observation.parameters.length_powers.astype(np.float64)
     norms = np.linalg.norm(observation.factor, axis=0) * scales
-    largest = norms.max(initial=0.0)
-    if largest == 0.0:
+    natural = observation.natural_size * np.sqrt(observation.rows)
+    largest = max(float(norms.max(initial=0.0)), natural)
+    if (norms <= ZERO_COLUMN * largest).all():
         raise RankError("no parameter has an effect: every column of the regressor is zero")
     relative = norms / largest
     doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)

@@ -21,8 +21,14 @@ RobotFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
 ]
 Lock = Annotated[
-    list[str] | None, typer.Option(metavar="JOINT", help="Lock a joint; may be repeated.")
+    list[str] | None,
+    typer.Option(metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."),
 ]
+Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root moves freely.")]
+FreeMimics = Annotated[
+    bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
+]
+Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")

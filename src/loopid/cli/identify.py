@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from loopid.cli.console import Json, Lock, Out, RobotFile, progress_bar, require_output, show
+from loopid.cli.console import Json, Lock, Out, RobotFile, Tied, progress_bar, require_output, show
 from loopid.errors import OptionError
 from loopid.experiment import (
     DEFAULT_FRACTION,
@@ -57,13 +57,14 @@ def identify(
     ] = None,
     out: Out = None,
     lock: Lock = None,
+    tied: Tied = False,
     as_json: Json = False,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     require_output(out)
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
-    mechanism = load_mechanism(file, lock=lock or ())
+    mechanism = load_mechanism(file, lock or (), tied=tied)
     joint_terms = _joint_terms(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 

@@ -6,18 +6,43 @@ from typing import Annotated
 
 import typer
 
-from loopid.base_parameters import ExhaustiveSearch, SearchStrategy, find_base_parameters
+from loopid.base_parameters import (
+    ExactSearch,
+    ExhaustiveSearch,
+    SearchStrategy,
+    find_base_parameters,
+)
 from loopid.base_parameters.search import make_strategy
-from loopid.cli.console import Json, Lock, RobotFile, progress_bar, show
+from loopid.base_parameters.search.exact import TIME_LIMIT
+from loopid.cli.console import (
+    Floating,
+    FreeMimics,
+    Json,
+    Lock,
+    RobotFile,
+    Tied,
+    progress_bar,
+    show,
+)
 from loopid.loading import load_mechanism
+from loopid.mechanism import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
 from loopid.report import base_record, base_tables, check_record, check_tables
 
 
-def check(file: RobotFile, lock: Lock = None, as_json: Json = False) -> None:
+def check(
+    file: RobotFile,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    as_json: Json = False,
+) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    record = check_record(load_mechanism(file, lock=lock or ()))
+    mechanism = load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics
+    )
+    record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
 
@@ -32,17 +57,25 @@ def base(
         int | None, typer.Option(help="Random closed poses; enough by default.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the random poses.")] = 0,
+    time_limit: Annotated[
+        float, typer.Option(help="Of the exact search, in s; then its best so far.")
+    ] = TIME_LIMIT,
     lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    tied: Tied = False,
     as_json: Json = False,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
-    strategy = make_strategy(search)
-    mechanism = load_mechanism(file, lock=lock or ())
+    strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
+    mechanism = load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+    )
     with progress_bar("poses") as report:
         observation = structural_observation(mechanism, model, samples, seed, progress=report)
     with progress_bar("combinations") as report:
         found = find_base_parameters(observation, _with_progress(strategy, report), criterion)
-    record = base_record(mechanism.name, model, found)
+    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
     show(record, base_tables(record), as_json)
 
 

@@ -8,7 +8,7 @@ from loopid.kinematics.constraint import (
 )
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import measured_coordinates, scaled_constraint
-from loopid.kinematics.mobility import Mobility, mobility, require_determined_motion
+from loopid.kinematics.mobility import Mobility, mobility
 from loopid.kinematics.motion import ClosedMotion, closed_motion
 from loopid.kinematics.platform import platform_coordinates, platform_motion
 from loopid.kinematics.projection import Projection, project, singularity_measure
@@ -32,7 +32,6 @@ __all__ = [
     "project",
     "random_configurations",
     "random_motions",
-    "require_determined_motion",
     "scaled_constraint",
     "singularity_measure",
     "try_assemble",

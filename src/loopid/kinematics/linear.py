@@ -42,9 +42,26 @@ class Factorisation:
         rank = (values > tolerance * values[:, :1]).sum(axis=1)
         return cls(left, values, right, rank)
 
-    def solve(self, right_hand_sides: FloatArray) -> FloatArray:
-        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c)."""
-        kept = np.arange(self.values.shape[1]) < self.rank[:, None]
-        inverse = np.divide(1.0, self.values, out=np.zeros_like(self.values), where=kept)
+    def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
+        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
+
+        With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
+        """
+        values = self.values
+        if damping is None:
+            kept = np.arange(values.shape[1]) < self.rank[:, None]
+            inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
+        else:
+            inverse = values / (values**2 + damping[:, None] ** 2)
         projected = inverse[:, :, None] * (self.left.transpose(0, 2, 1) @ right_hand_sides)
         return np.asarray(self.right.transpose(0, 2, 1) @ projected, dtype=np.float64)
+
+
+def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatArray:
+    """Orthonormal basis (n, d) of the null space of one matrix (m, n)."""
+    columns = matrix.shape[1]
+    if matrix.shape[0] == 0:
+        return np.eye(columns)
+    _, values, right = np.linalg.svd(matrix)
+    rank = int((values > tolerance * values.max(initial=0.0)).sum())
+    return np.asarray(right[rank:].T, dtype=np.float64)

@@ -13,9 +13,10 @@ import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import MobilityError, OptionError
-from loopid.kinematics.constraint import constraint_values, relative_quaternion
+from loopid.kinematics.constraint import constraint_values
 from loopid.kinematics.frames import frame_kinematics
 from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.orientation_rows import relative_quaternion
 from loopid.kinematics.platform import declared_platform, platform_coordinates
 from loopid.kinematics.projection import partition
 from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_jacobian
@@ -62,12 +63,18 @@ class MeasuredCoordinates(ABC):
 
 
 class JointCoordinates(MeasuredCoordinates):
-    """Measured joints: the others are unknown."""
+    """Measured joints: the others are unknown, but for single coordinates that are independent.
+
+    The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
+    could be given: it stays as it is at the start.
+    """
 
     def __init__(self, mechanism: Mechanism, joints: Sequence[str]) -> None:
-        known, unknown = partition(mechanism, joints)
+        known, _ = partition(mechanism, joints)
         if len(known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured")
+        held = mechanism.velocity_indices(_parts_of_joints(mechanism))
+        unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(known, held))
         super().__init__(mechanism, unknown, len(joints))
         models = [mechanism.joint(name) for name in joints]
         self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
@@ -132,7 +139,7 @@ class PlatformCoordinates(MeasuredCoordinates):
 def measured_coordinates(
     mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
 ) -> MeasuredCoordinates:
-    """Choose the measured coordinates: joints, ``"platform"``, or the actuated joints.
+    """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
 
     Raises
     ------
@@ -143,11 +150,15 @@ def measured_coordinates(
     if coordinates == "platform":
         measured = PlatformCoordinates(mechanism)
     else:
-        names = mechanism.actuated if coordinates is None else coordinates
+        names = mechanism.measured if coordinates is None else coordinates
         joints = (names,) if isinstance(names, str) else tuple(names)
         measured = JointCoordinates(mechanism, joints)
     _refuse_insufficient(measured)
     return measured
+
+
+def _parts_of_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    return tuple(name for name in mechanism.independent if name not in mechanism.measured)
 
 
 def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:

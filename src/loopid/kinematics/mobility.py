@@ -7,37 +7,49 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.errors import MobilityError
-from loopid.kinematics.linear import RANK_TOLERANCE, Factorisation
+from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.measured import scaled_constraint
-from loopid.kinematics.projection import partition
+from loopid.kinematics.nearby import nearby_configurations
 from loopid.mechanism import Mechanism
+
+MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 
 
 @dataclass(frozen=True)
 class Mobility:
-    """Instantaneous mobility at a configuration.
+    """Mobility at a configuration.
 
     Attributes
     ----------
     rows, rank : int
         Closure equations and how many of them are independent.
     degrees_of_freedom : int
-        nv - rank.
+        nv - rank, at the configuration itself.
+    generic_degrees_of_freedom : int
+        The same around it; fewer where the configuration is singular.
     rank_gap : float
         Ratio of the last counted singular value to the next, infinite when there is none.
     residual : float
         Largest closure residual in m.
     undetermined : tuple of str
-        Passive joints that move while all motors stand still.
+        Passive coordinates that can move while all motors stand still.
+    redundant : tuple of str
+        Actuated coordinates beyond those that determine the motion.
     """
 
     rows: int
     rank: int
     degrees_of_freedom: int
+    generic_degrees_of_freedom: int
     rank_gap: float
     residual: float
     undetermined: tuple[str, ...]
+    redundant: tuple[str, ...]
+
+    @property
+    def singular(self) -> bool:
+        """Whether more can move at the configuration, for an instant, than around it."""
+        return self.degrees_of_freedom > self.generic_degrees_of_freedom
 
 
 def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> Mobility:
@@ -50,33 +62,17 @@ def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> M
         rows=mechanism.rows,
         rank=rank,
         degrees_of_freedom=mechanism.model.nv - rank,
+        generic_degrees_of_freedom=mechanism.model.nv - _generic_rank(mechanism, q),
         rank_gap=_gap(factors.values[0], rank),
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
+        redundant=mechanism.redundant,
     )
 
 
-def require_determined_motion(mechanism: Mechanism) -> None:
-    """Refuse a mechanism whose motors do not fit its motion at the reference.
-
-    Raises
-    ------
-    MobilityError
-        With the degrees of freedom, the actuated joints and the joints left free.
-    """
-    found, motors = mobility(mechanism), len(partition(mechanism)[0])
-    listed = f"{motors} actuated coordinates ({', '.join(mechanism.actuated)})"
-    freedom = f"{found.degrees_of_freedom} degrees of freedom of {mechanism.name}"
-    if motors > found.degrees_of_freedom:
-        raise MobilityError(f"{listed} are too many for the {freedom} at its reference")
-    if motors < found.degrees_of_freedom:
-        free = ", ".join(found.undetermined)
-        raise MobilityError(f"{listed} are too few for the {freedom}: {free} stay free")
-    if found.undetermined:
-        raise MobilityError(
-            f"{listed} do not determine the motion of {mechanism.name} at its reference, which "
-            f"is singular for them: {', '.join(found.undetermined)} stay free"
-        )
+def _generic_rank(mechanism: Mechanism, q: FloatArray) -> int:
+    _, jacobians = scaled_constraint(mechanism, nearby_configurations(mechanism, q))
+    return int(Factorisation.of(jacobians).rank.max())
 
 
 def _gap(values: FloatArray, rank: int) -> float:
@@ -86,15 +82,10 @@ def _gap(values: FloatArray, rank: int) -> float:
 
 
 def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]:
-    """Passive joints that take part in the null space of the passive columns."""
-    _, passive = partition(mechanism)
+    """Passive coordinates that take part in the null space of the passive columns."""
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
     if not len(passive):
         return ()
-    _, values, right = np.linalg.svd(jacobian[:, passive], full_matrices=True)
-    rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-    moving = passive[(np.abs(right[rank:]) > 1e-6).any(axis=0)]
-    return tuple(
-        name
-        for name in mechanism.joints
-        if np.isin(mechanism.velocity_indices([name]), moving).any()
-    )
+    moving = passive[(np.abs(null_space(jacobian[:, passive])) > MOVES).any(axis=1)]
+    return tuple(mechanism.coordinates[k] for k in moving)

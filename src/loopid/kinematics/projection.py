@@ -81,7 +81,7 @@ def project(
     measure = _measure(factors, len(dependent))
     _refuse_singular(factors, measure, len(dependent))
     _refuse_dependent(jacobian, len(chosen))
-    G = _velocity_map(mechanism, factors, jacobian, chosen, dependent)
+    G = velocity_map(mechanism, factors, jacobian, chosen, dependent)
     gamma = None
     if independent_velocities is not None:
         rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
@@ -102,8 +102,9 @@ def singularity_measure(
 def partition(
     mechanism: Mechanism, independent: Sequence[str] | None = None
 ) -> tuple[IntArray, IntArray]:
-    """Velocity indices of the independent joints (by default the actuated) and of the rest."""
-    chosen = mechanism.velocity_indices(mechanism.actuated if independent is None else independent)
+    """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
+    names = mechanism.independent if independent is None else independent
+    chosen = mechanism.velocity_indices(names)
     if len(set(chosen)) != len(chosen):
         raise MobilityError(f"a joint is named twice among {', '.join(independent or ())}")
     rest = np.setdiff1d(np.arange(mechanism.model.nv), chosen)
@@ -147,13 +148,14 @@ def _refuse_dependent(jacobian: FloatArray, count: int) -> None:
         )
 
 
-def _velocity_map(
+def velocity_map(
     mechanism: Mechanism,
     factors: Factorisation,
     jacobian: FloatArray,
     chosen: IntArray,
     dependent: IntArray,
 ) -> FloatArray:
+    """G (N, nv, dof) from the factors of the dependent columns of scaled Jacobians."""
     scales = coordinate_scales(mechanism)
     G = np.zeros((len(jacobian), mechanism.model.nv, len(chosen)))
     G[:, chosen, np.arange(len(chosen))] = 1.0

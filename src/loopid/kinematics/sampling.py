@@ -3,38 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import try_assemble
-from loopid.kinematics.projection import partition, singularity_measure
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.displacement import displaced
+from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator
 
 DEFAULT_MARGIN = 0.02
 ATTEMPTS_PER_SAMPLE = 200
 BATCH = 64  # draws assembled together
+FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
+NARROWER = 0.7  # ... by this factor ...
+LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
+PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 
 
 def random_configurations(
-    mechanism: Mechanism, count: int, seed: int = 0, margin: float = DEFAULT_MARGIN
+    mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
 ) -> FloatArray:
     """Draw closed configurations on the reference's branch.
 
-    Actuated coordinates are uniform within their limits (one turn, or one characteristic length,
+    Independent joints are uniform within their limits (one turn, or one characteristic length,
     around the reference where there are none); draws that cannot be assembled, break a limit of
-    a passive joint or come too near a singularity are left out.
+    a passive joint or come too near a singularity are left out. Where most draws fail, the next
+    ones keep nearer to the reference. Spins of rods and floating bases are anywhere.
 
     Parameters
     ----------
     count : int
     seed : int
         Same seed, same configurations; a larger count only adds more.
-    margin : float
-        Least singularity measure, see ``Projection.singularity``.
+    margin : float, optional
+        Least singularity measure, see ``Projection.singularity``; by default 0.02, or less where
+        the geometry hardly allows it, but not below ``NEAR_SINGULARITY``.
 
     Returns
     -------
@@ -50,27 +59,62 @@ def random_configurations(
 
 
 def configuration_batches(
-    mechanism: Mechanism, count: int, seed: int = 0, margin: float = DEFAULT_MARGIN
+    mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
-    if count < 1 or not margin >= 0:
+    if count < 1 or not (margin is None or margin >= 0):
         raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
     generator = random_generator(seed)
-    lower, upper = _actuated_limits(mechanism)
+    home, lower, upper = _ranges(mechanism)
+    draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
     found = drawn = 0
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(
                 f"only {found} of {drawn} random draws of {mechanism.name} close with a "
-                f"singularity measure of at least {margin:g}: lower the margin or check the limits"
+                f"singularity measure of at least {draw.margin:g}: lower the margin or check the "
+                "limits"
             )
         values = generator.uniform(lower, upper, size=(BATCH, len(lower)))
-        assembly = try_assemble(mechanism, values)
-        q = assembly.configurations[assembly.assembled]
-        q = q[_admissible(mechanism, q, margin)][: count - found]
-        found, drawn = found + len(q), drawn + BATCH
-        if len(q):
-            yield q
+        q = _closed(mechanism, home + draw.spread * (values - home), generator)
+        q = q[_inside(mechanism, q)]
+        regular = q[singularity_measure(mechanism, q) >= draw.margin]
+        draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
+        regular = regular[: count - found]
+        found, drawn = found + len(regular), drawn + BATCH
+        if len(regular):
+            yield regular
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """How far from the reference, and how far from singularities, configurations are drawn."""
+
+    spread: float
+    margin: float
+
+    def adapted(self, closed: int, regular: int, fixed_margin: bool) -> _Draw:
+        """Draw nearer where few of a batch close, accept less where few of these are regular."""
+        spread, margin = self.spread, self.margin
+        if closed < FEW * BATCH:
+            spread = max(NARROWER * spread, LEAST_SPREAD)
+        if regular < FEW * closed and not fixed_margin:
+            margin = max(0.5 * margin, NEAR_SINGULARITY)
+        return _Draw(spread, margin)
+
+
+def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Generator) -> FloatArray:
+    """Configurations at values of the measured joints, where they close, all else at random."""
+    assembly = try_assemble(mechanism, values)
+    q = assembly.configurations[assembly.assembled]
+    parts = np.array([name not in mechanism.measured for name in mechanism.independent])
+    if not parts.any():
+        return q
+    chosen, _ = partition(mechanism)
+    units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
+    steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen))) * units * parts
+    q, gap = displaced(mechanism, q, steps)
+    return q[gap <= CLOSURE_TOLERANCE]
 
 
 def random_motions(
@@ -91,25 +135,19 @@ def random_motions(
     return velocity * unit * rate, acceleration * unit * rate**2
 
 
-def _actuated_limits(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    lower, upper = [], []
-    for name in mechanism.actuated:
-        joint = mechanism.joint(name)
-        if joint.nv != 1:
-            raise OptionError(
-                f"joint {name} has {joint.nv} coordinates: only single ones are drawn"
-            )
-        low, high = mechanism.limits(name)
-        prismatic = joint.idx_v in mechanism.prismatic
-        width = mechanism.length if prismatic else np.pi
-        centre = mechanism.reference[joint.idx_q] if joint.nq == 1 else 0.0
-        lower.append(low if abs(low) < UNLIMITED * width else centre - width)
-        upper.append(high if abs(high) < UNLIMITED * width else centre + width)
-    return np.array(lower), np.array(upper)
+def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Reference values of the measured joints, and the limits between which they are drawn."""
+    home = measured_coordinates(mechanism).read(mechanism.reference[None])[0]
+    joints = [mechanism.joint(name) for name in mechanism.measured]
+    sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
+    width = np.where(sliding, mechanism.length, np.pi)
+    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
+    limited = np.abs(limits) < UNLIMITED * width[:, None]
+    lower = np.where(limited[:, 0], limits[:, 0], home - width)
+    upper = np.where(limited[:, 1], limits[:, 1], home + width)
+    return home, lower, upper
 
 
-def _admissible(mechanism: Mechanism, q: FloatArray, margin: float) -> BoolArray:
-    model = mechanism.model
-    below, above = q < model.lowerPositionLimit - 1e-9, q > model.upperPositionLimit + 1e-9
-    inside = ~(below | above).any(axis=1)
-    return np.asarray(inside & (singularity_measure(mechanism, q) >= margin), dtype=bool)
+def _inside(mechanism: Mechanism, q: FloatArray) -> BoolArray:
+    lower, upper = mechanism.position_limits
+    return np.asarray(~((q < lower - 1e-9) | (q > upper + 1e-9)).any(axis=1), dtype=bool)

@@ -10,17 +10,22 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.kinematics.closure_rows import closure_rows
 from loopid.mechanism import Mechanism
 
 
 def row_scales(mechanism: Mechanism) -> FloatArray:
     """Factors (rows,) that turn every row of the residual into metres."""
-    turn = [mechanism.length] * 3
+    length, units = mechanism.length, coordinate_scales(mechanism)
     scales = [
         factor
         for closure in mechanism.closures
-        for factor in ([1.0] * 3 if closure.kind == "3d" else [1.0] * 3 + turn)
+        for rows in closure_rows(closure)
+        for factor in [length if rows.angular else 1.0] * rows.count
     ]
+    for coupling in mechanism.couplings:
+        steps = np.array(coupling.coefficients) * units[list(coupling.v_indices)]
+        scales.append(length / float(np.abs(steps).max()))
     return np.array(scales, dtype=np.float64)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from loopid.errors import MissingFileError, RobotFileError
 
-SUFFIXES = (".yaml", ".yml", ".urdf")
+SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf")
 MOTIONS = "_motions.yaml"
 
 

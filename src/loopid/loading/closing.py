@@ -9,28 +9,31 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.errors import ReferenceWarning, RobotFileError
+from loopid.errors import ClosureWarning, ReferenceWarning, RobotFileError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
+from loopid.kinematics.closing import close_by_continuation, close_loops, constraint_gap
 from loopid.kinematics.frames import integrate
-from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.independent import independent_coordinates
 from loopid.kinematics.measured import scaled_constraint
-from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
-from loopid.kinematics.scaling import coordinate_scales
+from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.reference import write_joint
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator
 
-STARTS = 60  # for joints that the file leaves out
+STARTS = 64  # for joints that the file leaves out, tried together in parts
+PART = 16
 LIMIT_TOLERANCE = 1e-6  # rad or m
-GAUSS_NEWTON_STEPS = 100
-LONGEST_STEP = 0.3  # rad or characteristic lengths
+# Redundant equations of a rounded file contradict each other by this fraction of its length.
+ROUNDING = 1e-6
 
 
 def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     """The mechanism with its loops closed at the reference.
 
-    Motors stay and passive joints move. Of joints that the file leaves out, motors among them,
-    several seeded starts are tried, for a regular configuration inside the limits.
+    Motors with a given value stay. From what the file writes, passive joints move first, then also
+    motors that it leaves out; then several seeded starts of all joints left out are tried, for
+    a regular configuration inside the limits.
 
     Raises
     ------
@@ -41,55 +44,104 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     -----
     ReferenceWarning
         When the closed configuration is outside the limits of a joint.
+    ClosureWarning
+        When it closes only as far as the file's numbers are rounded.
     """
-    closed = [q for q in _attempts(mechanism, given) if _gap(mechanism, q) <= CLOSURE_TOLERANCE]
+    closed: list[FloatArray] = []
+    best = (mechanism.reference, np.inf)
+    for q, gap in _attempts(mechanism, given):
+        best = min(best, (q, gap), key=lambda attempt: attempt[1])
+        if gap > ROUNDING * mechanism.length:
+            continue
+        if not closed:
+            mechanism = _with_independent(mechanism, q)
+        closed.append(q)
+        if _suits(mechanism, q):
+            break
     if not closed:
-        raise RobotFileError(_open_loops(mechanism, given))
-    best = closed[-1] if _suits(mechanism, closed[-1]) else closed[0]
-    outside = _outside(mechanism, best)
+        raise RobotFileError(_open_loops(mechanism, best[0], given))
+    chosen = closed[-1] if _suits(mechanism, closed[-1]) else closed[0]
+    outside = _outside(mechanism, chosen)
     if outside:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
-    return replace(mechanism, reference=best)
+    left = float(constraint_gap(mechanism, chosen[None])[0])
+    if left > CLOSURE_TOLERANCE:
+        warnings.warn(
+            f"{mechanism.path}: the loops close to {left:.1e} m only: its numbers are rounded",
+            ClosureWarning,
+            stacklevel=4,
+        )
+    return replace(mechanism, reference=chosen)
 
 
-def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[FloatArray]:
-    """Configurations with closed loops, as far as they close, until one suits."""
+def _with_independent(mechanism: Mechanism, q: FloatArray) -> Mechanism:
+    chosen = independent_coordinates(mechanism, nearby_configurations(mechanism, q))
+    driven = mechanism.coordinates_of(mechanism.actuated)
+    return replace(
+        mechanism,
+        free=tuple(name for name in chosen if name not in driven),
+        redundant=tuple(name for name in driven if name not in chosen),
+    )
+
+
+def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
+    """Configurations with closed loops, as far as they close, from the most to the least wanted."""
+    start = mechanism.reference[None]
     left_out = [joint for joint in mechanism.joints if joint not in given]
-    _, passive = partition(mechanism)
+    passive = _movable(mechanism, mechanism.passive)
+    movable = _movable(mechanism, {*mechanism.passive, *left_out})
+    yield from _pairs(close_loops(mechanism, start, passive))
+    if mechanism.rows == 0:
+        return
+    yield from _pairs(close_by_continuation(mechanism, start, passive))
+    if len(movable) > len(passive):
+        yield from _pairs(close_loops(mechanism, start, movable))
+        yield from _pairs(close_by_continuation(mechanism, start, movable))
     generator = random_generator(0)
-    for start in range(STARTS if left_out and mechanism.closures else 1):
-        q = mechanism.reference.copy()
-        if start > 0:
-            _scatter(mechanism, q, left_out, generator)
-        q = _gauss_newton(mechanism, q, passive)
-        yield q
-        if _suits(mechanism, q):
-            return
+    for _ in range(STARTS // PART if left_out else 0):
+        starts = np.stack([_scattered(mechanism, left_out, generator) for _ in range(PART)])
+        # Motors that a start puts anywhere may stay there, or help.
+        yield from _pairs(close_loops(mechanism, starts, passive))
+        if len(movable) > len(passive):
+            yield from _pairs(close_loops(mechanism, starts, movable))
 
 
-def _scatter(
-    mechanism: Mechanism, q: FloatArray, joints: list[str], generator: np.random.Generator
-) -> None:
-    """Put joints anywhere within their limits, or within a turn."""
+def _pairs(outcome: tuple[FloatArray, FloatArray]) -> Iterator[tuple[FloatArray, float]]:
+    yield from zip(outcome[0], map(float, outcome[1]), strict=True)
+
+
+def _movable(mechanism: Mechanism, joints: Collection[str]) -> IntArray:
+    return mechanism.velocity_indices(name for name in mechanism.joints if name in joints)
+
+
+def _scattered(
+    mechanism: Mechanism, joints: list[str], generator: np.random.Generator
+) -> FloatArray:
+    """The reference with joints anywhere within their limits, or within a turn."""
+    q = mechanism.reference.copy()
     for name in joints:
         joint = mechanism.joint(name)
-        if joint.nv != 1:
+        if name in mechanism.floating:
             continue
+        if joint.nv > 1:
+            turn = np.zeros(mechanism.model.nv)
+            turn[mechanism.velocity_indices([name])] = generator.uniform(-1, 1, joint.nv)
+            turn[mechanism.prismatic] = 0.0
+            q = integrate(mechanism, q[None], np.pi * turn[None])[0]
+            continue
+        width = mechanism.length if joint.idx_v in mechanism.prismatic else np.pi
         lower, upper = mechanism.limits(name)
-        low, high = max(lower, -np.pi), min(upper, np.pi)
+        low, high = max(lower, -width), min(upper, width)
         if low <= high:
             write_joint(joint, q, generator.uniform(low, high))
+    return q
 
 
 def _suits(mechanism: Mechanism, q: FloatArray) -> bool:
     """Whether a configuration is closed, inside the limits and regular for the motors."""
-    if _gap(mechanism, q) > CLOSURE_TOLERANCE or _outside(mechanism, q):
+    if constraint_gap(mechanism, q[None])[0] > CLOSURE_TOLERANCE or _outside(mechanism, q):
         return False
     return float(singularity_measure(mechanism, q[None])[0]) >= NEAR_SINGULARITY
-
-
-def _gap(mechanism: Mechanism, q: FloatArray) -> float:
-    return float(np.abs(scaled_constraint(mechanism, q[None])[0]).max(initial=0.0))
 
 
 def _outside(mechanism: Mechanism, q: FloatArray) -> str:
@@ -104,29 +156,12 @@ def _outside(mechanism: Mechanism, q: FloatArray) -> str:
     return ""
 
 
-def _open_loops(mechanism: Mechanism, given: Collection[str]) -> str:
-    first = next(_attempts(mechanism, given))
-    residual = np.abs(scaled_constraint(mechanism, first[None])[0][0])
-    names = [closure.name for closure in mechanism.closures for _ in range(closure.rows)]
+def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> str:
+    residual = np.abs(scaled_constraint(mechanism, q[None])[0][0])
+    name = mechanism.row_names[int(residual.argmax())]
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     return (
-        f"{mechanism.path}: {origin}: closure {names[int(residual.argmax())]} stays open by "
+        f"{mechanism.path}: {origin}: closure {name} stays open by "
         f"{residual.max():.1e} m (tolerance {CLOSURE_TOLERANCE:g} m){hint}"
     )
-
-
-def _gauss_newton(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> FloatArray:
-    """Shrink the residual by steps of limited length of the movable coordinates."""
-    scales = coordinate_scales(mechanism)[movable]
-    for _ in range(GAUSS_NEWTON_STEPS):
-        residual, jacobian = scaled_constraint(mechanism, q[None])
-        factors = Factorisation.of(jacobian[:, :, movable])
-        step = -factors.solve(residual[:, :, None])[0, :, 0]
-        longest = np.abs(step).max(initial=0.0)
-        tangent = np.zeros(mechanism.model.nv)
-        tangent[movable] = scales * step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
-        q = integrate(mechanism, q[None], tangent[None])[0]
-        if longest < 1e-15:
-            break
-    return q

@@ -1,17 +1,37 @@
-"""The YAML beside a URDF: closures, motors, reference and platform.
+"""What a robot file says beside its tree: closures, motors, reference, platform, alike links.
 
-It extends Gepetto's parallel-robot files (``closed_loop``, ``type``, ``name_mot``,
-``joint_name``, ``joint_type``) by ``urdf``, ``reference`` and ``platform``.
+The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
+(``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
+say some of it themselves fill in the same description, and the YAML has the last word.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from loopid.loading.yaml_files import Section, read_yaml
+
+FrameKind = Literal["3d", "6d", "hinge", "universal", "2d", "prismatic", "cylindrical"]
+Kind = Literal[FrameKind, "distance", "coupling"]
+# Other names in use for the kinds.
+ALIASES = {
+    "point": "3d",
+    "spherical": "3d",
+    "weld": "6d",
+    "fixed": "6d",
+    "revolute": "hinge",
+    "planar_point": "2d",
+    "rod": "distance",
+    "gear": "coupling",
+    "mimic": "coupling",
+}
+JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
+                    "UJOINT_ZX", "UJOINT_ZY"]  # fmt: skip
+Vector = tuple[float, float, float]
 
 
 class PlatformDescription(Section):
@@ -29,17 +49,68 @@ class PlatformDescription(Section):
         return self
 
 
+class ClosureDescription(Section):
+    """One closure: of two frames, or a linear coupling of joints."""
+
+    type: Kind
+    frames: tuple[str, str] | None = None
+    axes: tuple[Vector, Vector] | None = None
+    length: float | None = Field(default=None, gt=0)
+    joints: dict[str, float] | None = None
+    offset: float = 0.0
+
+    @field_validator("type", mode="before")
+    @classmethod
+    def _alias(cls, value: Any) -> Any:
+        return canonical_kind(value)
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> ClosureDescription:
+        needed = "joints" if self.type == "coupling" else "frames"
+        if getattr(self, needed) is None:
+            raise ValueError(f"a {self.type} closure needs '{needed}'")
+        allowed = {"type", needed, *OPTIONAL.get(self.type, ())}
+        for key in sorted(self.model_fields_set - allowed):
+            raise ValueError(
+                f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
+            )
+        if self.type == "distance" and self.length is None:
+            raise ValueError("a distance closure needs its 'length' in m")
+        if self.joints is not None:
+            _require_coupling(self.joints)
+        for axis in self.axes or ():
+            if not any(axis):
+                raise ValueError(f"an axis of closure {'-'.join(self.frames or ())} is zero")
+        return self
+
+
+OPTIONAL = {
+    "distance": ("length",),
+    "coupling": ("offset",),
+    **dict.fromkeys(("hinge", "universal", "2d", "prismatic", "cylindrical"), ("axes",)),
+}
+
+
 class Description(Section):
-    """What a YAML file may say of a robot; all of it may be left out for a serial robot."""
+    """What a robot file may say; all of it may be left out for a serial robot."""
 
     urdf: str | None = None
+    mjcf: str | None = None
+    floating_base: bool = False
+    closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[Literal["3d", "6d"]] = Field(default=[])
-    name_mot: list[str] | None = None
+    type: list[FrameKind] = Field(default=[])
+    name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
-    joint_type: list[Literal["FIXED"]] = Field(default=[])
-    reference: dict[str, float] = Field(default={})
+    joint_type: list[JointType] = Field(default=[])
+    reference: dict[str, float | list[float]] = Field(default={})
     platform: PlatformDescription | None = None
+    identical: dict[str, list[str]] = Field(default={})
+
+    @field_validator("type", mode="before")
+    @classmethod
+    def _aliases(cls, value: Any) -> Any:
+        return [canonical_kind(kind) for kind in value] if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _lists_match(self) -> Description:
@@ -47,11 +118,83 @@ class Description(Section):
             one, two = len(getattr(self, first)), len(getattr(self, second))
             if one != two:
                 raise ValueError(f"'{first}' has {one} entries, but '{second}' has {two}")
-        for names in (self.name_mot or [], self.joint_name):
+        motors = self.name_mot if isinstance(self.name_mot, list) else []
+        for names in (motors, self.joint_name):
             repeated = sorted({name for name in names if names.count(name) > 1})
             if repeated:
                 raise ValueError(f"joint {repeated[0]} is listed twice")
+        if self.urdf is not None and self.mjcf is not None:
+            raise ValueError("'urdf' and 'mjcf' exclude each other: the tree has one file")
         return self
+
+    @model_validator(mode="after")
+    def _groups_are_disjoint(self) -> Description:
+        links = [link for group in self.identical.values() for link in group]
+        repeated = sorted({link for link in links if links.count(link) > 1})
+        if repeated:
+            raise ValueError(f"identical: link {repeated[0]} is listed twice")
+        for name, group in self.identical.items():
+            if len(group) < 2:
+                raise ValueError(f"identical: {name} needs two links or more, not {len(group)}")
+        return self
+
+    @property
+    def all_closures(self) -> tuple[ClosureDescription, ...]:
+        """Closures of ``closed_loop``, then those of ``closures``."""
+        pairs = zip(self.closed_loop, self.type, strict=True)
+        simple = tuple(ClosureDescription(type=kind, frames=frames) for frames, kind in pairs)
+        return simple + tuple(self.closures)
+
+    def joints_of_type(self, *types: str) -> tuple[str, ...]:
+        """Joints that are replaced by one of the types."""
+        pairs = zip(self.joint_name, self.joint_type, strict=True)
+        return tuple(name for name, kind in pairs if kind in types)
+
+
+def canonical_kind(value: Any) -> Any:
+    """Kind of closure under its own name; what is no text is left for the model to refuse."""
+    if not isinstance(value, str):
+        return value
+    kind = value.lower()
+    return ALIASES.get(kind, kind)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in alphabetical order, for a message."""
+    return ", ".join(sorted(names))
+
+
+def _require_coupling(joints: dict[str, float]) -> None:
+    if not joints:
+        raise ValueError("a coupling closure needs a joint at least")
+    for name, coefficient in joints.items():
+        if coefficient == 0:
+            raise ValueError(f"joint {name} has coefficient zero in a coupling")
+
+
+def merged(own: Description, given: Description) -> Description:
+    """What a tree's own file says, with what was given beside it taking precedence.
+
+    Closures add up, but for those of two frames that are closed again, and so do reference values;
+    every other key that is given replaces the own one.
+    """
+    if given.name_mot is None and own.name_mot is not None:
+        given = given.model_copy(update={"name_mot": own.name_mot})
+    reference = own.reference | given.reference
+    again = [set(closure.frames or ()) for closure in given.all_closures]
+    kept = [c for c in own.closures if c.frames is None or set(c.frames) not in again]
+    closures = [*kept, *given.closures]
+    joint_name = [*own.joint_name, *given.joint_name]
+    joint_type = [*own.joint_type, *given.joint_type]
+    update: dict[str, Any] = {
+        "reference": reference,
+        "closures": closures,
+        "joint_name": joint_name,
+        "joint_type": joint_type,
+        "identical": given.identical or own.identical,
+        "floating_base": given.floating_base or own.floating_base,
+    }
+    return given.model_copy(update=update)
 
 
 def read_description(path: Path) -> Description:
@@ -63,3 +206,6 @@ def read_description(path: Path) -> Description:
         Naming the key, the value and what is valid.
     """
     return read_yaml(path, Description)
+
+
+FRAME_KINDS: tuple[str, ...] = get_args(FrameKind)

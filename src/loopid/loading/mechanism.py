@@ -2,107 +2,157 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import pinocchio as pin
 
-from loopid.errors import InertiaWarning, MissingFileError, MobilityError, RobotFileError
-from loopid.kinematics.mobility import require_determined_motion
+from loopid.errors import MissingFileError, MobilityError, OptionError, RobotFileError
 from loopid.loading.bundled import find_robot_file
 from loopid.loading.closing import close_reference
-from loopid.loading.closures import find_closures, find_platform, link_frames
-from loopid.loading.description import Description, read_description
+from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
+from loopid.loading.description import Description, merged, read_description
+from loopid.loading.findings import warn_of_findings
+from loopid.loading.groups import find_groups
+from loopid.loading.mjcf import read_mjcf
 from loopid.loading.reference import written_reference
+from loopid.loading.source import TreeSource
 from loopid.loading.tree import build_tree
-from loopid.loading.urdf import UrdfContent, read_urdf
-from loopid.mechanism import Body, Mechanism, inertia_defects
+from loopid.loading.urdf import read_urdf_source
+from loopid.mechanism import Body, Mechanism
+
+DESCRIPTIONS = (".yaml", ".yml")
+MJCF = (".xml", ".mjcf")
 
 
-def load_mechanism(path: str | Path, lock: Sequence[str] = ()) -> Mechanism:
+def load_mechanism(
+    path: str | Path,
+    lock: Sequence[str] = (),
+    *,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    tied: bool = False,
+) -> Mechanism:
     """Load a robot and check that it is one.
 
     Parameters
     ----------
     path : str or Path
-        A YAML with the loop closures (its URDF beside it), a URDF of a serial robot, or the name
-        of a bundled robot such as ``"3ups_rpu"``.
+        A YAML with the loop closures (its URDF or MJCF beside it), a URDF or URDF+, an MJCF, or the
+        name of a bundled robot such as ``"3ups_rpu"``.
     lock : sequence of str
-        Joints to lock at their reference, in addition to those the YAML fixes.
+        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, in
+        addition to those the YAML fixes.
+    floating_base : bool
+        Whether the root of a URDF moves freely.
+    free_mimics : bool
+        Whether joints of a URDF that mimic others have motors of their own all the same.
+    tied : bool
+        Whether links that the file declares ``identical`` share their parameters.
 
     Returns
     -------
     Mechanism
-        Closed at its reference to 1e-10 m, with motors that determine its motion.
+        Closed at its reference to 1e-10 m, or as far as the rounded numbers of its file allow.
 
     Raises
     ------
     MissingFileError, RobotFileError, MobilityError, OptionError
         Naming the file and the offender.
+
+    Warns
+    -----
+    MobilityWarning, SingularityWarning, ClosureWarning, InertiaWarning, ModelWarning
+        Of what is loaded nevertheless.
     """
     file = find_robot_file(path)
-    description = Description() if file.suffix == ".urdf" else read_description(file)
-    urdf_file = file if file.suffix == ".urdf" else _urdf_beside(file, description)
-    content = read_urdf(urdf_file)
-    locked = [*description.joint_name, *lock]
-    model = build_tree(file, urdf_file, content, locked, description.reference)
-    free = {name: v for name, v in description.reference.items() if name not in locked}
-    mechanism = Mechanism(
-        name=content.name,
-        path=file,
-        model=model,
-        closures=find_closures(file, model, description),
-        actuated=_actuated(file, model, description, locked),
-        bodies=_bodies(urdf_file, model, content),
-        reference=written_reference(file, model, free),
-        platform=find_platform(file, model, description.platform),
-    )
+    given = read_description(file) if file.suffix in DESCRIPTIONS else Description()
+    source = _read_tree(file, given, floating_base, free_mimics)
+    description = merged(source.description, given)
+    tree = build_tree(file, source, description, lock)
+    mechanism = _mechanism(file, tree, description, source.model, tied)
     try:
-        require_enough_rows(mechanism)
-        mechanism = close_reference(mechanism, given=free)
-        require_determined_motion(mechanism)
+        _require_motors(mechanism)
+        mechanism = close_reference(mechanism, given=given.reference)
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error
-    _warn_of_inertias(mechanism)
+    warn_of_findings(mechanism, tree, motors_given=description.name_mot is not None)
     return mechanism
 
 
-def _warn_of_inertias(mechanism: Mechanism) -> None:
-    """Structure does not depend on the values in the file, forces do: warn, do not refuse."""
-    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
-    if impossible:
-        warnings.warn(
-            f"{mechanism.path}: no body has these inertias: {'; '.join(impossible)}",
-            InertiaWarning,
-            stacklevel=3,
-        )
-
-
-def require_enough_rows(mechanism: Mechanism) -> None:
-    """Refuse motors that even independent closures would leave too few for the motion."""
-    least = mechanism.model.nv - mechanism.rows
-    if len(mechanism.actuated) < least:
+def _require_motors(mechanism: Mechanism) -> None:
+    if not mechanism.actuated:
         raise MobilityError(
-            f"{len(mechanism.actuated)} actuated joints ({', '.join(mechanism.actuated)}) are too "
-            f"few: {mechanism.model.nv} coordinates less {mechanism.rows} closure equations leave "
-            f"at least {least} degrees of freedom"
+            "no joint has a motor, so no force would be known: choose 'name_mot' among "
+            f"{', '.join(mechanism.joints)}"
         )
 
 
-def _urdf_beside(file: Path, description: Description) -> Path:
-    urdf = file.with_suffix(".urdf") if description.urdf is None else file.parent / description.urdf
-    if not urdf.is_file():
-        raise MissingFileError(f"{file}: its URDF {urdf} is missing")
-    return urdf
+def _read_tree(
+    file: Path, given: Description, floating_base: bool, free_mimics: bool
+) -> TreeSource:
+    tree = file if file.suffix not in DESCRIPTIONS else _tree_beside(file, given)
+    floating = floating_base or given.floating_base
+    if tree.suffix not in MJCF:
+        return read_urdf_source(tree, floating, free_mimics)
+    if floating:
+        raise OptionError(f"{tree}: an MJCF says itself whether its base floats: add a freejoint")
+    return read_mjcf(tree)
+
+
+def _tree_beside(file: Path, description: Description) -> Path:
+    named = description.urdf or description.mjcf
+    if named is not None:
+        candidates = [file.parent / named]
+    else:
+        candidates = [file.with_suffix(suffix) for suffix in (".urdf", *MJCF)]
+    for tree in candidates:
+        if tree.is_file():
+            return tree
+    kind = "MJCF" if description.mjcf is not None else "URDF"
+    missing = " ".join(str(candidates[0]).split())
+    raise MissingFileError(f"{file}: its {kind} {missing} is missing")
+
+
+def _mechanism(
+    file: Path, tree: TreeSource, description: Description, whole: pin.Model, tied: bool
+) -> Mechanism:
+    """The mechanism at the reference as it is written; ``whole`` still has the locked joints."""
+    model = tree.model
+    locked = {name for name in whole.names if not model.existJointName(name)}
+    given = description.reference
+    bodies = _bodies(tree)
+    if tied and not description.identical:
+        raise OptionError(f"{file} declares no identical links: nothing to tie")
+    return Mechanism(
+        name=tree.name,
+        path=file,
+        model=model,
+        closures=find_closures(file, model, description),
+        couplings=find_couplings(
+            file, model, description, {name: given.get(name, 0.0) for name in locked}
+        ),
+        actuated=_actuated(file, model, description, locked),
+        bodies=bodies,
+        reference=written_reference(
+            file, model, {name: v for name, v in given.items() if name not in locked}
+        ),
+        platform=find_platform(file, model, description.platform),
+        identical=find_groups(file, tree, description.identical, bodies),
+        tied=tied,
+    )
 
 
 def _actuated(
-    file: Path, model: pin.Model, description: Description, locked: Sequence[str]
+    file: Path, model: pin.Model, description: Description, locked: set[str]
 ) -> tuple[str, ...]:
-    """Joints with motors that are not locked; all joints where the file does not say."""
-    joints = tuple(model.names)[1:]
-    motors = joints if description.name_mot is None else tuple(description.name_mot)
+    """Joints with motors that are not locked; all with one coordinate where no file says."""
+    joints, motors = tuple(model.names)[1:], description.name_mot
+    if motors is None:
+        single = (name for name in joints if model.joints[model.getJointId(name)].nv == 1)
+        return tuple(single)
+    if isinstance(motors, str):
+        motors = [name for name in joints if motors in name]
     for name in motors:
         if name not in (*joints, *locked):
             listed = ", ".join(joints)
@@ -112,11 +162,11 @@ def _actuated(
     return tuple(name for name in motors if name not in locked)
 
 
-def _bodies(urdf: Path, model: pin.Model, content: UrdfContent) -> tuple[Body, ...]:
+def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     """Moving bodies with an inertial, each named by the link that its joint carries."""
-    frames = link_frames(model)
-    joint_ids = [model.frames[frames[link]].parentJoint for link in content.inertial_links]
+    model, frames = tree.model, link_frames(tree.model)
+    joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
-        raise RobotFileError(f"{urdf}: no moving link has an <inertial>: nothing to identify")
-    return tuple(Body(content.child_links[model.names[joint]], int(joint)) for joint in moving)
+        raise RobotFileError(f"{tree.file}: no moving link has an <inertial>: nothing to identify")
+    return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)

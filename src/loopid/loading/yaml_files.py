@@ -29,6 +29,7 @@ class Section(BaseModel):
         return content
 
 
+ALTERNATIVES = ("float", "str", "list[float]", "list[str]")
 Content = TypeVar("Content", bound=BaseModel)
 
 
@@ -65,8 +66,9 @@ def _yaml_problem(error: YAMLError | ValueError) -> str:
 
 def _first_problem(error: ValidationError) -> str:
     problem = error.errors()[0]
-    # Tags of alternatives, as in "<hold>", are no keys of the file.
-    place = ".".join(str(part) for part in problem["loc"] if not str(part).startswith("<"))
+    # Tags of alternatives, as in "<hold>" or "float", are no keys of the file.
+    parts = [str(part) for part in problem["loc"]]
+    place = ".".join(part for part in parts if part[:1] != "<" and part not in ALTERNATIVES)
     before = f"{place}: " if place else ""
     if problem["type"] == "missing":
         return f"{before}is missing"

@@ -1,7 +1,10 @@
 """What the robot is: tree, loop closures, actuated joints, bodies with parameters."""
 
-from loopid.mechanism.closure import CLOSURE_ROWS, LoopClosure
+from loopid.mechanism.alike import unequal_links
+from loopid.mechanism.closure import CLOSURE_ROWS, JointCoupling, LoopClosure
+from loopid.mechanism.identical import LinkGroup, tie_matrix
 from loopid.mechanism.inertia import InertiaDefect, inertia_defects
+from loopid.mechanism.lengths import named_lengths
 from loopid.mechanism.mechanism import Body, Mechanism
 from loopid.mechanism.platform import ROTATIONS, TRANSLATIONS, Platform
 
@@ -11,8 +14,13 @@ __all__ = [
     "TRANSLATIONS",
     "Body",
     "InertiaDefect",
+    "JointCoupling",
+    "LinkGroup",
     "LoopClosure",
     "Mechanism",
     "Platform",
     "inertia_defects",
+    "named_lengths",
+    "tie_matrix",
+    "unequal_links",
 ]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, random_motions
-from loopid.kinematics.sampling import DEFAULT_MARGIN, configuration_batches
+from loopid.kinematics.sampling import configuration_batches
 from loopid.mechanism import Mechanism
 from loopid.observation import Observation
 from loopid.progress import Progress
@@ -24,7 +26,7 @@ def structural_observation(
     model: str = "gravity",
     samples: int | None = None,
     seed: int = 0,
-    margin: float = DEFAULT_MARGIN,
+    margin: float | None = None,
     keep_matrix: bool = False,
     progress: Progress | None = None,
     joint_terms: JointTerms | None = None,
@@ -38,8 +40,8 @@ def structural_observation(
     samples : int, optional
         Number of poses; by default enough for four rows a column.
     seed : int
-    margin : float
-        Least singularity measure of a pose.
+    margin : float, optional
+        Least singularity measure of a pose, as in ``random_configurations``.
     keep_matrix : bool
         Whether the observation keeps W beside its triangular factor.
     progress : callable, optional
@@ -49,11 +51,18 @@ def structural_observation(
     """
     parameters = motion_parameters(mechanism, model, joint_terms)
     if samples is None:
-        enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.actuated))
+        enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.independent))
         samples = max(LEAST_SAMPLES, enough)
     regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin)
     parts = regressors if progress is None else _reported(regressors, samples, progress)
-    return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix)
+    length, natural = mechanism.length, _natural_size(mechanism)
+    return Observation.from_parts(parts, parameters, length, keep_matrix, natural)
+
+
+def _natural_size(mechanism: Mechanism) -> float:
+    """Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one."""
+    gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
+    return gravity * min(1.0, mechanism.length)
 
 
 def _random_regressors(
@@ -62,7 +71,7 @@ def _random_regressors(
     joint_terms: JointTerms | None,
     samples: int,
     seed: int,
-    margin: float,
+    margin: float | None,
 ) -> Iterator[FloatArray]:
     generator = random_generator(seed, stream=1)
     for q in configuration_batches(mechanism, samples, seed, margin):

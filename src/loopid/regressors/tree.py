@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, samples
-from loopid.mechanism import Mechanism
+from loopid.mechanism import Mechanism, tie_matrix
+from loopid.parameters import model_kinds
 
 
 def tree_regressor(
@@ -47,4 +48,6 @@ def tree_regressor(
         whole = pin.computeJointTorqueRegressor(pinocchio_model, data, *state)
         # For a single coordinate the binding drops the axis of its one row.
         regressor[k] = whole.reshape(pinocchio_model.nv, -1)[:, columns]
-    return regressor
+    if not mechanism.ties:
+        return regressor
+    return regressor @ tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, SearchResult
+from loopid.base_parameters import (
+    BaseParameters,
+    CoefficientName,
+    SearchResult,
+    expression,
+    name_coefficients,
+)
+from loopid.base_parameters.expressions import equations
+from loopid.lengths import NamedLength
 from loopid.report.style import plain_table
 
 
-def base_record(mechanism: str, model: str, base: BaseParameters) -> dict[str, Any]:
+def base_record(
+    mechanism: str, model: str, base: BaseParameters, lengths: Sequence[NamedLength] = ()
+) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's.
+    Coefficients that are made of the lengths are named; the lengths in these names are listed.
     """
+    names = name_coefficients(base, lengths)
     return {
         "mechanism": mechanism,
         "model": model,
@@ -27,10 +40,40 @@ def base_record(mechanism: str, model: str, base: BaseParameters) -> dict[str, A
         "nullspace_condition_number": _number(base.nullspace_condition_number),
         "search": _search_record(base.search),
         "base_parameters": [
-            {"name": name, "terms": terms, "expression": text}
-            for name, terms, text in zip(base.names, base.terms, base.expressions, strict=True)
+            _parameter_record(name, terms, found)
+            for name, terms, found in zip(base.names, base.terms, names, strict=True)
         ],
+        "lengths": _length_records(lengths, names),
     }
+
+
+def _parameter_record(
+    name: str, terms: dict[str, float], names: Mapping[str, CoefficientName]
+) -> dict[str, Any]:
+    return {
+        "name": name,
+        "terms": terms,
+        "coefficients": {label: names[label].text if label in names else None for label in terms},
+        "expression": expression(terms, names=names),
+        "where": equations(terms, names),
+    }
+
+
+def _length_records(
+    lengths: Sequence[NamedLength], names: Iterable[Mapping[str, CoefficientName]]
+) -> list[dict[str, Any]]:
+    """The lengths that names are made of, and how many others are as long."""
+    used = {length for found in names for name in found.values() for length in name.lengths}
+    return [
+        {
+            "symbol": length.symbol,
+            "value": length.value,
+            "meaning": length.meaning,
+            "equally_long": sum(math.isclose(abs(x.value), abs(length.value)) for x in lengths) - 1,
+        }
+        for length in lengths
+        if length in used
+    ]
 
 
 def _search_record(search: SearchResult) -> dict[str, Any]:
@@ -54,12 +97,26 @@ def _number(value: float) -> float | None:
 
 
 def base_tables(record: dict[str, Any]) -> list[Table]:
-    """The record as tables: the parameters, then the findings."""
+    """The record as tables: the parameters, the lengths in them, then the findings."""
     title = f"{record['mechanism']}: base parameters, {record['model']} model"
     parameters = plain_table(title, ">", "base parameter")
     for number, parameter in enumerate(record["base_parameters"], start=1):
-        parameters.add_row(str(number), parameter["expression"])
-    return [parameters, _findings(record)]
+        parameters.add_row(str(number), _expression_lines(parameter))
+    return [parameters, *_lengths(record), _findings(record)]
+
+
+def _expression_lines(parameter: dict[str, Any]) -> str:
+    """The sum, and below it what its coefficients are, each on a line of its own."""
+    openings = ("\n  where ", "\n        ")
+    lines = [f"{openings[k > 0]}{line}" for k, line in enumerate(parameter["where"])]
+    return expression(parameter["terms"]) + "".join(lines)
+
+
+def _lengths(record: dict[str, Any]) -> list[Table]:
+    table = plain_table("lengths", "", ">", "")
+    for length in record["lengths"]:
+        table.add_row(length["symbol"], f"{length['value']:.4g} m", length["meaning"])
+    return [table] if record["lengths"] else []
 
 
 def _findings(record: dict[str, Any]) -> Table:

@@ -24,6 +24,8 @@ from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError, se
 from loopid.base_parameters.search.ties import MOST_TIES, NOTHING, Readability, most_readable
 from loopid.errors import OptionError
 
+TIME_LIMIT = 10.0  # s
+
 
 class ExactSearch(SearchStrategy):
     """Find the global optimum and prove it.
@@ -36,7 +38,7 @@ class ExactSearch(SearchStrategy):
 
     name = "exact"
 
-    def __init__(self, time_limit: float = 60.0) -> None:
+    def __init__(self, time_limit: float = TIME_LIMIT) -> None:
         if not time_limit > 0:
             raise OptionError(f"time_limit must be positive, not {time_limit} s")
         self.time_limit = time_limit

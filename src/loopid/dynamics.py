@@ -1,0 +1,117 @@
+"""Closed-loop forward dynamics: how the robot accelerates under the forces of its motors.
+
+The tree moves by M a + h = S τ + Aᵀ λ [Featherstone2008, ch. 8]. Projected by Gᵀ, which the
+constraint forces do no work on, and with a = G ü + γ,
+
+    (Gᵀ M G) ü = Gᵀ (S τ - h - M γ).
+
+Both sides are regressors times parameters, so that any values do, even those that no body has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arrays import FloatArray, samples
+from loopid.errors import SingularityError
+from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
+from loopid.kinematics.scaling import coordinate_scales
+from loopid.mechanism import Mechanism
+from loopid.regressors import motion_regressor, tree_regressor
+from loopid.regressors.parts import standard_values
+
+# Inertias below this fraction of the robot's largest are round-off.
+LEAST_INERTIA = 1e-14
+# Part of the forces that no acceleration balances, above which they are refused.
+UNBALANCED = 1e-6
+
+
+def forward_dynamics(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    forces: FloatArray,
+    standard_parameters: FloatArray | None = None,
+) -> ClosedMotion:
+    """Accelerations of all coordinates from the forces of the motors.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities : FloatArray
+        (N, dof) of the independent coordinates, as in ``closed_motion``.
+    forces : FloatArray
+        (N, m) of the motors in N or N m, in the order of ``mechanism.actuated``: also of those
+        beyond the degrees of freedom. Free coordinates have none.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Returns
+    -------
+    ClosedMotion
+        Coordinates that no mass resists, such as the spin of a rod without inertia, do not
+        accelerate.
+
+    Raises
+    ------
+    SingularityError
+        Where the motors do not determine the motion, or a force acts where no mass resists.
+    """
+    pi = standard_values(mechanism, standard_parameters)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    rates = samples(velocities, len(mechanism.independent), "velocities", len(q))
+    motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
+    left = _motor_forces(mechanism, motion, forces) - motion_regressor(mechanism, motion) @ pi
+    inertia = closed_inertia(mechanism, motion, pi)
+    accelerations = _balanced(mechanism, motion, inertia, left)
+    steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
+    return replace(motion, accelerations=motion.gamma + steps)
+
+
+def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -> FloatArray:
+    """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
+    G, q = motion.projection.G, motion.configurations
+    still = np.zeros(G.shape[:2])
+    gravity = tree_regressor(mechanism, q) @ pi
+    columns = [tree_regressor(mechanism, q, still, column) @ pi - gravity for column in _last(G)]
+    return motion.projected(np.stack(columns, axis=2))
+
+
+def _last(matrices: FloatArray) -> FloatArray:
+    return np.moveaxis(matrices, 2, 0)
+
+
+def _motor_forces(mechanism: Mechanism, motion: ClosedMotion, forces: FloatArray) -> FloatArray:
+    """Forces along the independent coordinates (N, dof), Gᵀ S τ."""
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    tau = samples(forces, len(motors), "forces", len(motion.configurations))
+    return np.asarray(np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau))
+
+
+def _balanced(
+    mechanism: Mechanism, motion: ClosedMotion, inertia: FloatArray, forces: FloatArray
+) -> FloatArray:
+    """Independent accelerations (N, dof), solved with inertias of comparable size."""
+    units = coordinate_scales(mechanism)[motion.projection.independent]
+    own = np.abs(np.einsum("nii->ni", inertia)) * units**2
+    most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
+    scales = units / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
+    matrix = scales[:, :, None] * inertia * scales[:, None, :]
+    target = scales * forces
+    solution = Factorisation.of(matrix).solve(target[:, :, None])
+    _refuse_unbalanced(mechanism, target, target - (matrix @ solution)[:, :, 0])
+    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)
+
+
+def _refuse_unbalanced(mechanism: Mechanism, target: FloatArray, left: FloatArray) -> None:
+    most = np.abs(left).max(axis=1, initial=0.0)
+    lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
+    if len(lost):
+        name = mechanism.independent[int(np.abs(left[lost[0]]).argmax())]
+        raise SingularityError(
+            f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
+            f"({len(lost)} such samples)"
+        )

@@ -1,0 +1,156 @@
+"""Closing the loops from any configuration by damped Gauss-Newton steps [Nocedal2006, ch. 10].
+
+All starts advance together, each with its own damping; every linear solve is batched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.kinematics.frames import integrate
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.measured import scaled_constraint
+from loopid.kinematics.scaling import coordinate_scales
+from loopid.mechanism import Mechanism
+
+STEPS = 100
+POLISH_STEPS = 12
+LONGEST_STEP = 0.3  # rad or characteristic lengths
+FIRST_DAMPING = 0.1  # characteristic lengths, the unit of the scaled Jacobian
+CONTINUATION_STEPS = 20
+
+
+def close_loops(
+    mechanism: Mechanism, configurations: FloatArray, movable: IntArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Move coordinates until the loops close, as far as they do.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), starts.
+    movable : IntArray, optional
+        Velocity indices of the coordinates that may move; all by default.
+
+    Returns
+    -------
+    configurations : FloatArray
+        (N, nq), inside the limits where that closes them.
+    gap : FloatArray
+        (N,), largest closure residual left, in m.
+    """
+    free = np.arange(mechanism.model.nv) if movable is None else movable
+    open_by = np.zeros((len(configurations), mechanism.rows))
+    q = _descend(mechanism, configurations, free, open_by)
+    return polish(mechanism, q, free)
+
+
+def close_by_continuation(
+    mechanism: Mechanism, configurations: FloatArray, movable: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """As ``close_loops``, shrinking the residual in equal parts so as to stay near the start."""
+    q = configurations
+    first, _ = scaled_constraint(mechanism, q)
+    for left in np.linspace(1.0, 0.0, CONTINUATION_STEPS + 1)[1:]:
+        q = _descend(mechanism, q, movable, left * first)
+    return polish(mechanism, q, movable)
+
+
+def constraint_gap(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+    """Largest closure residual (N,) in m."""
+    residual, _ = scaled_constraint(mechanism, configurations)
+    return np.asarray(np.abs(residual).max(axis=1, initial=0.0), dtype=np.float64)
+
+
+def _descend(
+    mechanism: Mechanism, q: FloatArray, movable: IntArray, goal: FloatArray
+) -> FloatArray:
+    """Levenberg-Marquardt steps towards a residual, inside the limits."""
+    q, damping = q.copy(), np.full(len(q), FIRST_DAMPING * mechanism.length)
+    residual, jacobian = scaled_constraint(mechanism, q)
+    error = np.linalg.norm(residual - goal, axis=1)
+    for _ in range(STEPS):
+        if not len(movable) or not (error > 1e-9 * mechanism.length).any():
+            break
+        tried = _tried(mechanism, q, movable, jacobian, residual - goal, damping)
+        there, jacobian_there = scaled_constraint(mechanism, tried)
+        error_there = np.linalg.norm(there - goal, axis=1)
+        better = error_there < error
+        q[better], residual[better] = tried[better], there[better]
+        jacobian, error = _where(better, jacobian_there, jacobian), np.fmin(error, error_there)
+        damping *= np.where(better, 0.3, 4.0)
+        if (damping > 1e6 * mechanism.length).all():
+            break
+    return q
+
+
+def _tried(
+    mechanism: Mechanism,
+    q: FloatArray,
+    movable: IntArray,
+    jacobian: FloatArray,
+    open_by: FloatArray,
+    damping: FloatArray,
+) -> FloatArray:
+    """Configurations after a damped step, in which joints that their limits stop take no part."""
+    lower, upper = _limits_of(mechanism, movable)
+    columns = jacobian[:, :, movable]
+    moved = _moved(mechanism, q, movable, _damped_step(columns, open_by, damping))
+    beyond = ((q <= lower) & (moved < lower)) | ((q >= upper) & (moved > upper))
+    if beyond.any():
+        stopped = beyond[:, _first_positions(mechanism)[movable]]
+        step = _damped_step(columns * ~stopped[:, None], open_by, damping)
+        moved = _moved(mechanism, q, movable, step)
+    return np.clip(moved, lower, upper)
+
+
+def _damped_step(columns: FloatArray, open_by: FloatArray, damping: FloatArray) -> FloatArray:
+    factors = Factorisation.of(columns)
+    return np.asarray(-factors.solve(open_by[:, :, None], damping)[:, :, 0], dtype=np.float64)
+
+
+def _first_positions(mechanism: Mechanism) -> IntArray:
+    """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
+    joints = [mechanism.joint(name) for name in mechanism.joints]
+    return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
+
+
+def _where(rows: BoolArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.where(rows[:, None, None], one, other)
+
+
+def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Plain Gauss-Newton steps to round-off, kept where they shrink the gap; as ``close_loops``."""
+    gap = constraint_gap(mechanism, q)
+    for _ in range(POLISH_STEPS if len(movable) else 0):
+        residual, jacobian = scaled_constraint(mechanism, q)
+        factors = Factorisation.of(jacobian[:, :, movable])
+        step = -factors.solve(residual[:, :, None])[:, :, 0]
+        moved = _moved(mechanism, q, movable, step)
+        there = constraint_gap(mechanism, moved)
+        better = there < gap
+        if not better.any():
+            break
+        q, gap = np.where(better[:, None], moved, q), np.where(better, there, gap)
+    return q, gap
+
+
+def _moved(mechanism: Mechanism, q: FloatArray, movable: IntArray, step: FloatArray) -> FloatArray:
+    """Configurations moved by scaled steps (N, u) of limited length."""
+    longest = np.abs(step).max(axis=1, initial=0.0)
+    step = step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
+    tangent = np.zeros((len(q), mechanism.model.nv))
+    tangent[:, movable] = step * coordinate_scales(mechanism)[movable]
+    return integrate(mechanism, q, tangent)
+
+
+def _limits_of(mechanism: Mechanism, movable: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Position limits (nq,) of the joints that may move, none for the others."""
+    lower, upper = (limit.copy() for limit in mechanism.position_limits)
+    for name in mechanism.joints:
+        joint = mechanism.joint(name)
+        if joint.idx_v not in movable:
+            lower[joint.idx_q : joint.idx_q + joint.nq] = -np.inf
+            upper[joint.idx_q : joint.idx_q + joint.nq] = np.inf
+    return lower, upper

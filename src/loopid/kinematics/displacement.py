@@ -1,0 +1,45 @@
+"""Moving closed configurations by amounts of their independent coordinates.
+
+The way for coordinates that have no value of their own, such as the spin of a rod in a ball
+joint: u̇ is integrated along G, and Newton steps of the dependent coordinates keep the loops closed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arrays import FloatArray
+from loopid.kinematics.closing import constraint_gap, polish
+from loopid.kinematics.constraint import constraint_jacobian
+from loopid.kinematics.frames import integrate
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.projection import partition, velocity_map
+from loopid.kinematics.scaling import coordinate_scales, scaled_jacobian
+from loopid.mechanism import Mechanism
+
+LONGEST_STEP = 0.3  # rad or characteristic lengths
+
+
+def displaced(
+    mechanism: Mechanism, configurations: FloatArray, steps: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move configurations (N, nq) by steps (N, dof) of the independent coordinates.
+
+    Returns
+    -------
+    configurations : FloatArray
+        (N, nq).
+    gap : FloatArray
+        (N,), largest closure residual left, in m: large where the way met a singularity.
+    """
+    chosen, dependent = partition(mechanism)
+    longest = float(np.abs(steps / coordinate_scales(mechanism)[chosen]).max(initial=0.0))
+    parts = int(np.ceil(longest / LONGEST_STEP))
+    q, gap = configurations, constraint_gap(mechanism, configurations)
+    for _ in range(parts):
+        jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, q))
+        factors = Factorisation.of(jacobian[:, :, dependent])
+        G = velocity_map(mechanism, factors, jacobian, chosen, dependent)
+        q = integrate(mechanism, q, np.einsum("nij,nj->ni", G, steps / parts))
+        q, gap = polish(mechanism, q, dependent)
+    return q, gap

@@ -1,0 +1,75 @@
+"""What is worth a warning in a robot that loads nevertheless."""
+
+from __future__ import annotations
+
+import warnings
+
+from loopid.errors import InertiaWarning, MobilityWarning, ModelWarning, SingularityWarning
+from loopid.kinematics.mobility import mobility
+from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.loading.source import TreeSource
+from loopid.mechanism import Mechanism, inertia_defects, unequal_links
+
+LEVEL = 4  # the caller of load_mechanism
+
+
+def warn_of_findings(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
+    """Warn of motors, inertias and features that the user should know of."""
+    for note in tree.notes:
+        warnings.warn(f"{tree.file}: {note}", ModelWarning, LEVEL)
+    _warn_of_mobility(mechanism, motors_given)
+    _warn_of_inertias(mechanism)
+
+
+def _warn_of_mobility(mechanism: Mechanism, motors_given: bool) -> None:
+    if mechanism.rows and not motors_given and mechanism.redundant:
+        warnings.warn(
+            f"{mechanism.path} does not say which joints have motors: all count as actuated, "
+            f"though {', '.join(mechanism.redundant)} follow from the others; list the motors as "
+            "'name_mot' in a YAML beside it",
+            MobilityWarning,
+            LEVEL,
+        )
+    floating = mechanism.coordinates_of(mechanism.floating)
+    free = [name for name in mechanism.free if name not in floating]
+    if free:
+        warnings.warn(
+            f"{mechanism.path}: the motors leave {', '.join(free)} free: no force acts there, and "
+            "rows '= 0' say so; lock what does not move",
+            MobilityWarning,
+            LEVEL,
+        )
+    if mechanism.rows:
+        _warn_of_singularity(mechanism)
+
+
+def _warn_of_singularity(mechanism: Mechanism) -> None:
+    found, measure = mobility(mechanism), singularity_measure(mechanism, mechanism.reference[None])
+    if found.singular:
+        reason = (
+            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.generic_degrees_of_freedom} around it"
+        )
+    elif measure[0] < NEAR_SINGULARITY:
+        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    else:
+        return
+    warnings.warn(
+        f"{mechanism.path}: the reference is singular (measure {measure[0]:.1e}): {reason}",
+        SingularityWarning,
+        LEVEL + 1,
+    )
+
+
+def _warn_of_inertias(mechanism: Mechanism) -> None:
+    """Structure does not depend on the values in the file, forces do: warn, do not refuse."""
+    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
+    if impossible:
+        warnings.warn(
+            f"{mechanism.path}: no body has these inertias: {'; '.join(impossible)}",
+            InertiaWarning,
+            LEVEL,
+        )
+    for difference in unequal_links(mechanism):
+        warnings.warn(f"{mechanism.path}: {difference}", InertiaWarning, LEVEL)

@@ -1,0 +1,49 @@
+"""Links declared alike, as the legs of a parallel robot: one set of parameters for all of them.
+
+θ = T θ_leg repeats the parameters of a group for each of its links, so the regressor of the
+group is Y T: the sum of the links' columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LinkGroup:
+    """Links with the same parameters, each in its own frame.
+
+    Attributes
+    ----------
+    name : str
+        Stands for any of them in the labels of parameters.
+    links : tuple of str
+    """
+
+    name: str
+    links: tuple[str, ...]
+
+
+def tied_names(links: Sequence[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
+    """Names of links with the groups' in place of their members', each where it first occurs."""
+    group_of = {link: group.name for group in groups for link in group.links}
+    return tuple(dict.fromkeys(group_of.get(link, link) for link in links))
+
+
+def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
+    """For each link (n,) the position of its name among ``tied_names``."""
+    group_of = {link: group.name for group in groups for link in group.links}
+    names = tied_names(links, groups)
+    return np.array([names.index(group_of.get(link, link)) for link in links], dtype=np.int64)
+
+
+def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:
+    """T (width n, width m) for ``width`` parameters a link."""
+    indices = tie_indices(links, groups)
+    selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
+    return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)

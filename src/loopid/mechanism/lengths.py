@@ -1,0 +1,144 @@
+"""Lengths of a mechanism by name: where its joints and closures are, and how far apart.
+
+All are measured in the frame of a body's parameters, that of the link which its joint carries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arrays import FloatArray
+from loopid.lengths import NamedLength
+from loopid.mechanism.closure import LoopClosure
+from loopid.mechanism.mechanism import Mechanism
+
+# Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
+ZERO_LENGTH = 1e-12
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A point of a link, in m from the link's origin, and all the links that meet there."""
+
+    name: str
+    link: str
+    position: FloatArray
+    links: frozenset[str]
+
+    @property
+    def largest(self) -> float:
+        return float(np.abs(self.position).max())
+
+
+def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
+    """Lengths that the robot file gives, other than zero.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+
+    Returns
+    -------
+    tuple of NamedLength
+        In order of preference: rods of closures, coordinates of closure frames, coordinates of
+        joints in the links that carry them, distances of these points from the link's origin,
+        distances between two of a link. Points of a link that coincide count once, by their
+        first name.
+    """
+    model, links = mechanism.model, _carried_links(mechanism.model)
+    closures = [closure for closure in mechanism.closures if getattr(closure, "frame_ids", None)]
+    frames = list(_frame_points(model, closures, links))
+    points = [*frames, *_joint_points(model, links, {point.name for point in frames})]
+    tolerance = ZERO_LENGTH * max((point.largest for point in points), default=0.0)
+    points = _distinct(points, tolerance)
+    lengths = [*_rods(model, closures, links), *_coordinates(points)]
+    lengths += [*_distances_from_origins(points, tolerance), *_distances(points, tolerance)]
+    return tuple(length for length in lengths if abs(length.value) > tolerance)
+
+
+def _carried_links(model: pin.Model) -> list[str]:
+    """For each joint the link that it carries; for the universe the fixed link."""
+    links = list(model.names)
+    for frame in reversed(list(model.frames)):
+        if frame.type == pin.FrameType.BODY:
+            links[frame.parentJoint] = frame.name
+    return links
+
+
+def _held(model: pin.Model, closure: LoopClosure, links: Sequence[str]) -> frozenset[str]:
+    """The two links that a closure ties together."""
+    return frozenset(links[model.frames[k].parentJoint] for k in closure.frame_ids)
+
+
+def _frame_points(
+    model: pin.Model, closures: Iterable[LoopClosure], links: Sequence[str]
+) -> Iterator[_Point]:
+    for closure in closures:
+        for frame in (model.frames[k] for k in closure.frame_ids):
+            position = frame.placement.translation.copy()
+            link = links[frame.parentJoint]
+            yield _Point(frame.name, link, position, _held(model, closure, links))
+
+
+def _joint_points(model: pin.Model, links: Sequence[str], taken: set[str]) -> Iterator[_Point]:
+    for k in range(1, model.njoints):
+        name = model.names[k]
+        # A closure frame may have a joint's name and be elsewhere.
+        unique = f"joint {name}" if name in taken else name
+        parent = links[model.parents[k]]
+        position = model.jointPlacements[k].translation.copy()
+        yield _Point(unique, parent, position, frozenset((parent, links[k])))
+
+
+def _distinct(points: Iterable[_Point], tolerance: float) -> list[_Point]:
+    """A point that coincides with an earlier one of its link only adds the links it holds."""
+    distinct: list[_Point] = []
+    for point in points:
+        for k, earlier in enumerate(distinct):
+            same_link = point.link == earlier.link
+            if same_link and np.abs(point.position - earlier.position).max() <= tolerance:
+                distinct[k] = replace(earlier, links=earlier.links | point.links)
+                break
+        else:
+            distinct.append(point)
+    return distinct
+
+
+def _rods(
+    model: pin.Model, closures: Iterable[LoopClosure], links: Sequence[str]
+) -> Iterator[NamedLength]:
+    for closure in closures:
+        length, name = getattr(closure, "length", 0.0), closure.name
+        held = _held(model, closure, links)
+        yield NamedLength(f"length({name})", length, f"length of closure {name}", held)
+
+
+def _coordinates(points: Iterable[_Point]) -> Iterator[NamedLength]:
+    for point in points:
+        for axis, value in zip("xyz", point.position.tolist(), strict=True):
+            meaning = f"{axis} of {point.name} in {point.link}"
+            yield NamedLength(f"{axis}({point.name})", value, meaning, point.links)
+
+
+def _distances_from_origins(points: Iterable[_Point], tolerance: float) -> Iterator[NamedLength]:
+    for point in points:
+        # On an axis of the link its coordinate is this distance.
+        if np.count_nonzero(np.abs(point.position) > tolerance) > 1:
+            distance = float(np.linalg.norm(point.position))
+            meaning = f"distance of {point.name} from the origin of {point.link}"
+            yield NamedLength(f"d({point.name})", distance, meaning, point.links)
+
+
+def _distances(points: Iterable[_Point], tolerance: float) -> Iterator[NamedLength]:
+    away = [point for point in points if point.largest > tolerance]
+    for one, other in combinations(away, 2):
+        if one.link == other.link:
+            names, distance = (one.name, other.name), np.linalg.norm(one.position - other.position)
+            meaning = f"distance between {names[0]} and {names[1]} in {one.link}"
+            links = one.links | other.links
+            yield NamedLength(f"d({', '.join(names)})", float(distance), meaning, links)

@@ -1,0 +1,310 @@
+"""What an MJCF file says: names, limits, closures, motors, reference, and what is left out."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from loopid.errors import RobotFileError
+from loopid.loading.mjcf import read_mjcf
+
+pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+
+INERTIAL = '<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
+ARM = f"""<mujoco model="arm">
+<worldbody>
+  <body name="upper">{INERTIAL}
+    <joint name="elbow" axis="0 1 0" pos="0.1 0 0" range="-90 45"/>
+    <body name="lower" pos="1 0 0">{INERTIAL}<joint name="wrist" axis="0 1 0"/>
+      <site name="tip" pos="0.5 0 0"/>
+    </body>
+  </body>
+  <body name="block" pos="0 0 2">{INERTIAL}<joint name="track" type="slide"/><site name="knob"/>
+  </body>
+</worldbody>
+REST
+</mujoco>"""
+TENDONS = """<tendon>
+<fixed name="belt"><joint joint="wrist" coef="0.5"/><joint joint="elbow" coef="2"/></fixed>
+<fixed name="slack"><joint joint="wrist" coef="0"/></fixed>
+<spatial name="rope"><site site="tip"/><site site="knob"/></spatial></tendon>"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def text(content):
+        (tmp_path / "robot.xml").write_text(content)
+        return read_mjcf(tmp_path / "robot.xml")
+
+    return text
+
+
+@pytest.fixture
+def read_arm(read):
+    """Read the arm with elements added."""
+    return lambda *rest: read(ARM.replace("REST", "\n".join(rest)))
+
+
+@pytest.fixture
+def read_body(read):
+    """Read one body that moves by the given joints."""
+    return lambda joints, rest="": read(
+        f'<mujoco><worldbody><body name="box" pos="1 2 3" quat="0 0 0 2">{INERTIAL}{joints}</body>'
+        f"</worldbody>{rest}</mujoco>"
+    )
+
+
+def links_of(source):
+    return [frame.name for frame in source.model.frames if frame.type == pin.FrameType.BODY]
+
+
+def test_parameters_are_in_the_frame_of_the_joint(read_arm):
+    source = read_arm()
+    assert list(source.model.names)[1:] == ["elbow", "wrist", "track"]
+    assert source.child_links == {"elbow": "upper", "wrist": "lower", "track": "block"}
+    # The centre of mass 0.3 from the body's origin is 0.2 from the anchor.
+    np.testing.assert_allclose(source.model.inertias[1].lever, [0.2, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(source.model.inertias[2].lever, [0.3, 0, 0], atol=1e-15)
+
+
+def test_welded_bodies_are_one_with_their_carrier(read):
+    mount = f'<body name="cap" pos="0 1 0">{INERTIAL}<body name="mark"/></body>'
+    source = read(
+        f'<mujoco><worldbody><body name="stand">{INERTIAL}<body name="box">{INERTIAL}'
+        f'<joint name="j"/>{mount}</body></body></worldbody></mujoco>'
+    )
+    assert links_of(source) == ["world", "stand", "box", "cap", "mark"]
+    assert source.inertial_links == ("stand", "box", "cap")
+    assert source.model.inertias[1].mass == pytest.approx(4)
+    np.testing.assert_allclose(source.model.inertias[1].lever, [0.3, 0.5, 0], atol=1e-15)
+
+
+def test_joints_of_one_body_are_a_chain_of_massless_links(read_body):
+    source = read_body('<joint name="x"/><joint name="y" axis="0 1 0"/><joint axis="1 0 0"/>')
+    assert source.child_links == {"x": "x_link", "y": "y_link", "box_hinge": "box"}
+    assert links_of(source) == ["world", "x_link", "y_link", "box"]
+    assert [inertia.mass for inertia in source.model.inertias] == [0, 0, 0, 2]
+    assert source.inertial_links == ("box",)
+
+
+@pytest.mark.parametrize(
+    ("joints", "names"),
+    [
+        ("<freejoint/>", ["box_free"]),
+        ('<joint type="slide"/><joint type="ball"/>', ["box_slide", "box_ball"]),
+        ('<joint/><joint name="box_hinge"/><joint/>', ["box_hinge_2", "box_hinge", "box_hinge_3"]),
+        # Pinocchio's own name of the world.
+        ('<joint name="universe"/>', ["box_hinge"]),
+    ],
+)
+def test_unnamed_joints_are_called_after_their_body(read_body, joints, names):
+    source = read_body(joints)
+    assert list(source.model.names)[1:] == names
+    assert [source.model.getJointId(name) for name in names] == list(range(1, len(names) + 1))
+
+
+def test_unnamed_bodies_are_called_after_their_parent(read):
+    one = f"<body>{INERTIAL}<joint/></body>"
+    source = read(f"<mujoco><worldbody>{one}{one}<body name='a'>{one}</body></worldbody></mujoco>")
+    assert links_of(source) == ["world", "world_body", "world_body_2", "a", "a_body"]
+    assert source.inertial_links == ("world_body", "world_body_2", "a_body")
+
+
+def test_the_robot_is_named_by_the_model_or_the_file(read_arm, read_body):
+    assert read_arm().name == "arm"
+    assert read_body("<joint/>").name == "robot"
+
+
+def test_named_sites_are_frames_unless_a_link_or_joint_has_the_name(read_body):
+    sites = '<site name="tip" pos="1 0 0"/><site name="box" pos="2 0 0"/><site/>'
+    source = read_body('<joint pos="0 0 1"/>' + sites)
+    frames = [frame for frame in source.model.frames if frame.type == pin.FrameType.OP_FRAME]
+    assert [frame.name for frame in frames] == ["tip"]
+    np.testing.assert_allclose(frames[0].placement.translation, [1, 0, -1])
+
+
+def test_limits_are_those_of_the_file(read_arm):
+    model = read_arm().model
+    np.testing.assert_allclose(model.lowerPositionLimit, [-np.pi / 2, -np.inf, -np.inf])
+    np.testing.assert_allclose(model.upperPositionLimit, [np.pi / 4, np.inf, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("joint", "actuators", "limit"),
+    [
+        ("", "", np.inf),
+        ('actuatorfrcrange="-5 3"', "", 5),
+        ("", '<motor joint="j" gear="-3" ctrlrange="-2 4"/>', 12),
+        ("", '<position joint="j" gear="2" ctrlrange="-2 4" forcerange="-7 6"/>', 14),
+        ("", '<position joint="j" ctrlrange="-2 4"/>', np.inf),
+        ("", '<motor joint="j" ctrlrange="-2 4"/><motor joint="j" forcerange="-1 1"/>', 5),
+        ('actuatorfrcrange="-5 3"', '<motor joint="j" ctrlrange="-2 4"/>', 4),
+    ],
+)
+def test_effort_limits_are_what_the_motors_can_do(read_body, joint, actuators, limit):
+    source = read_body(f'<joint name="j" {joint}/>', f"<actuator>{actuators}</actuator>")
+    np.testing.assert_allclose(source.model.effortLimit, [limit])
+
+
+def test_gravity_can_be_switched_off(read_arm):
+    lunar = read_arm('<option gravity="0.5 0 -1.6"/>').model.gravity
+    np.testing.assert_array_equal(lunar.linear, [0.5, 0, -1.6])
+    none = read_arm('<option><flag gravity="disable"/></option>').model.gravity
+    np.testing.assert_array_equal(none.linear, 0)
+
+
+def test_frames_of_closures_are_called_after_the_equality_or_the_bodies(read_arm):
+    source = read_arm(
+        '<equality><connect name="pin" body1="lower" body2="block" anchor="0 0 0"/>'
+        '<connect body1="lower" anchor="0 0 0"/><connect body1="lower" anchor="1 0 0"/>'
+        '<weld name="tip" site1="tip" site2="knob"/><weld body1="lower" torquescale="0"/>'
+        "</equality>"
+    )
+    closures = source.description.closures
+    assert [closure.type for closure in closures] == ["3d", "3d", "3d", "6d", "3d"]
+    assert [closure.frames for closure in closures] == [
+        ("pin_1", "pin_2"),
+        ("lower_connect", "world_connect"),
+        ("lower_connect_2", "world_connect_2"),
+        ("tip_1", "tip_2"),
+        ("lower_weld", "world_weld"),
+    ]
+    assert all(source.model.existFrame(name) for closure in closures for name in closure.frames)
+
+
+@pytest.mark.parametrize(
+    ("equality", "reason"),
+    [
+        ('<joint name="cam" joint1="wrist" joint2="elbow" polycoef="0 1 0.5 0 0"/>', "polycoef"),
+        ('<tendon name="cam" tendon1="rope"/>', "the spatial tendon rope"),
+        ('<tendon name="cam" tendon1="slack"/>', "couples no joint"),
+    ],
+)
+def test_equalities_that_are_no_linear_couplings_are_refused_by_name(
+    read_arm, refusal, equality, reason
+):
+    with pytest.raises(RobotFileError) as failure:
+        read_arm(TENDONS, f"<equality>{equality}</equality>")
+    refusal(failure, "robot.xml: equality cam", reason)
+
+
+def test_equalities_of_flexible_parts_are_refused(read, refusal):
+    with pytest.raises(RobotFileError) as failure:
+        read(
+            """<mujoco><worldbody><flexcomp name="cloth" type="grid" dim="2" count="3 3 1"
+            spacing="0.1 0.1 0.1"><edge equality="true"/></flexcomp></worldbody></mujoco>"""
+        )
+    refusal(failure, "is of type flex", "choose among connect, weld, joint, tendon")
+
+
+def test_equalities_that_do_not_hold_the_robot_are_left_out(read_arm):
+    ends = 'body1="lower" body2="upper"'
+    source = read_arm(
+        '<worldbody><body name="hand" mocap="true"/></worldbody>',
+        f'<equality><weld name="off" active="false" {ends}/><weld name="on" {ends}/>'
+        '<weld name="drag" body1="hand" body2="lower"/></equality>',
+    )
+    assert [closure.frames for closure in source.description.closures] == [("on_1", "on_2")]
+    assert source.notes == (
+        "equality off is inactive and left out",
+        "equality drag is left out, as motion capture drives it from outside",
+    )
+
+
+def test_motors_are_the_joints_of_the_actuators_in_their_order(read_arm):
+    motors = [f'<motor joint="{name}"/>' for name in ("track", "elbow", "track")]
+    source = read_arm("<actuator>", *motors, '<motor jointinparent="wrist"/></actuator>')
+    assert source.description.name_mot == ["track", "elbow", "wrist"]
+    assert source.notes == ()
+
+
+def test_without_actuators_nothing_is_said_of_motors(read_arm):
+    assert read_arm().description.name_mot is None
+
+
+@pytest.mark.parametrize(
+    ("rest", "motors", "notes"),
+    [
+        ("", ["wrist", "elbow"], 1),
+        ('<joint joint1="wrist" joint2="elbow" polycoef="0 -3"/>', ["wrist"], 0),
+        ('<joint joint1="wrist" joint2="track"/>', ["wrist", "elbow"], 1),
+    ],
+)
+def test_a_tendon_drives_its_joints_but_not_those_that_follow(read_arm, rest, motors, notes):
+    actuator = '<actuator><motor name="m" tendon="belt"/></actuator>'
+    source = read_arm(TENDONS, f"<equality>{rest}</equality>", actuator)
+    assert source.description.name_mot == motors
+    assert len(source.notes) == notes
+    assert all(note.startswith("actuator m is taken for motors") for note in source.notes)
+
+
+def test_actuators_that_drive_no_joint_are_named(read_arm):
+    actuators = '<motor site="tip"/><motor name="winch" tendon="rope"/><motor joint="elbow"/>'
+    source = read_arm(TENDONS, f"<actuator>{actuators}</actuator>")
+    assert source.description.name_mot == ["elbow"]
+    (note,) = source.notes
+    assert note.startswith("actuators number 0, winch are not modelled")
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ("", [0, 0, 0]),
+        ('<key name="rest" qpos="1 2 3"/><key name="fold" qpos="4 5 6"/>', [1, 2, 3]),
+        ('<key name="rest" qpos="1 2 3"/><key name="home" qpos="4 5 6"/>', [4, 5, 6]),
+    ],
+)
+def test_the_reference_is_the_home_keyframe_or_the_first(read_arm, keys, expected):
+    reference = read_arm(f"<keyframe>{keys}</keyframe>").description.reference
+    assert reference == dict(zip(("elbow", "wrist", "track"), expected, strict=True))
+
+
+def test_without_keyframe_the_reference_is_the_pose_that_is_drawn(read_body):
+    joints = '<joint name="turn" ref="90"/><joint name="rail" type="slide" ref="0.3"/>'
+    reference = read_body(joints).description.reference
+    assert reference == pytest.approx({"turn": np.pi / 2, "rail": 0.3})
+
+
+def test_quaternions_of_the_reference_have_w_last(read_body):
+    # The body is drawn half a turn about z away.
+    free = read_body('<freejoint name="f"/>').description.reference
+    assert free == {"f": [1, 2, 3, 0, 0, 1, 0]}
+    key = '<keyframe><key qpos="0 3 0 4"/></keyframe>'
+    ball = read_body('<joint name="b" type="ball"/>', key).description.reference["b"]
+    np.testing.assert_allclose(ball, [0.6, 0, 0.8, 0])
+
+
+@pytest.mark.parametrize(
+    ("joints", "rest", "note"),
+    [
+        ('<joint name="a" stiffness="3"/>', "", "joint a has springs, whose forces are"),
+        (
+            '<joint name="a" stiffness="3"/><joint name="b" axis="1 0 0"/>'
+            '<joint name="c" axis="0 1 0" stiffness="1"/>',
+            "",
+            "joints a, c have springs",
+        ),
+        ('<joint name="a" type="ball" range="0 30"/>', "", "joint a is limited in all directions"),
+        ("<joint/>", '<option density="1.2"/>', "the fluid around the robot is not modelled"),
+        (
+            '<joint name="a"/>',
+            '<tendon><fixed name="t" stiffness="1"><joint joint="a" coef="1"/></fixed></tendon>',
+            "tendon t has springs",
+        ),
+    ],
+)
+def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
+    (text,) = read_body(joints, rest).notes
+    assert text.startswith(note)
+
+
+def test_gravity_compensation_is_not_modelled(read):
+    text = ARM.replace('<body name="upper"', '<body name="upper" gravcomp="1"')
+    (note,) = read(text.replace("REST", "")).notes
+    assert note == "body upper has gravity compensation, which is not modelled"
+
+
+def test_damping_and_armature_need_no_note(read_body):
+    source = read_body('<joint damping="1" armature="2" frictionloss="3"/>')
+    assert source.notes == ()
+    # They are terms of the joints beside the rigid bodies.
+    np.testing.assert_array_equal(source.model.armature, 0)

@@ -1,0 +1,185 @@
+"""Forward dynamics undoes inverse dynamics, and agrees with Pinocchio's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from closure_robots import body
+from linkages import LINKAGES
+from loopid import (
+    closed_motion,
+    find_base_parameters,
+    forward_dynamics,
+    load_mechanism,
+    random_configurations,
+    structural_observation,
+)
+from loopid.errors import DataError, SingularityError
+from loopid.kinematics import random_motions
+from loopid.regressors import motion_regressor
+
+KNEES = ("3ups_rpu", "5p")
+ROBOTS = (*LINKAGES, *KNEES, "flying")
+GEPETTO = ("5bar_linkage", "5bar_linkage_iso3d", "robot_delta", "digit_like", "talos_like")
+WITHOUT_AXES = ("3d loop", "6d loop", "3d four-bar", "6d four-bar", "ball rssr",
+                "redundant five-bar")  # fmt: skip
+# With default settings Pinocchio's accelerations are wrong where equations are redundant.
+SETTINGS = (1e-10, 1e-10, 20)
+
+
+def motor_map(mechanism, motion):
+    """Forces along the independent coordinates from those of the motors, (N, dof, motors)."""
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    return motion.projection.G[:, motors].transpose(0, 2, 1)
+
+
+@pytest.fixture(scope="module")
+def robot(request, linkage, load_once, load_files):
+    name = request.param
+    if name == "flying":
+        return load_files(*LINKAGES["geared five-bar"], floating_base=True)
+    return load_once(name) if name in KNEES else linkage(name)
+
+
+def case(mechanism, count=4, q=None):
+    """Configurations, independent velocities and motor forces as large as gravity."""
+    q = random_configurations(mechanism, count, seed=8) if q is None else q
+    rates, _ = random_motions(mechanism, count, seed=9)
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    forces = 10 * np.random.default_rng(10).uniform(-1, 1, size=(count, len(motors)))
+    return q, rates, forces
+
+
+@pytest.mark.parametrize("robot", ROBOTS, indirect=True)
+def test_inverse_dynamics_gives_the_forces_back(robot):
+    q, rates, forces = case(robot)
+    motion = forward_dynamics(robot, q, rates, forces)
+    again = closed_motion(robot, q, rates, motion.accelerations[:, motion.projection.independent])
+    np.testing.assert_allclose(again.accelerations, motion.accelerations, rtol=1e-9, atol=1e-9)
+    expected = np.einsum("nij,nj->ni", motor_map(robot, motion), forces)
+    found = motion_regressor(robot, motion) @ robot.standard_parameters()
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def pinocchio_accelerations(mechanism, q, v, forces):
+    model, kinds = (
+        mechanism.model,
+        {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D},
+    )
+    models, values = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for closure in mechanism.closures:
+        frames = [model.frames[k] for k in closure.frame_ids]
+        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
+        models.append(pin.RigidConstraintModel(kinds[closure.kind], model, *ends, pin.LOCAL))
+        values.append(models[-1].createData())
+    data, tau = model.createData(), np.zeros(model.nv)
+    tau[mechanism.velocity_indices(mechanism.actuated)] = forces
+    pin.initConstraintDynamics(model, data, models, values)
+    settings = pin.ProximalSettings(*SETTINGS)
+    return pin.constraintDynamics(model, data, q, v, tau, models, values, settings)
+
+
+def assert_pinocchio_agrees(mechanism, q=None):
+    q, rates, forces = case(mechanism, 4 if q is None else len(q), q)
+    motion = forward_dynamics(mechanism, q, rates, forces)
+    states = zip(q, motion.velocities, forces, strict=True)
+    expected = np.array([pinocchio_accelerations(mechanism, *state) for state in states])
+    unit = np.abs(expected).max()
+    np.testing.assert_allclose(motion.accelerations, expected, atol=1e-8 * unit)
+
+
+@pytest.mark.parametrize("robot", [*WITHOUT_AXES, *KNEES], indirect=True)
+def test_pinocchio_accelerates_alike(robot):
+    assert_pinocchio_agrees(robot)
+
+
+def test_pinocchio_accelerates_a_flying_linkage_alike(load_files):
+    assert_pinocchio_agrees(load_files(*LINKAGES["five-bar"], floating_base=True))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", GEPETTO)
+def test_pinocchio_accelerates_other_peoples_robots_alike(name, shared):
+    robot = load_mechanism(shared / "models" / "gepetto" / name / "robot.yaml")
+    assert_pinocchio_agrees(robot, robot.reference[None])
+
+
+def energy(mechanism, q, v):
+    data = mechanism.model.createData()
+    return pin.computeMechanicalEnergy(mechanism.model, data, q, v)
+
+
+@pytest.mark.parametrize("robot", ["hinge loop, skew", "ball rssr", "flying"], indirect=True)
+def test_the_motors_power_is_what_the_energy_grows_by(robot, rate):
+    q, rates, forces = case(robot)
+    motion = forward_dynamics(robot, q, rates, forces)
+    motors = robot.velocity_indices(robot.actuated)
+    for k, (v, a) in enumerate(zip(motion.velocities, motion.accelerations, strict=True)):
+
+        def later(t, start=q[k], v=v, a=a):
+            moved = pin.integrate(robot.model, start, v * t + a * t**2 / 2)
+            return energy(robot, moved, v + a * t)
+
+        assert rate(later) == pytest.approx(forces[k] @ v[motors], rel=1e-6)
+
+
+def test_a_tree_falls_as_pinocchio_says(knee):
+    tree = replace(knee, closures=(), actuated=knee.joints)
+    q, rates, forces = case(tree)
+    found = forward_dynamics(tree, q, rates, forces).accelerations
+    data = tree.model.createData()
+    for k, expected in enumerate(found):
+        np.testing.assert_allclose(
+            pin.aba(tree.model, data, q[k], rates[k], forces[k]), expected, rtol=1e-7
+        )
+
+
+@pytest.mark.parametrize("robot", ["cross rssr", "geared five-bar"], indirect=True)
+def test_base_parameters_alone_move_the_robot_alike(robot):
+    # Dependent parameters set to zero: no body has such masses, yet all forces are the same.
+    base = find_base_parameters(structural_observation(robot, "full"))
+    regrouped = np.zeros(len(base.parameters))
+    regrouped[base.base] = base.values(robot.standard_parameters())
+    state = case(robot)
+    expected = forward_dynamics(robot, *state).accelerations
+    found = forward_dynamics(robot, *state, regrouped).accelerations
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def without_mass(name, link):
+    parts, description = LINKAGES[name]
+    return [f'<link name="{link}"/>' if part == body(link) else part for part in parts], description
+
+
+def test_a_rod_without_inertia_does_not_spin_faster(load_files):
+    robot = load_files(*without_mass("ball rssr", "rod"))
+    spin = robot.velocity_indices(robot.free)
+    motion = forward_dynamics(robot, *case(robot))
+    np.testing.assert_allclose(motion.accelerations[:, spin], 0, atol=1e-9)
+    assert np.isfinite(motion.accelerations).all()
+    assert np.abs(motion.accelerations).max() > 1
+
+
+def test_a_force_that_no_mass_resists_is_refused(load_files):
+    robot = load_files(*without_mass("rack and pinion", "arm"))
+    with pytest.raises(SingularityError, match=r"sample 0: a force acts on arm_joint.*4 such"):
+        forward_dynamics(robot, *case(robot))
+
+
+def test_one_sample_needs_no_axis_of_samples(linkage):
+    robot = linkage("five-bar")
+    whole = forward_dynamics(robot, *case(robot))
+    first = forward_dynamics(robot, *(values[0] for values in case(robot)))
+    np.testing.assert_array_equal(first.accelerations, whole.accelerations[:1])
+
+
+@pytest.mark.parametrize(("place", "name"), [(1, "velocities"), (2, "forces")])
+def test_bad_arrays_are_refused_by_name(linkage, place, name):
+    robot = linkage("redundant five-bar")
+    for bad in (np.zeros((4, 5)), np.full((4, 2 + (place == 2)), np.nan), np.zeros((2, 1 + place))):
+        state = list(case(robot))
+        state[place] = bad
+        with pytest.raises(DataError, match=name):
+            forward_dynamics(robot, *state)
