@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import pinocchio_loops
 from closure_robots import body
 from linkages import LINKAGES
 from loopid import (
@@ -25,8 +26,6 @@ ROBOTS = (*LINKAGES, *KNEES, "flying")
 GEPETTO = ("5bar_linkage", "5bar_linkage_iso3d", "robot_delta", "digit_like", "talos_like")
 WITHOUT_AXES = ("3d loop", "6d loop", "3d four-bar", "6d four-bar", "ball rssr",
                 "redundant five-bar")  # fmt: skip
-# With default settings Pinocchio's accelerations are wrong where equations are redundant.
-SETTINGS = (1e-10, 1e-10, 20)
 
 
 def motor_map(mechanism, motion):
@@ -63,29 +62,11 @@ def test_inverse_dynamics_gives_the_forces_back(robot):
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
 
 
-def pinocchio_accelerations(mechanism, q, v, forces):
-    model, kinds = (
-        mechanism.model,
-        {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D},
-    )
-    models, values = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for closure in mechanism.closures:
-        frames = [model.frames[k] for k in closure.frame_ids]
-        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-        models.append(pin.RigidConstraintModel(kinds[closure.kind], model, *ends, pin.LOCAL))
-        values.append(models[-1].createData())
-    data, tau = model.createData(), np.zeros(model.nv)
-    tau[mechanism.velocity_indices(mechanism.actuated)] = forces
-    pin.initConstraintDynamics(model, data, models, values)
-    settings = pin.ProximalSettings(*SETTINGS)
-    return pin.constraintDynamics(model, data, q, v, tau, models, values, settings)
-
-
 def assert_pinocchio_agrees(mechanism, q=None):
     q, rates, forces = case(mechanism, 4 if q is None else len(q), q)
     motion = forward_dynamics(mechanism, q, rates, forces)
     states = zip(q, motion.velocities, forces, strict=True)
-    expected = np.array([pinocchio_accelerations(mechanism, *state) for state in states])
+    expected = np.array([pinocchio_loops.accelerations(mechanism, *state) for state in states])
     unit = np.abs(expected).max()
     np.testing.assert_allclose(motion.accelerations, expected, atol=1e-8 * unit)
 

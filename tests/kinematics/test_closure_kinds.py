@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
 from linkages import LINKAGES, PLANAR
 from loopid import (
@@ -80,6 +81,16 @@ def test_the_velocity_map_spans_what_the_closures_allow(robot, closed):
     assert np.abs(A @ G).max() < 1e-12
     for jacobian, motions in zip(A, G, strict=True):
         assert null_space(jacobian).shape == motions.shape
+
+
+@pytest.mark.parametrize("name", ["3d loop", "6d loop", "3d four-bar", "6d four-bar", "ball rssr"])
+def test_pinocchios_own_closures_allow_the_same_motions(name, linkage):
+    robot = linkage(name)
+    for q in random_configurations(robot, 4, seed=1):
+        motions = null_space(constraint_jacobian(robot, q)[0])
+        theirs = pinocchio_loops.jacobian(robot, q)
+        assert motions.shape[1] == robot.model.nv - np.linalg.matrix_rank(theirs, tol=1e-8)
+        assert np.abs(theirs @ motions).max() < 1e-12
 
 
 def test_a_robot_in_millimetres_is_the_same(robot, closed, request, load_files):

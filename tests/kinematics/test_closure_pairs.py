@@ -16,6 +16,7 @@ from free_pair import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import pinocchio_loops
 from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.linear import null_space
@@ -126,20 +127,12 @@ def test_the_row_of_a_rod_is_its_elongation_in_metres():
 
 
 @on_the_ground
-@pytest.mark.parametrize(("kind", "type_"), [("3d", "CONTACT_3D"), ("6d", "CONTACT_6D")])
+@pytest.mark.parametrize("kind", ["3d", "6d"])
 @given(seed=seeds)
-def test_pinocchios_own_constraints_allow_the_same_motions(kind, type_, fixed, seed):
+def test_pinocchios_own_closures_allow_the_same_motions(kind, fixed, seed):
     generator, pair = np.random.default_rng(seed), free_pair(kind, fixed=fixed)
     q = closed(pair, kind, AXES["z"], generator)
-    model, data = pair.model, pair.model.createData()
-    frames = [model.frames[k] for k in pair.closures[0].frame_ids]
-    ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-    theirs = pin.RigidConstraintModel(getattr(pin.ContactType, type_), model, *ends, pin.LOCAL)
-    values = theirs.createData()
-    pin.computeJointJacobians(model, data, q[0])
-    theirs.calc(model, data, values)  # without it the Jacobian is silently wrong
-    jacobian = pin.getConstraintJacobian(model, data, theirs, values)
     motions = null_space(constraint_jacobian(pair, q)[0])
-    assert motions.shape[1] == 12 - CLOSURE_ROWS[kind]
-    assert np.linalg.matrix_rank(jacobian) == CLOSURE_ROWS[kind]
-    assert np.abs(jacobian @ motions).max() < 1e-13
+    theirs = pinocchio_loops.jacobian(pair, q[0])
+    assert motions.shape[1] == 12 - np.linalg.matrix_rank(theirs)
+    assert np.abs(theirs @ motions).max() < 1e-13

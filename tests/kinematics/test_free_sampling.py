@@ -64,7 +64,7 @@ def rotations(robot, draws, frame):
     data, found = robot.model.createData(), []
     for q in draws:
         pin.framesForwardKinematics(robot.model, data, q)
-        found.append(data.oMf[robot.model.getFrameId(frame)].rotation)
+        found.append(data.oMf[robot.model.getFrameId(frame)].rotation.copy())
     return np.array(found)
 
 

@@ -70,7 +70,7 @@ def assemble(
         (N, c), measured coordinates in m or rad.
     coordinates : sequence of str or "platform", optional
         Joints that were measured, or ``"platform"`` for the platform coordinates that the robot
-        file declares; by default the actuated joints. They must determine the motion.
+        file declares; by default the independent joints. They must determine the motion.
     start : FloatArray, optional
         (nq,), a closed configuration on the branch; by default the reference.
     trajectory : bool
@@ -109,18 +109,27 @@ def try_assemble(
     start: FloatArray | None = None,
     trajectory: bool = False,
     tolerance: float = CLOSURE_TOLERANCE,
+    shortest_step: float = SHORTEST_PATH_STEP,
 ) -> Assembly:
-    """As ``assemble``, but report the samples that fail instead of raising."""
+    """As ``assemble``, but report the samples that fail instead of raising.
+
+    Parameters
+    ----------
+    shortest_step : float
+        Part of the way below which a sample is given up.
+    """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
     q = samples(q, mechanism.model.nq, "start")
     if not trajectory:
-        return _follow(measured, np.repeat(q, len(targets), axis=0), targets, tolerance)
+        start = np.repeat(q, len(targets), axis=0)
+        return _follow(measured, start, targets, tolerance, shortest_step)
     blocks = []
     for first in range(0, len(targets), TRAJECTORY_BLOCK):
         block = targets[first : first + TRAJECTORY_BLOCK]
-        blocks.append(_follow(measured, np.repeat(q, len(block), axis=0), block, tolerance))
+        start = np.repeat(q, len(block), axis=0)
+        blocks.append(_follow(measured, start, block, tolerance, shortest_step))
         done = blocks[-1].configurations[blocks[-1].assembled]
         q = done[-1:] if len(done) else q
     return Assembly(*(np.concatenate(parts) for parts in zip(*map(_fields, blocks), strict=True)))
@@ -131,7 +140,11 @@ def _fields(assembly: Assembly) -> tuple[FloatArray, FloatArray, BoolArray]:
 
 
 def _follow(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, tolerance: float
+    measured: MeasuredCoordinates,
+    q: FloatArray,
+    targets: FloatArray,
+    tolerance: float,
+    shortest_step: float,
 ) -> Assembly:
     """Move all samples along their straight lines to the targets."""
     origin = measured.read(q)
@@ -150,7 +163,7 @@ def _follow(
         q[there], done[there] = moved[accepted], ahead[accepted]
         jacobian[there] = jacobian_there[accepted]
         step[k] = np.where(accepted, 2.0 * step[k], 0.5 * step[k])
-        active = (done < 1.0) & (step >= SHORTEST_PATH_STEP)
+        active = (done < 1.0) & (step >= shortest_step)
     q = measured.write(q, targets)
     residual = measured.closure_gap(q, targets)
     assembled = (done >= 1.0) & (residual <= tolerance)

@@ -23,6 +23,7 @@ FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to t
 NARROWER = 0.7  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
+SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 
 
@@ -105,7 +106,7 @@ class _Draw:
 
 def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Configurations at values of the measured joints, where they close, all else at random."""
-    assembly = try_assemble(mechanism, values)
+    assembly = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
     q = assembly.configurations[assembly.assembled]
     parts = np.array([name not in mechanism.measured for name in mechanism.independent])
     if not parts.any():

@@ -8,6 +8,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import LogError, OptionError
+from loopid.logs.actuation import on_independent
 from loopid.logs.following import follow
 from loopid.logs.force_checks import check_forces
 from loopid.logs.log import Log
@@ -79,14 +80,18 @@ def prepare_recording(
     chosen = default_lowpass(log) if lowpass == "default" else lowpass
     limits = _saturation(mechanism, log, saturation)
     signals, ends = smooth(log, chosen, limits, decimate, trim)
-    path = follow(mechanism, log.name, signals.time, signals.position, start, progress)
+    columns = [log.joints.index(name) for name in mechanism.independent]
+    position = signals.position[:, columns]
+    path = follow(mechanism, log.name, signals.time, position, start, progress)
     signals = signals.select(path.kept)
     used, unused = _usable(log, signals, _idle_speeds(mechanism, log, signals, idle_speed))
+    motion = signals.motion(path.configurations, path.singularity, columns)
+    force, used = on_independent(mechanism, motion, signals.force, used)
     recording = Recording(
         name=log.name,
-        actuators=log.joints,
-        motion=signals.motion(path.configurations, path.singularity),
-        force=signals.force,
+        actuators=mechanism.independent,
+        motion=motion,
+        force=force,
         used=used,
         stretches=_stretches(signals.stretches, path.kept),
         dropped=(*log.dropped, *ends, *path.dropped, *unused),

@@ -43,7 +43,7 @@ class Recording:
     ----------
     name : str
     actuators : tuple of str
-        Order of the force columns.
+        Order of the force columns: the independent coordinates of the mechanism.
     motion : JointMotion
         (N samples), all joints.
     force : FloatArray

@@ -49,9 +49,11 @@ class Smooth:
         """Some of the samples (N,), in order."""
         return Smooth(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def motion(self, configurations: FloatArray, singularity: FloatArray) -> JointMotion:
-        """The motion with configurations (N, nq) and singularity measures (N,)."""
-        velocity, acceleration = self.velocity, self.acceleration
+    def motion(
+        self, configurations: FloatArray, singularity: FloatArray, columns: list[int]
+    ) -> JointMotion:
+        """The motion of some columns, with configurations (N, nq) and singularity measures (N,)."""
+        velocity, acceleration = self.velocity[:, columns], self.acceleration[:, columns]
         return JointMotion(self.time, configurations, velocity, acceleration, singularity)
 
 

@@ -18,7 +18,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
-        "actuators": list(model.mechanism.actuated),
+        "actuators": list(model.mechanism.independent),
         "training": [_recording(recording) for recording in found.training],
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),

@@ -25,7 +25,7 @@ def identification_figures(found: Identification) -> dict[str, bytes]:
 
 def draw_forces(found: Identification) -> dict[str, bytes]:
     """Forces of each actuator on the first validation recording, measured and predicted."""
-    recording, joints = found.validation[0], found.force_model.mechanism.actuated
+    recording, joints = found.validation[0], found.force_model.mechanism.independent
     rows = thinned(len(recording))
     time, gaps = recording.motion.time[rows], ~recording.used[rows]
     W = found.force_model.regressor(recording.motion.select(rows))

@@ -56,7 +56,7 @@ def candidates_table(found: Identification) -> Table:
     title = "prediction errors on fitted and on new data: RMS ± std (R²)"
     table = plain_table(title, "", *columns)
     table.add_row("parameters fitted", *(str(c.fitted) for c in found.candidates))
-    for k, actuator in enumerate(found.force_model.mechanism.actuated):
+    for k, actuator in enumerate(found.force_model.mechanism.independent):
         for part, name in enumerate(("fit", "new")):
             cells = (_quality_cell(candidate, part, k) for candidate in found.candidates)
             table.add_row(f"{actuator}, {name}", *cells)

@@ -13,7 +13,7 @@ from loopid.trajectories.motion import Motion
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Configurations of a mechanism over time, and the motion of its motors.
+    """Configurations of a mechanism over time, and the motion of its independent coordinates.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class JointMotion:
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
-        (N, dof) of the actuated joints.
+        (N, dof) of the independent coordinates.
     singularity : FloatArray
         (N,), see ``Projection.singularity``.
     """
@@ -64,7 +64,7 @@ def joint_motion(
     AssemblyError
         When the motion leaves the workspace.
     """
-    actuated = mechanism.velocity_indices(mechanism.actuated)
+    independent = mechanism.velocity_indices(mechanism.independent)
     platform = mechanism.platform
     if platform is not None and motion.names == platform.names:
         q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
@@ -80,4 +80,4 @@ def joint_motion(
             f"({', '.join(of_platform) or 'none'}) nor joints ({', '.join(mechanism.joints)})"
         )
     measure = singularity_measure(mechanism, q)
-    return JointMotion(motion.time, q, v[:, actuated], a[:, actuated], measure)
+    return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)

@@ -52,7 +52,7 @@ class MotionReview:
     margin : float
         What the measure was asked to keep.
     speeds : dict
-        Largest speed of each actuated joint, in m/s or rad/s.
+        Largest speed of each independent coordinate, in m/s or rad/s.
     """
 
     ranges: tuple[JointRange, ...]
@@ -104,5 +104,5 @@ def review_motion(
         singularity=float(motion.singularity[worst]),
         singular_time=float(motion.time[worst]),
         margin=margin,
-        speeds=dict(zip(mechanism.actuated, map(float, fastest), strict=True)),
+        speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
     )
