@@ -166,7 +166,7 @@ def _follow(
         active = (done < 1.0) & (step >= shortest_step)
     q = measured.write(q, targets)
     residual = measured.closure_gap(q, targets)
-    assembled = (done >= 1.0) & (residual <= tolerance)
+    assembled = (done >= 1.0) & (residual <= max(tolerance, 2.0 * measured.mechanism.closure_gap))
     return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
 
 

@@ -115,7 +115,7 @@ def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Gener
     units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen))) * units * parts
     q, gap = displaced(mechanism, q, steps)
-    return q[gap <= CLOSURE_TOLERANCE]
+    return q[gap <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_gap)]
 
 
 def random_motions(
@@ -151,4 +151,9 @@ def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _inside(mechanism: Mechanism, q: FloatArray) -> BoolArray:
     lower, upper = mechanism.position_limits
-    return np.asarray(~((q < lower - 1e-9) | (q > upper + 1e-9)).any(axis=1), dtype=bool)
+    outside = (q < lower - 1e-9) | (q > upper + 1e-9)
+    # Files often give a mimicking joint limits that its leader does not let it keep.
+    following = {name for coupling in mechanism.couplings for name in coupling.joints}
+    for name in following - {*mechanism.independent}:
+        outside[:, mechanism.joint(name).idx_q] = False
+    return np.asarray(~outside.any(axis=1), dtype=bool)

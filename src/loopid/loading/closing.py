@@ -24,8 +24,11 @@ from loopid.seeds import random_generator
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
 LIMIT_TOLERANCE = 1e-6  # rad or m
-# Redundant equations of a rounded file contradict each other by this fraction of its length.
-ROUNDING = 1e-6
+# Fractions of the characteristic length. Redundant equations of a file with rounded numbers
+# contradict each other: up to the first the rank of the closures is still clear, up to the second
+# rounding is the likely reason.
+ROUNDING = 1e-9
+LIKELY_ROUNDING = 1e-4
 
 
 def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
@@ -51,7 +54,7 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     best = (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
-        if gap > ROUNDING * mechanism.length:
+        if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
         if not closed:
             mechanism = _with_independent(mechanism, q)
@@ -71,7 +74,7 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
             ClosureWarning,
             stacklevel=4,
         )
-    return replace(mechanism, reference=chosen)
+    return replace(mechanism, reference=chosen, closure_gap=left)
 
 
 def _with_independent(mechanism: Mechanism, q: FloatArray) -> Mechanism:
@@ -161,6 +164,11 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     name = mechanism.row_names[int(residual.argmax())]
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
+    if residual.max() < LIKELY_ROUNDING * mechanism.length:
+        hint = (
+            ": the numbers of the file seem rounded, so that redundant equations contradict each "
+            "other; give more digits, or closures with fewer rows"
+        )
     return (
         f"{mechanism.path}: {origin}: closure {name} stays open by "
         f"{residual.max():.1e} m (tolerance {CLOSURE_TOLERANCE:g} m){hint}"

@@ -63,6 +63,8 @@ class Mechanism:
         Links declared alike.
     tied : bool
         Whether links declared alike share their parameters.
+    closure_gap : float
+        Residual in m that is left at the reference, where the file's numbers are rounded.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Mechanism:
     redundant: tuple[str, ...] = ()
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
+    closure_gap: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))

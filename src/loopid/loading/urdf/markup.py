@@ -11,6 +11,7 @@ from typing import Any
 from lxml import etree
 
 from loopid.errors import RobotFileError
+from loopid.loading.urdf.angles import exact_angle
 
 Element = etree._Element
 # What the tree is made of. Geometry, materials and extensions may be broken without harm.
@@ -123,7 +124,8 @@ def numbers(
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
     try:
-        values = tuple(float(word) for word in text.split())
+        read = exact_angle if attribute == "rpy" else float
+        values = tuple(read(word) for word in text.split())
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):

@@ -25,7 +25,7 @@ def find_motors(
         dependent = {name for name, value in independent.items() if not value}
         return [name for name in moving if name not in dependent | mimics]
     followers = mimics | coupled
-    named = _named_by_transmissions(root, robot) if followers or looped else []
+    named = _named_by_transmissions(root, robot) if looped else []
     if not named and not followers:
         return None
     return [name for name in moving if name in (named or moving) and name not in followers]

@@ -1,0 +1,56 @@
+"""Angles printed with a few digits mean the multiples of 15 degrees that print alike."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid.loading.urdf.angles import DECIMALS, STEP, exact_angle
+
+steps = st.integers(-24, 24).filter(bool)
+
+
+@given(steps, st.sampled_from(DECIMALS))
+def test_a_multiple_is_found_from_its_digits(k, decimals):
+    assert exact_angle(f"{k * STEP:.{decimals}f}") == k * STEP
+
+
+@given(steps, st.sampled_from(DECIMALS), st.sampled_from([-1, 1]))
+def test_one_digit_off_is_meant_as_written(k, decimals, sign):
+    text = f"{k * STEP + sign * 2 * 10.0**-decimals:.{decimals}f}"
+    assert exact_angle(text) == float(text)
+
+
+@pytest.mark.parametrize("text", ["1.57", "1.571", "0", "-0", "0.0000", "1e-17", "2.11941"])
+def test_other_angles_stay(text):
+    assert exact_angle(text) == float(text)
+
+
+@pytest.mark.parametrize("text", ["1.57080e0", "1.5707963267948966"])
+def test_all_digits_stay(text):
+    assert exact_angle(text) == float(text)
+
+
+PENDULUMS = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper">{body}</link><link name="fore">{body}</link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <origin rpy="{quarter} 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.3 0 0" rpy="{turn} 0 0"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+BODY = """<inertial><origin xyz="0.1 0.02 0.03"/><mass value="1"/>
+  <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>"""
+
+
+@pytest.mark.parametrize("decimals", [4, 5, 6, 9, 16])
+def test_rounding_invents_no_parameters(tmp_path, decimals):
+    angles = {"quarter": f"{math.pi / 2:.{decimals}f}", "turn": f"{math.pi:.{decimals}f}"}
+    (tmp_path / "arm.urdf").write_text(PENDULUMS.format(body=BODY, **angles))
+    robot = load_mechanism(tmp_path / "arm.urdf")
+    for model, count in (("gravity", 4), ("full", 6)):
+        found = find_base_parameters(structural_observation(robot, model))
+        assert len(found) == count
+        assert found.structure.rank_gap > 1e9
