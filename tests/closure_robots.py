@@ -42,7 +42,7 @@ def body(name, centre=(0.1, 0.02, -0.03), mass=1.0):
 def joint(
     name, parent, child, xyz=(0, 0, 0), axis=Z, kind="revolute", rpy=(0, 0, 0), limits=(-3, 3)
 ):
-    limit = LIMIT.format(*limits) if kind in ("revolute", "prismatic") else ""
+    limit = "" if kind in ("fixed", "continuous") else LIMIT.format(*limits)
     texts = (numbers(values) for values in (xyz, axis, rpy))
     fields = dict(zip(("xyz", "axis", "rpy"), texts, strict=True))
     return JOINT.format(name=name, kind=kind, parent=parent, child=child, limit=limit, **fields)

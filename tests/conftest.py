@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import settings
 
-from closure_robots import files
+from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
 from loopid import load_mechanism, random_configurations
 from loopid.errors import MobilityWarning
@@ -100,35 +100,24 @@ def write_robot(generator, write_files):
     return write
 
 
-AXES = ("1 0 0", "0 1 0", "0 0 1")
-LINK = """<link name="{0}"><inertial>
-  <origin xyz="{1}" rpy="0 0 0"/><mass value="{2}"/>
-  <inertia ixx="0.02" ixy="0.001" ixz="0.002" iyy="0.03" iyz="-0.001" izz="0.025"/>
-</inertial></link>
-"""
-JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/>
-  <origin xyz="{4}" rpy="{5}"/><axis xyz="{6}"/>
-  <limit lower="-7" upper="7" effort="1" velocity="1"/>
-</joint>
-"""
+WIDE = (-7, 7)
 
 
 def hinge(name, parent, child, distance, kind="revolute"):
-    return JOINT.format(name, kind, parent, child, f"{distance} 0 0", "0 0 0", "0 -1 0")
+    return joint(name, parent, child, (distance, 0, 0), (0, -1, 0), kind, limits=WIDE)
 
 
 # The links stand in another order than the joints, and the motor turns without end.
-FOUR_BAR = (
-    '<robot name="four_bar"><link name="ground"/><link name="pivot"/><link name="end"/>\n'
-    + LINK.format("rocker", "0.15 0.02 0.1", 1.5)
-    + LINK.format("crank", "0.05 0.01 0.05", 0.8)
-    + LINK.format("coupler", "0.25 -0.03 -0.04", 2.0)
-    + hinge("crank_joint", "ground", "crank", 0, "continuous")
-    + hinge("coupler_joint", "crank", "coupler", 0.2)
-    + hinge("rocker_joint", "coupler", "rocker", 0.45)
-    + hinge("end_joint", "rocker", "end", 0.4, "END_TYPE")
-    + hinge("pivot_mount", "ground", "pivot", 0.5, "fixed")
-    + "</robot>\n"
+FOUR_BAR = urdf(
+    '<link name="pivot"/><link name="end"/>\n',
+    body("rocker", (0.15, 0.02, 0.1), 1.5),
+    body("crank", (0.05, 0.01, 0.05), 0.8),
+    body("coupler", (0.25, -0.03, -0.04), 2.0),
+    hinge("crank_joint", "ground", "crank", 0, "continuous"),
+    hinge("coupler_joint", "crank", "coupler", 0.2),
+    hinge("rocker_joint", "coupler", "rocker", 0.45),
+    hinge("end_joint", "rocker", "end", 0.4, "END_TYPE"),
+    hinge("pivot_mount", "ground", "pivot", 0.5, "fixed"),
 )
 FOUR_BAR_LOOP = """urdf: robot.urdf
 closed_loop: [[end, pivot]]
@@ -193,15 +182,12 @@ def weld(write_files):
         parts = []
         for leg in (1, 2, 3):
             socket, chain = f"socket{leg}", [f"leg{leg}_stem", *(f"ball{leg}{k}" for k in "xyz")]
-            parts += [f'<link name="{name}"/>\n' for name in (socket, *chain[1:])]
-            for (parent, ball), axis in zip(pairwise(chain), AXES, strict=True):
-                name = f"{ball}_joint"
-                parts.append(JOINT.format(name, "revolute", parent, ball, "0 0 0", "0 0 0", axis))
+            parts += [f'<link name="{name}"/>\n' for name in chain[1:]]
+            for (parent, ball), axis in zip(pairwise(chain), (X, Y, Z), strict=True):
+                parts.append(joint(f"{ball}_joint", parent, ball, axis=axis, limits=WIDE))
             place = at["platform"].actInv(at[chain[0]])
-            xyz, rpy = place.translation, pin.rpy.matrixToRpy(place.rotation)
-            xyz, rpy = (" ".join(map(repr, vector.tolist())) for vector in (xyz, rpy))
-            mount = f"{socket}_mount"
-            parts.append(JOINT.format(mount, "fixed", "platform", socket, xyz, rpy, "0 0 1"))
+            rpy = pin.rpy.matrixToRpy(place.rotation)
+            parts.append(frame(socket, "platform", place.translation, rpy))
         text = file.with_suffix(".urdf").read_text()
         yaml = re.sub(r"leg(\d)_stem, platform_B\d", r"ball\1z, socket\1", file.read_text())
         yaml = re.sub(r"urdf: .*", "urdf: robot.urdf", yaml.replace("'3d'", "'6d'"))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from closure_robots import body, urdf
 from loopid import JointTerms, platform_coordinates
 from loopid.kinematics import measured_coordinates
 from loopid.logs import Recording
@@ -9,21 +10,15 @@ from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import FourierSeries, Waypoint, joint_motion, point_to_point
 
 FRICTION = {"Fc": (17.0, 22.0, 19.0, 230.0), "Fv": (320.0, 320.0, 320.0, 2000.0)}
-LINK = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0 0 0"/><mass value="{2}"/>
-  <inertia ixx="0.02" ixy="0.001" ixz="0.002" iyy="0.03" iyz="-0.001" izz="0.025"/>
-</inertial></link>
-"""
 HINGE = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
   <origin xyz="0 0 {3}" rpy="0 0 0"/><axis xyz="{4}"/>
   <limit lower="-3" upper="3" effort="500" velocity="20"/></joint>
 """
-ARM = (
-    '<robot name="arm"><link name="ground"/>\n'
-    + LINK.format("upper", "0.02 0.01 0.2", 3.0)
-    + LINK.format("lower", "0.03 -0.02 0.15", 2.0)
-    + HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0")
-    + HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0")
-    + "</robot>\n"
+ARM = urdf(
+    body("upper", (0.02, 0.01, 0.2), 3.0),
+    body("lower", (0.03, -0.02, 0.15), 2.0),
+    HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0"),
+    HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
 )
 
 

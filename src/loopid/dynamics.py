@@ -17,7 +17,6 @@ import numpy as np
 from loopid.arrays import FloatArray, samples
 from loopid.errors import SingularityError
 from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
-from loopid.kinematics.scaling import coordinate_scales
 from loopid.mechanism import Mechanism
 from loopid.regressors import motion_regressor, tree_regressor
 from loopid.regressors.parts import standard_values
@@ -66,7 +65,7 @@ def forward_dynamics(
     motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
     left = _motor_forces(mechanism, motion, forces) - motion_regressor(mechanism, motion) @ pi
     inertia = closed_inertia(mechanism, motion, pi)
-    accelerations = _balanced(mechanism, motion, inertia, left)
+    accelerations = _balanced(mechanism, inertia, left)
     steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
     return replace(motion, accelerations=motion.gamma + steps)
 
@@ -91,14 +90,11 @@ def _motor_forces(mechanism: Mechanism, motion: ClosedMotion, forces: FloatArray
     return np.asarray(np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau))
 
 
-def _balanced(
-    mechanism: Mechanism, motion: ClosedMotion, inertia: FloatArray, forces: FloatArray
-) -> FloatArray:
+def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
     """Independent accelerations (N, dof), solved with inertias of comparable size."""
-    units = coordinate_scales(mechanism)[motion.projection.independent]
-    own = np.abs(np.einsum("nii->ni", inertia)) * units**2
+    own = np.abs(np.einsum("nii->ni", inertia))
     most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
-    scales = units / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
+    scales = 1.0 / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
     matrix = scales[:, :, None] * inertia * scales[:, None, :]
     target = scales * forces
     solution = Factorisation.of(matrix).solve(target[:, :, None])

@@ -63,15 +63,14 @@ def test_coordinates_that_may_not_move_do_not(close, linkage):
     np.testing.assert_array_equal(q[:, motors], start[:, motors])
 
 
-@pytest.mark.parametrize("name", ["cross rssr", "hinge four-bar", "rack and pinion"])
-def test_continuation_finds_the_closed_configuration_nearby(name, linkage):
-    robot = linkage(name)
-    q = random_configurations(robot, 8, margin=0.1)
-    passive = robot.velocity_indices(robot.passive)
+def test_continuation_finds_back_from_afar(mechanism):
+    q = random_configurations(mechanism, 40)
+    passive = mechanism.velocity_indices(mechanism.passive)
     start = q.copy()
-    start[:, passive] += np.random.default_rng(1).uniform(-0.05, 0.05, (8, len(passive)))
-    found, _ = close_by_continuation(robot, start, passive)
-    np.testing.assert_allclose(found, q, atol=1e-9)
+    start[:, passive] += np.random.default_rng(1).uniform(-1, 1, (40, len(passive)))
+    found, _ = close_by_continuation(mechanism, start, passive)
+    # Newton's method alone does so from 17 of these starts.
+    assert (np.abs(found - q).max(axis=1) < 1e-8).sum() > 25
 
 
 def reach(bars, angle):

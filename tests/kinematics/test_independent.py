@@ -31,6 +31,14 @@ def test_motors_keep_their_order(motors, load_files):
     assert load_files(*five_bar(motors)).independent == motors
 
 
+@pytest.mark.parametrize("first", [("left_joint", "right_joint"), ("right_joint", "left_elbow")])
+def test_of_too_many_motors_the_first_ones_count_in_their_order(first, linkage):
+    robot = linkage("redundant five-bar")
+    others = (name for name in robot.actuated if name not in first)
+    robot = replace(robot, actuated=(*first, *others))
+    assert independent_coordinates(robot, robot.reference[None]) == first
+
+
 def test_a_motor_that_cannot_move_is_no_coordinate(load_files):
     # The weld of the knuckle to the ground stops its hinge: rows, but no motion.
     robot = load_files(*four_bar("6d"))

@@ -159,16 +159,30 @@ def drive(name):
     return f'<transmission name="drive"><joint name="{name}"/></transmission>'
 
 
-def test_transmissions_name_the_motors_of_a_robot_with_closures(read):
-    follower = (body("tip"), mimicking("wrist"))
-    source = read(*BRANCHES, *follower, drive("wrist"), drive("finger"), drive("shoulder"))
+FOLLOWER = (body("tip"), mimicking("wrist"))
+LOOP = (
+    body("closing_pin_1"),
+    body("closing_pin_2"),
+    joint("pin_1", "tip", "closing_pin_1", kind="fixed"),
+    joint("pin_2", "base", "closing_pin_2", kind="fixed"),
+)
+
+
+def test_transmissions_name_the_motors_of_a_robot_with_loops(read):
+    drives = drive("wrist"), drive("finger"), drive("shoulder")
+    source = read(*BRANCHES, *FOLLOWER, *LOOP, *drives)
     assert source.description.name_mot == ["shoulder", "wrist"]
+
+
+def test_without_loops_every_joint_that_follows_none_has_a_motor(read):
+    source = read(*BRANCHES, *FOLLOWER, drive("wrist"))
+    assert source.description.name_mot == ["shoulder", "wrist", "hub"]
     assert read(*BRANCHES, drive("wrist")).description.name_mot is None
 
 
 def test_a_transmission_of_an_unknown_joint_is_refused(read):
     with pytest.raises(RobotFileError, match=r"<transmission name='drive'>: unknown joint 'elbow'"):
-        read(*BRANCHES, body("tip"), mimicking("wrist"), drive("elbow"))
+        read(*BRANCHES, *FOLLOWER, *LOOP, drive("elbow"))
 
 
 # What is left out.

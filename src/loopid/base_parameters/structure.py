@@ -134,7 +134,10 @@ def _nonzero_columns(observation: Observation) -> IntArray:
     natural = observation.natural_size * np.sqrt(observation.rows)
     largest = max(float(norms.max(initial=0.0)), natural)
     if (norms <= ZERO_COLUMN * largest).all():
-        raise RankError("no parameter has an effect: every column of the regressor is zero")
+        raise RankError(
+            "no parameter has an effect: every column of the regressor is zero, as at rest where "
+            "gravity moves no joint"
+        )
     relative = norms / largest
     doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
     if doubtful.any():

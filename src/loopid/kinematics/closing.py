@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import scaled_constraint
@@ -19,6 +19,11 @@ POLISH_STEPS = 12
 LONGEST_STEP = 0.3  # rad or characteristic lengths
 FIRST_DAMPING = 0.1  # characteristic lengths, the unit of the scaled Jacobian
 CONTINUATION_STEPS = 20
+# In characteristic lengths: the error from which on plain steps do better, and the damping at
+# which nothing helps.
+DONE = 1e-9
+STUCK = 1e3
+WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
 
 
 def close_loops(
@@ -67,22 +72,29 @@ def _descend(
     mechanism: Mechanism, q: FloatArray, movable: IntArray, goal: FloatArray
 ) -> FloatArray:
     """Levenberg-Marquardt steps towards a residual, inside the limits."""
-    q, damping = q.copy(), np.full(len(q), FIRST_DAMPING * mechanism.length)
-    residual, jacobian = scaled_constraint(mechanism, q)
-    error = np.linalg.norm(residual - goal, axis=1)
-    for _ in range(STEPS):
-        if not len(movable) or not (error > 1e-9 * mechanism.length).any():
+    q, length = q.copy(), mechanism.length
+    damping = np.full(len(q), FIRST_DAMPING * length)
+    residual, jacobian = _open_by(mechanism, q, goal)
+    error = np.linalg.norm(residual, axis=1)
+    for _ in range(STEPS if len(movable) else 0):
+        k = np.flatnonzero((error > DONE * length) & (damping < STUCK * length))
+        if not len(k):
             break
-        tried = _tried(mechanism, q, movable, jacobian, residual - goal, damping)
-        there, jacobian_there = scaled_constraint(mechanism, tried)
-        error_there = np.linalg.norm(there - goal, axis=1)
-        better = error_there < error
-        q[better], residual[better] = tried[better], there[better]
-        jacobian, error = _where(better, jacobian_there, jacobian), np.fmin(error, error_there)
-        damping *= np.where(better, 0.3, 4.0)
-        if (damping > 1e6 * mechanism.length).all():
-            break
+        tried = _tried(mechanism, q[k], movable, jacobian[k], residual[k], damping[k])
+        there, jacobian_there = _open_by(mechanism, tried, goal[k])
+        error_there = np.linalg.norm(there, axis=1)
+        damping[k] *= np.where(error_there < WORTHWHILE * error[k], 0.3, 4.0)
+        better = error_there < error[k]
+        q[k[better]], residual[k[better]] = tried[better], there[better]
+        jacobian[k[better]], error[k[better]] = jacobian_there[better], error_there[better]
     return q
+
+
+def _open_by(
+    mechanism: Mechanism, q: FloatArray, goal: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    residual, jacobian = scaled_constraint(mechanism, q)
+    return residual - goal, jacobian
 
 
 def _tried(
@@ -114,10 +126,6 @@ def _first_positions(mechanism: Mechanism) -> IntArray:
     """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
     joints = [mechanism.joint(name) for name in mechanism.joints]
     return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
-
-
-def _where(rows: BoolArray, one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.where(rows[:, None, None], one, other)
 
 
 def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:

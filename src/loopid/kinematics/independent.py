@@ -41,7 +41,7 @@ def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) ->
     motors = mechanism.velocity_indices(mechanism.actuated)
     chosen = _independent_motors(generic, motors)
     passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
-    chosen = _completed(generic, chosen, passive)
+    chosen = _completed(generic, chosen, passive, generic.shape[2])
     return tuple(mechanism.coordinates[k] for k in chosen)
 
 
@@ -58,16 +58,18 @@ def _independent_motors(spaces: FloatArray, motors: IntArray) -> list[int]:
                 own = _remainder(spaces, chosen)[:, motor]
                 if np.linalg.norm(own, axis=1).min() > least:
                     chosen.append(int(motor))
-    return sorted(chosen, key=list(motors).index)
+    return sorted(_completed(spaces, chosen, motors, rank), key=list(motors).index)
 
 
-def _completed(spaces: FloatArray, chosen: list[int], passive: IntArray) -> list[int]:
-    """The motors, then the passive coordinates that are freest of those chosen before."""
+def _completed(
+    spaces: FloatArray, chosen: list[int], candidates: IntArray, count: int
+) -> list[int]:
+    """Add those of the candidates that are freest of the ones chosen before, up to a count."""
     chosen = list(chosen)
-    while len(chosen) < spaces.shape[2]:
-        own = np.linalg.norm(_remainder(spaces, chosen)[:, passive], axis=2).min(axis=0)
+    while len(chosen) < count:
+        own = np.linalg.norm(_remainder(spaces, chosen)[:, candidates], axis=2).min(axis=0)
         # Rounded, so that round-off does not choose among equals: the first one wins.
-        chosen.append(int(passive[np.round(own, 6).argmax()]))
+        chosen.append(int(candidates[np.round(own, 6).argmax()]))
     return chosen
 
 

@@ -23,6 +23,7 @@ from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
+ENOUGH = 24  # closed configurations to choose the best of, where none suits
 LIMIT_TOLERANCE = 1e-6  # rad or m
 # Fractions of the characteristic length. Redundant equations of a file with rounded numbers
 # contradict each other: up to the first the rank of the closures is still clear, up to the second
@@ -59,11 +60,11 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
         if not closed:
             mechanism = _with_independent(mechanism, q)
         closed.append(q)
-        if _suits(mechanism, q):
+        if _suits(mechanism, q) or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
-    chosen = closed[-1] if _suits(mechanism, closed[-1]) else closed[0]
+    chosen = _most_suitable(mechanism, closed)
     outside = _outside(mechanism, chosen)
     if outside:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
@@ -74,7 +75,19 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
             ClosureWarning,
             stacklevel=4,
         )
-    return replace(mechanism, reference=chosen, closure_gap=left)
+    return replace(
+        mechanism, reference=chosen, closure_gap=left if left > CLOSURE_TOLERANCE else 0.0
+    )
+
+
+def _most_suitable(mechanism: Mechanism, closed: list[FloatArray]) -> FloatArray:
+    """The last one if it suits, else the most regular inside the limits, else the first one."""
+    if _suits(mechanism, closed[-1]):
+        return closed[-1]
+    inside = [q for q in closed if not _outside(mechanism, q)]
+    if not inside:
+        return closed[0]
+    return inside[int(singularity_measure(mechanism, np.stack(inside)).argmax())]
 
 
 def _with_independent(mechanism: Mechanism, q: FloatArray) -> Mechanism:

@@ -112,6 +112,14 @@ class Description(Section):
     def _aliases(cls, value: Any) -> Any:
         return [canonical_kind(kind) for kind in value] if isinstance(value, list) else value
 
+    @field_validator("joint_type", mode="before")
+    @classmethod
+    def _cardan(cls, value: Any) -> Any:
+        """The name that Gepetto's files had for a universal joint before."""
+        if not isinstance(value, list):
+            return value
+        return ["UJOINT_XY" if kind == "CARDAN" else kind for kind in value]
+
     @model_validator(mode="after")
     def _lists_match(self) -> Description:
         for first, second in (("closed_loop", "type"), ("joint_name", "joint_type")):

@@ -44,7 +44,9 @@ def build_tree(
     whole = [*description.joints_of_type("FIXED"), *(n for n in locked if turns[n] is None)]
     model = _locked(file, source.model, whole, description.reference)
     if model.nv == 0:
-        raise RobotFileError(f"{source.file}: no joint can move")
+        raise RobotFileError(
+            f"{source.file}: no joint can move, unless its base floats (floating_base: true)"
+        )
     return replace(source, model=model)
 
 

@@ -85,7 +85,7 @@ class Mechanism:
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
 
-    @property
+    @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints of the tree, in Pinocchio's order."""
         return tuple(self.model.names)[1:]

@@ -1,0 +1,115 @@
+"""What can move, what the motors leave free, and any choice of coordinates that says it."""
+
+import numpy as np
+import pytest
+
+from closure_robots import loop
+from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
+from loopid import (
+    load_mechanism,
+    mobility,
+    random_configurations,
+)
+from loopid.errors import MobilityError, MobilityWarning, RobotFileError, SingularityWarning
+from loopid.kinematics.nearby import nearby_configurations
+
+BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))
+# Bars that can lie on one line, and how they do.
+FLAT = {
+    "parallelogram": (BARS | {"crank": 0.2, "rocker": 0.2, "coupler": 0.5}, (0, 0, np.pi)),
+    "kite": (BARS | {"crank": 0.5, "coupler": 0.3, "rocker": 0.3}, (0, np.pi, np.pi)),
+    "change point": (BARS | {"rocker": 0.25}, (np.pi, np.pi, 0)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.*outside the limits")
+@pytest.mark.parametrize("name", FLAT)
+def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files):
+    bars, angles = FLAT[name]
+    parts, description = four_bar("hinge", bars)
+    joints = ("crank_joint", "coupler_joint", "rocker_joint")
+    description["reference"] = dict(zip(joints, angles, strict=True))
+    with pytest.warns(SingularityWarning, match="2 degrees of freedom there, 1 around it"):
+        robot = load_files(parts, description)
+    found = mobility(robot)
+    assert found.singular
+    assert (found.degrees_of_freedom, found.generic_degrees_of_freedom) == (2, 1)
+    assert robot.independent == ("crank_joint",)
+    around = nearby_configurations(robot, robot.reference)[1:]
+    assert len(around) > 4
+    assert not any(mobility(robot, q).singular for q in around)
+
+
+def test_the_spin_of_a_rod_is_named(write_files, linkage):
+    robot = linkage("ball rssr")
+    assert robot.free == mobility(robot).undetermined == ("ball.wx",)
+    with pytest.warns(MobilityWarning, match=r"the motors leave ball\.wx free"):
+        load_mechanism(robot.path)
+
+
+def test_a_flying_robot_has_six_freedoms_more(load_files):
+    robot = load_files(*five_bar(), floating_base=True)
+    assert robot.independent == ("left_joint", "right_joint", *BASE)
+    assert robot.free == mobility(robot).undetermined == BASE
+    assert mobility(robot).degrees_of_freedom == 8
+
+
+def test_a_motor_too_many_is_redundant(linkage):
+    robot = linkage("redundant five-bar")
+    assert robot.actuated == ("left_joint", "right_joint", "left_elbow")
+    assert robot.independent == ("left_joint", "right_joint")
+    assert robot.redundant == mobility(robot).redundant == ("left_elbow",)
+
+
+def test_where_nothing_can_move_there_is_no_robot(load_files):
+    parts, description = loop("hinge", seed=4)
+    stop = {
+        "type": "coupling",
+        "joints": {"joint1": 1.0},
+        "offset": description["reference"]["joint1"],
+    }
+    with pytest.raises(MobilityError, match=r"robot\.yaml: .* no degree of freedom: nothing can"):
+        load_files(parts, description | {"closures": [*description["closures"], stop]})
+
+
+@pytest.mark.parametrize("turn", ["ball.wx", "ball.wz"])
+def test_a_rod_whose_turn_is_locked_has_no_spin(turn, load_files, linkage):
+    robot = load_files(*LINKAGES["ball rssr"], lock=[turn])
+    assert robot.independent == ("crank_joint",)
+    assert robot.free == ()
+    # However the rod's spin is stopped, crank and rocker do the same.
+    q = random_configurations(linkage("cross rssr"), 5, seed=2)
+    cranks = [
+        r.velocity_indices(["crank_joint", "rocker_joint"]) for r in (robot, linkage("cross rssr"))
+    ]
+    np.testing.assert_allclose(
+        random_configurations(robot, 5, seed=2)[:, cranks[0]], q[:, cranks[1]], atol=1e-9
+    )
+
+
+def test_a_locked_joint_takes_a_freedom(load_files):
+    robot = load_files(*five_bar(), lock=["right_joint"])
+    assert robot.independent == ("left_joint",)
+    assert mobility(robot).degrees_of_freedom == robot.model.nv - 2 == 1
+
+
+def test_a_locked_leader_holds_its_follower(load_files):
+    parts, description = rack_and_pinion()
+    description["reference"] = {"pinion_joint": 0.8}
+    robot = load_files(parts, description, lock=["pinion_joint"])
+    assert robot.independent == ("arm_joint",)
+    held = robot.reference[robot.velocity_indices(["rack_joint"])]
+    np.testing.assert_allclose(held, 0.1 + 0.05 * 0.8, atol=1e-12)
+
+
+def test_couplings_that_contradict_each_other_are_refused(load_files):
+    parts, description = rack_and_pinion()
+    gear = description["closures"][0]
+    again = {"type": "coupling", "joints": {n: 2 * c for n, c in gear["joints"].items()}}
+    for offset in (0.2, 0.3):
+        closures = [gear, again | {"offset": offset}]
+        if offset == 0.2:
+            assert mobility(load_files(parts, description | {"closures": closures})).rank == 1
+            continue
+        with pytest.raises(RobotFileError, match=r"coupling .*pinion_joint.* contradicts"):
+            load_files(parts, description | {"closures": closures})
