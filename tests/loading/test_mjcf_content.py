@@ -245,6 +245,14 @@ def test_actuators_that_drive_no_joint_are_named(read_arm):
     assert note.startswith("actuators number 0, winch are not modelled")
 
 
+def test_that_no_actuator_drives_a_joint_is_said(read_arm):
+    source = read_arm(TENDONS, '<actuator><motor name="winch" tendon="rope"/></actuator>')
+    assert source.description.name_mot is None
+    assert source.notes[1:] == (
+        "no actuator tells the motors: without 'name_mot' all hinges and slides count",
+    )
+
+
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [

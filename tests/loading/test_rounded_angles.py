@@ -1,4 +1,4 @@
-"""Angles printed with a few digits mean the multiples of 15 degrees that print alike."""
+"""Angles printed with a few digits mean the multiples of 5 degrees that print alike."""
 
 import math
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.loading.urdf.angles import DECIMALS, STEP, exact_angle
 
-steps = st.integers(-24, 24).filter(bool)
+steps = st.integers(-72, 72).filter(bool)
 
 
 @given(steps, st.sampled_from(DECIMALS))
@@ -17,8 +17,18 @@ def test_a_multiple_is_found_from_its_digits(k, decimals):
     assert exact_angle(f"{k * STEP:.{decimals}f}") == k * STEP
 
 
+@given(steps, st.sampled_from(DECIMALS))
+def test_digits_may_be_cut_off(k, decimals):
+    cut = math.trunc(k * STEP * 10**decimals) / 10**decimals
+    assert exact_angle(f"{cut:.{decimals}f}") == k * STEP
+
+
+def test_half_a_turn_may_be_twice_a_quarter_that_was_cut_off():
+    assert exact_angle("3.14158") == math.pi
+
+
 @given(steps, st.sampled_from(DECIMALS), st.sampled_from([-1, 1]))
-def test_one_digit_off_is_meant_as_written(k, decimals, sign):
+def test_two_digits_off_is_meant_as_written(k, decimals, sign):
     text = f"{k * STEP + sign * 2 * 10.0**-decimals:.{decimals}f}"
     assert exact_angle(text) == float(text)
 

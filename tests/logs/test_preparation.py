@@ -232,7 +232,7 @@ def test_another_start_is_another_branch(knee, log, truth):
 
 
 def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
-    with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of four_bar are crank"):
+    with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of small are crank"):
         prepare_recording(four_bars["3d"], log)
     for name in ("idle_speed", "saturation"):
         for value in (0.0, -1.0, np.ones(3)):

@@ -175,7 +175,8 @@ def _refuse_insufficient(measured: MeasuredCoordinates) -> None:
     if found < unknown:
         raise MobilityError(
             f"the measured coordinates determine {found} of the {unknown} other coordinates of "
-            f"{measured.mechanism.name} at its reference: give more, or others"
+            f"{measured.mechanism.name} at its reference: give more, or others, or a reference "
+            "that is not singular"
         )
     _, closure = scaled_constraint(measured.mechanism, q)
     if int(Factorisation.of(closure).rank[0]) > found:

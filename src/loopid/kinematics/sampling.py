@@ -12,15 +12,16 @@ from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
 from loopid.kinematics.displacement import displaced
 from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
+from loopid.kinematics.projection import partition, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator
 
 DEFAULT_MARGIN = 0.02
+LEAST_MARGIN = 1e-4
 ATTEMPTS_PER_SAMPLE = 200
 BATCH = 64  # draws assembled together
 FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
-NARROWER = 0.7  # ... by this factor ...
+NARROWER = 0.5  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
@@ -44,7 +45,7 @@ def random_configurations(
         Same seed, same configurations; a larger count only adds more.
     margin : float, optional
         Least singularity measure, see ``Projection.singularity``; by default 0.02, or less where
-        the geometry hardly allows it, but not below ``NEAR_SINGULARITY``.
+        the geometry hardly allows it, but not below ``LEAST_MARGIN``.
 
     Returns
     -------
@@ -68,23 +69,33 @@ def configuration_batches(
     generator = random_generator(seed)
     home, lower, upper = _ranges(mechanism)
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
-    found = drawn = 0
+    drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
-            raise AssemblyError(
-                f"only {found} of {drawn} random draws of {mechanism.name} close with a "
-                f"singularity measure of at least {draw.margin:g}: lower the margin or check the "
-                "limits"
-            )
+            raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
         values = generator.uniform(lower, upper, size=(BATCH, len(lower)))
         q = _closed(mechanism, home + draw.spread * (values - home), generator)
-        q = q[_inside(mechanism, q)]
+        outside = _outside(mechanism, q)
+        q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         regular = q[singularity_measure(mechanism, q) >= draw.margin]
         draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
         regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
+
+
+def _too_few(
+    mechanism: Mechanism, found: int, drawn: int, margin: float, broken: FloatArray
+) -> str:
+    worst = next(
+        (n for n in mechanism.joints if mechanism.joint(n).idx_q == int(broken.argmax())), ""
+    )
+    limits = f" ({worst} broke them {int(broken.max())} times)" if broken.any() else ""
+    return (
+        f"only {found} of {drawn} random draws of {mechanism.name} close with a singularity "
+        f"measure of at least {margin:g}: lower the margin or check the limits{limits}"
+    )
 
 
 @dataclass(frozen=True)
@@ -100,7 +111,7 @@ class _Draw:
         if closed < FEW * BATCH:
             spread = max(NARROWER * spread, LEAST_SPREAD)
         if regular < FEW * closed and not fixed_margin:
-            margin = max(0.5 * margin, NEAR_SINGULARITY)
+            margin = max(0.5 * margin, LEAST_MARGIN)
         return _Draw(spread, margin)
 
 
@@ -108,6 +119,7 @@ def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Gener
     """Configurations at values of the measured joints, where they close, all else at random."""
     assembly = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
     q = assembly.configurations[assembly.assembled]
+    q = q[~_outside(mechanism, q).any(axis=1)]
     parts = np.array([name not in mechanism.measured for name in mechanism.independent])
     if not parts.any():
         return q
@@ -149,11 +161,12 @@ def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
     return home, lower, upper
 
 
-def _inside(mechanism: Mechanism, q: FloatArray) -> BoolArray:
+def _outside(mechanism: Mechanism, q: FloatArray) -> BoolArray:
+    """Which positions (N, nq) are outside the limits."""
     lower, upper = mechanism.position_limits
-    outside = (q < lower - 1e-9) | (q > upper + 1e-9)
+    outside: BoolArray = np.asarray((q < lower - 1e-9) | (q > upper + 1e-9), dtype=bool)
     # Files often give a mimicking joint limits that its leader does not let it keep.
     following = {name for coupling in mechanism.couplings for name in coupling.joints}
     for name in following - {*mechanism.independent}:
         outside[:, mechanism.joint(name).idx_q] = False
-    return np.asarray(~outside.any(axis=1), dtype=bool)
+    return outside

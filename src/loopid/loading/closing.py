@@ -51,53 +51,51 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     ClosureWarning
         When it closes only as far as the file's numbers are rounded.
     """
-    closed: list[FloatArray] = []
+    closed: list[Mechanism] = []
     best = (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
-        if not closed:
-            mechanism = _with_independent(mechanism, q)
-        closed.append(q)
-        if _suits(mechanism, q) or len(closed) == ENOUGH:
+        closed.append(_at(mechanism, q))
+        if _suits(closed[-1]) or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
-    chosen = _most_suitable(mechanism, closed)
-    outside = _outside(mechanism, chosen)
+    chosen = _most_suitable(closed)
+    outside = _outside(chosen)
     if outside:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
-    left = float(constraint_gap(mechanism, chosen[None])[0])
-    if left > CLOSURE_TOLERANCE:
+    if chosen.closure_gap:
         warnings.warn(
-            f"{mechanism.path}: the loops close to {left:.1e} m only: its numbers are rounded",
+            f"{mechanism.path}: the loops close to {chosen.closure_gap:.1e} m only: its numbers "
+            "are rounded",
             ClosureWarning,
             stacklevel=4,
         )
-    return replace(
-        mechanism, reference=chosen, closure_gap=left if left > CLOSURE_TOLERANCE else 0.0
-    )
+    return chosen
 
 
-def _most_suitable(mechanism: Mechanism, closed: list[FloatArray]) -> FloatArray:
-    """The last one if it suits, else the most regular inside the limits, else the first one."""
-    if _suits(mechanism, closed[-1]):
-        return closed[-1]
-    inside = [q for q in closed if not _outside(mechanism, q)]
-    if not inside:
-        return closed[0]
-    return inside[int(singularity_measure(mechanism, np.stack(inside)).argmax())]
-
-
-def _with_independent(mechanism: Mechanism, q: FloatArray) -> Mechanism:
+def _at(mechanism: Mechanism, q: FloatArray) -> Mechanism:
+    """The mechanism with a closed reference and the coordinates that are independent around it."""
+    gap = float(constraint_gap(mechanism, q[None])[0])
     chosen = independent_coordinates(mechanism, nearby_configurations(mechanism, q))
     driven = mechanism.coordinates_of(mechanism.actuated)
     return replace(
         mechanism,
+        reference=q,
+        closure_gap=gap if gap > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
+
+
+def _most_suitable(closed: list[Mechanism]) -> Mechanism:
+    """The last one if it suits, else the most regular inside the limits, else the first one."""
+    inside = [mechanism for mechanism in closed if not _outside(mechanism)]
+    if not inside:
+        return closed[0]
+    return closed[-1] if _suits(closed[-1]) else max(inside, key=_measure)
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
@@ -153,15 +151,18 @@ def _scattered(
     return q
 
 
-def _suits(mechanism: Mechanism, q: FloatArray) -> bool:
-    """Whether a configuration is closed, inside the limits and regular for the motors."""
-    if constraint_gap(mechanism, q[None])[0] > CLOSURE_TOLERANCE or _outside(mechanism, q):
-        return False
-    return float(singularity_measure(mechanism, q[None])[0]) >= NEAR_SINGULARITY
+def _suits(mechanism: Mechanism) -> bool:
+    """Whether the reference is inside the limits and regular for the motors."""
+    return not _outside(mechanism) and _measure(mechanism) >= NEAR_SINGULARITY
 
 
-def _outside(mechanism: Mechanism, q: FloatArray) -> str:
+def _measure(mechanism: Mechanism) -> float:
+    return float(singularity_measure(mechanism, mechanism.reference[None])[0])
+
+
+def _outside(mechanism: Mechanism) -> str:
     """The first joint outside its limits, in words; nothing where there is none."""
+    q = mechanism.reference
     for name in mechanism.joints:
         joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
         if joint.nq != 1:

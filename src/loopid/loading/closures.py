@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ import pinocchio as pin
 
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription, Description, PlatformDescription, Vector
-from loopid.loading.reference import Reference
 from loopid.mechanism import JointCoupling, LoopClosure, Platform
 from loopid.mechanism.closure import X, Y, Z
 
@@ -51,7 +51,7 @@ def _unit(axis: Vector) -> Vector:
 
 
 def find_couplings(
-    file: Path, model: pin.Model, description: Description, locked: dict[str, Reference]
+    file: Path, model: pin.Model, description: Description, locked: Mapping[str, float]
 ) -> tuple[JointCoupling, ...]:
     """The couplings of a description; joints that are locked add to the offset."""
     found = []
@@ -70,11 +70,10 @@ def _coupling(
     model: pin.Model,
     joints: dict[str, float],
     offset: float,
-    locked: dict[str, Reference],
+    locked: Mapping[str, float],
 ) -> JointCoupling | None:
     for name, coefficient in joints.items():
-        value = locked.get(name, 0.0)
-        offset -= coefficient * (value if isinstance(value, float) else 0.0)
+        offset -= coefficient * locked.get(name, 0.0)
     moving = {name: c for name, c in joints.items() if name not in locked}
     if not moving:
         return None

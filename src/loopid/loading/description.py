@@ -78,6 +78,8 @@ class ClosureDescription(Section):
             raise ValueError("a distance closure needs its 'length' in m")
         if self.joints is not None:
             _require_coupling(self.joints)
+        if self.type == "prismatic" and self.axes and self.axes[0] != self.axes[1]:
+            raise ValueError("a prismatic closure turns neither frame: its two axes must be alike")
         for axis in self.axes or ():
             if not any(axis):
                 raise ValueError(f"an axis of closure {'-'.join(self.frames or ())} is zero")

@@ -17,16 +17,17 @@ def warn_of_findings(mechanism: Mechanism, tree: TreeSource, motors_given: bool)
     """Warn of motors, inertias and features that the user should know of."""
     for note in tree.notes:
         warnings.warn(f"{tree.file}: {note}", ModelWarning, LEVEL)
-    _warn_of_mobility(mechanism, motors_given)
+    _warn_of_mobility(mechanism, tree, motors_given)
     _warn_of_inertias(mechanism)
 
 
-def _warn_of_mobility(mechanism: Mechanism, motors_given: bool) -> None:
-    if mechanism.rows and not motors_given and mechanism.redundant:
+def _warn_of_mobility(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
+    if not motors_given and (mechanism.redundant or tree.notes):
+        follow = ", ".join(mechanism.redundant)
+        though = f", though {follow} follow from the others" if follow else ""
         warnings.warn(
-            f"{mechanism.path} does not say which joints have motors: all count as actuated, "
-            f"though {', '.join(mechanism.redundant)} follow from the others; list the motors as "
-            "'name_mot' in a YAML beside it",
+            f"{mechanism.path} does not say which joints have motors: all count as "
+            f"actuated{though}; list the motors as 'name_mot' in a YAML beside it",
             MobilityWarning,
             LEVEL,
         )

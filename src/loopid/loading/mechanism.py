@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pinocchio as pin
@@ -15,7 +15,7 @@ from loopid.loading.description import Description, merged, read_description
 from loopid.loading.findings import warn_of_findings
 from loopid.loading.groups import find_groups
 from loopid.loading.mjcf import read_mjcf
-from loopid.loading.reference import written_reference
+from loopid.loading.reference import Reference, read_joint, written_reference
 from loopid.loading.source import TreeSource
 from loopid.loading.tree import build_tree
 from loopid.loading.urdf import read_urdf_source
@@ -130,7 +130,7 @@ def _mechanism(
         model=model,
         closures=find_closures(file, model, description),
         couplings=find_couplings(
-            file, model, description, {name: given.get(name, 0.0) for name in locked}
+            file, model, description, _locked_values(file, whole, given, locked)
         ),
         actuated=_actuated(file, model, description, locked),
         bodies=bodies,
@@ -141,6 +141,15 @@ def _mechanism(
         identical=find_groups(file, tree, description.identical, bodies),
         tied=tied,
     )
+
+
+def _locked_values(
+    file: Path, whole: pin.Model, given: Mapping[str, Reference], locked: set[str]
+) -> dict[str, float]:
+    """Values at which joints with one coordinate are locked."""
+    q = written_reference(file, whole, {name: v for name, v in given.items() if name in locked})
+    joints = {name: whole.joints[whole.getJointId(name)] for name in locked}
+    return {name: read_joint(joint, q) for name, joint in joints.items() if joint.nv == 1}
 
 
 def _actuated(

@@ -58,6 +58,12 @@ def _unit_rotation(what: str, joint: pin.JointModel, values: FloatArray) -> Floa
     return np.append(values[:first], values[first:] / size)
 
 
+def read_joint(joint: pin.JointModel, q: FloatArray) -> float:
+    """Value of a joint with one coordinate in a configuration."""
+    first = joint.idx_q
+    return float(np.arctan2(q[first + 1], q[first]) if joint.nq == 2 else q[first])
+
+
 def write_joint(joint: pin.JointModel, q: FloatArray, value: float) -> None:
     """Put the value of a joint with one coordinate into a configuration, in place."""
     turned = joint.nq == 2

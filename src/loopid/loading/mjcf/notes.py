@@ -46,6 +46,8 @@ def _of_equalities(scene: Scene) -> Iterator[str]:
 def _of_motors(motors: Motors) -> Iterator[str]:
     rest = "not modelled, as no force or torque of a joint stands for it"
     yield from _note("actuator", motors.idle, rest)
+    if motors.idle and motors.joints is None:
+        yield "no actuator tells the motors: without 'name_mot' all hinges and slides count"
     rest = "taken for motors at each of the joints, though one force drives them all"
     yield from _note("actuator", motors.shared, rest)
 
