@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription, Description, PlatformDescription, Vector
+from loopid.loading.closure_description import ClosureDescription, Vector
+from loopid.loading.description import Description, PlatformDescription
 from loopid.mechanism import JointCoupling, LoopClosure, Platform
 from loopid.mechanism.closure import X, Y, Z
 

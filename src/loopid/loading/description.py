@@ -7,31 +7,16 @@ say some of it themselves fill in the same description, and the YAML has the las
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from loopid.loading.closure_description import ClosureDescription, FrameKind, canonical_kind
 from loopid.loading.yaml_files import Section, read_yaml
 
-FrameKind = Literal["3d", "6d", "hinge", "universal", "2d", "prismatic", "cylindrical"]
-Kind = Literal[FrameKind, "distance", "coupling"]
-# Other names in use for the kinds.
-ALIASES = {
-    "point": "3d",
-    "spherical": "3d",
-    "weld": "6d",
-    "fixed": "6d",
-    "revolute": "hinge",
-    "planar_point": "2d",
-    "rod": "distance",
-    "gear": "coupling",
-    "mimic": "coupling",
-}
 JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
                     "UJOINT_ZX", "UJOINT_ZY"]  # fmt: skip
-Vector = tuple[float, float, float]
 
 
 class PlatformDescription(Section):
@@ -47,50 +32,6 @@ class PlatformDescription(Section):
             if len(names) > 1:
                 raise ValueError(f"motion {motion!r} is listed twice, for {' and '.join(names)}")
         return self
-
-
-class ClosureDescription(Section):
-    """One closure: of two frames, or a linear coupling of joints."""
-
-    type: Kind
-    frames: tuple[str, str] | None = None
-    axes: tuple[Vector, Vector] | None = None
-    length: float | None = Field(default=None, gt=0)
-    joints: dict[str, float] | None = None
-    offset: float = 0.0
-
-    @field_validator("type", mode="before")
-    @classmethod
-    def _alias(cls, value: Any) -> Any:
-        return canonical_kind(value)
-
-    @model_validator(mode="after")
-    def _keys_fit(self) -> ClosureDescription:
-        needed = "joints" if self.type == "coupling" else "frames"
-        if getattr(self, needed) is None:
-            raise ValueError(f"a {self.type} closure needs '{needed}'")
-        allowed = {"type", needed, *OPTIONAL.get(self.type, ())}
-        for key in sorted(self.model_fields_set - allowed):
-            raise ValueError(
-                f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
-            )
-        if self.type == "distance" and self.length is None:
-            raise ValueError("a distance closure needs its 'length' in m")
-        if self.joints is not None:
-            _require_coupling(self.joints)
-        if self.type == "prismatic" and self.axes and self.axes[0] != self.axes[1]:
-            raise ValueError("a prismatic closure turns neither frame: its two axes must be alike")
-        for axis in self.axes or ():
-            if not any(axis):
-                raise ValueError(f"an axis of closure {'-'.join(self.frames or ())} is zero")
-        return self
-
-
-OPTIONAL = {
-    "distance": ("length",),
-    "coupling": ("offset",),
-    **dict.fromkeys(("hinge", "universal", "2d", "prismatic", "cylindrical"), ("axes",)),
-}
 
 
 class Description(Section):
@@ -161,27 +102,6 @@ class Description(Section):
         return tuple(name for name, kind in pairs if kind in types)
 
 
-def canonical_kind(value: Any) -> Any:
-    """Kind of closure under its own name; what is no text is left for the model to refuse."""
-    if not isinstance(value, str):
-        return value
-    kind = value.lower()
-    return ALIASES.get(kind, kind)
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names in alphabetical order, for a message."""
-    return ", ".join(sorted(names))
-
-
-def _require_coupling(joints: dict[str, float]) -> None:
-    if not joints:
-        raise ValueError("a coupling closure needs a joint at least")
-    for name, coefficient in joints.items():
-        if coefficient == 0:
-            raise ValueError(f"joint {name} has coefficient zero in a coupling")
-
-
 def merged(own: Description, given: Description) -> Description:
     """What a tree's own file says, with what was given beside it taking precedence.
 
@@ -216,6 +136,3 @@ def read_description(path: Path) -> Description:
         Naming the key, the value and what is valid.
     """
     return read_yaml(path, Description)
-
-
-FRAME_KINDS: tuple[str, ...] = get_args(FrameKind)

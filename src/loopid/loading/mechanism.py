@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pinocchio as pin
 
-from loopid.errors import MissingFileError, MobilityError, OptionError, RobotFileError
+from loopid.errors import MissingFileError, MobilityError, OptionError
 from loopid.loading.bundled import find_robot_file
 from loopid.loading.closing import close_reference
-from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
+from loopid.loading.closures import find_closures, find_couplings, find_platform
 from loopid.loading.description import Description, merged, read_description
 from loopid.loading.findings import warn_of_findings
 from loopid.loading.groups import find_groups
 from loopid.loading.mjcf import read_mjcf
-from loopid.loading.reference import Reference, read_joint, written_reference
+from loopid.loading.parts import find_bodies, find_motors, locked_values
+from loopid.loading.reference import written_reference
 from loopid.loading.source import TreeSource
 from loopid.loading.tree import build_tree
 from loopid.loading.urdf import read_urdf_source
-from loopid.mechanism import Body, Mechanism
+from loopid.mechanism import Mechanism
 
 DESCRIPTIONS = (".yaml", ".yml")
 MJCF = (".xml", ".mjcf")
@@ -70,7 +71,8 @@ def load_mechanism(
     source = _read_tree(file, given, floating_base, free_mimics)
     description = merged(source.description, given)
     tree = build_tree(file, source, description, lock)
-    mechanism = _mechanism(file, tree, description, source.model, tied)
+    locked = {*description.joints_of_type("FIXED"), *lock}
+    mechanism = _mechanism(tree, description, source.model, locked, tied, file)
     try:
         _require_motors(mechanism)
         mechanism = close_reference(mechanism, given=given.reference)
@@ -115,13 +117,16 @@ def _tree_beside(file: Path, description: Description) -> Path:
 
 
 def _mechanism(
-    file: Path, tree: TreeSource, description: Description, whole: pin.Model, tied: bool
+    tree: TreeSource,
+    description: Description,
+    whole: pin.Model,
+    locked: set[str],
+    tied: bool,
+    file: Path,
 ) -> Mechanism:
     """The mechanism at the reference as it is written; ``whole`` still has the locked joints."""
-    model = tree.model
-    locked = {name for name in whole.names if not model.existJointName(name)}
-    given = description.reference
-    bodies = _bodies(tree)
+    model, reference = tree.model, description.reference
+    bodies = find_bodies(tree)
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     return Mechanism(
@@ -130,52 +135,14 @@ def _mechanism(
         model=model,
         closures=find_closures(file, model, description),
         couplings=find_couplings(
-            file, model, description, _locked_values(file, whole, given, locked)
+            file, model, description, locked_values(file, whole, reference, locked)
         ),
-        actuated=_actuated(file, model, description, locked),
+        actuated=find_motors(file, model, description, locked),
         bodies=bodies,
         reference=written_reference(
-            file, model, {name: v for name, v in given.items() if name not in locked}
+            file, model, {name: v for name, v in reference.items() if name not in locked}
         ),
         platform=find_platform(file, model, description.platform),
         identical=find_groups(file, tree, description.identical, bodies),
         tied=tied,
     )
-
-
-def _locked_values(
-    file: Path, whole: pin.Model, given: Mapping[str, Reference], locked: set[str]
-) -> dict[str, float]:
-    """Values at which joints with one coordinate are locked."""
-    q = written_reference(file, whole, {name: v for name, v in given.items() if name in locked})
-    joints = {name: whole.joints[whole.getJointId(name)] for name in locked}
-    return {name: read_joint(joint, q) for name, joint in joints.items() if joint.nv == 1}
-
-
-def _actuated(
-    file: Path, model: pin.Model, description: Description, locked: set[str]
-) -> tuple[str, ...]:
-    """Joints with motors that are not locked; all with one coordinate where no file says."""
-    joints, motors = tuple(model.names)[1:], description.name_mot
-    if motors is None:
-        single = (name for name in joints if model.joints[model.getJointId(name)].nv == 1)
-        return tuple(single)
-    if isinstance(motors, str):
-        motors = [name for name in joints if motors in name]
-    for name in motors:
-        if name not in (*joints, *locked):
-            listed = ", ".join(joints)
-            raise RobotFileError(
-                f"{file}: unknown joint {name!r} in name_mot: choose among {listed}"
-            )
-    return tuple(name for name in motors if name not in locked)
-
-
-def _bodies(tree: TreeSource) -> tuple[Body, ...]:
-    """Moving bodies with an inertial, each named by the link that its joint carries."""
-    model, frames = tree.model, link_frames(tree.model)
-    joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
-    moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
-    if not moving:
-        raise RobotFileError(f"{tree.file}: no moving link has an <inertial>: nothing to identify")
-    return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.mechanism.mechanism import Body, Mechanism
+from loopid.mechanism.body import Body
+from loopid.mechanism.mechanism import Mechanism
 
 # Relative to the largest principal moment; robot files are rounded to a few digits.
 INERTIA_TOLERANCE = 1e-6

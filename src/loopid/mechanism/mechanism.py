@@ -2,50 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray, frozen
-from loopid.errors import OptionError
+from loopid.mechanism.body import Body
 from loopid.mechanism.closure import JointCoupling, LoopClosure
-from loopid.mechanism.coordinates import coordinate_names, is_sliding
 from loopid.mechanism.identical import LinkGroup, tie_indices, tied_names
 from loopid.mechanism.platform import Platform
+from loopid.mechanism.tree import Tree
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 
 
 @dataclass(frozen=True)
-class Body:
-    """A rigid body that carries parameters: all the links fixed to one joint.
-
-    Attributes
-    ----------
-    link : str
-        The link that the joint carries; the parameters are in its frame.
-    joint_id : int
-        Index of the joint in the Pinocchio model.
-    """
-
-    link: str
-    joint_id: int
-
-
-@dataclass(frozen=True)
-class Mechanism:
+class Mechanism(Tree):
     """A robot with or without closed loops.
 
     Attributes
     ----------
-    name : str
-    path : Path
-        File it was loaded from.
-    model : pinocchio.Model
-        The open tree. Never changed after loading.
+    name, path, model
+        As in ``Tree``.
     closures : tuple of LoopClosure
     actuated : tuple of str
         Joints with motors.
@@ -67,9 +46,6 @@ class Mechanism:
         Residual in m that is left at the reference, where the file's numbers are rounded.
     """
 
-    name: str
-    path: Path
-    model: pin.Model
     closures: tuple[LoopClosure, ...]
     actuated: tuple[str, ...]
     bodies: tuple[Body, ...]
@@ -84,20 +60,6 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints of the tree, in Pinocchio's order."""
-        return tuple(self.model.names)[1:]
-
-    @cached_property
-    def coordinates(self) -> tuple[str, ...]:
-        """A name for each velocity coordinate, the joint's where it has only one."""
-        return self.coordinates_of(self.joints)
-
-    def coordinates_of(self, joints: Iterable[str]) -> tuple[str, ...]:
-        """Names of the velocity coordinates of some joints."""
-        return tuple(part for name in joints for part in coordinate_names(name, self.joint(name)))
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -119,12 +81,6 @@ class Mechanism:
         return tuple(joint for joint in self.joints if joint not in self.actuated)
 
     @property
-    def floating(self) -> tuple[str, ...]:
-        """Joints of floating bases."""
-        kinds = {name: self.joint(name).shortname() for name in self.joints}
-        return tuple(name for name, kind in kinds.items() if kind == "JointModelFreeFlyer")
-
-    @property
     def rows(self) -> int:
         """Number of scalar closure equations, redundant ones and couplings included."""
         return len(self.row_names)
@@ -134,51 +90,6 @@ class Mechanism:
         """The closure or coupling that each scalar equation belongs to."""
         loops = (closure.name for closure in self.closures for _ in range(closure.rows))
         return (*loops, *(coupling.name for coupling in self.couplings))
-
-    def velocity_indices(self, names: Iterable[str]) -> IntArray:
-        """Positions (k,) in a velocity vector of single coordinates, or of all those of joints."""
-        blocks: list[int] = []
-        for name in names:
-            if name in self.coordinates:
-                blocks.append(self.coordinates.index(name))
-                continue
-            joint = self.joint(name)
-            blocks.extend(range(joint.idx_v, joint.idx_v + joint.nv))
-        return np.array(blocks, dtype=np.int64)
-
-    def limits(self, name: str) -> tuple[float, float]:
-        """Lower and upper limit of a joint with one coordinate, infinite where there is none.
-
-        Limits that are both zero are a placeholder of the file, not limits.
-        """
-        q = self.joint(name).idx_q
-        low, high = self.model.lowerPositionLimit[q], self.model.upperPositionLimit[q]
-        if self.joint(name).nq != 1 or low == high == 0:
-            return -np.inf, np.inf
-        return float(low), float(high)
-
-    @cached_property
-    def position_limits(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper limits (nq,) of all joints, infinite where there are none."""
-        lower, upper = np.full((2, self.model.nq), np.inf)
-        lower = -lower
-        for name in self.joints:
-            q = self.joint(name).idx_q
-            if self.joint(name).nq == 1:
-                lower[q], upper[q] = self.limits(name)
-        return frozen(lower), frozen(upper)
-
-    def joint(self, name: str) -> pin.JointModel:
-        """Pinocchio's joint of a name.
-
-        Raises
-        ------
-        OptionError
-            Listing the joints.
-        """
-        if name not in self.joints:
-            raise OptionError.unknown("joint", name, self.joints)
-        return self.model.joints[self.model.getJointId(name)]
 
     def parameters(self, model: str = "full") -> ParameterSet:
         """Standard parameters of all bodies in ``"gravity"`` or ``"full"`` form."""
@@ -211,12 +122,6 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
-
-    @cached_property
-    def prismatic(self) -> IntArray:
-        """Velocity indices of sliding coordinates: in m, all others in rad."""
-        sliding = [part for name in self.joints for part in is_sliding(name, self.joint(name))]
-        return np.flatnonzero(sliding)
 
     @cached_property
     def length(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.mjcf.codes import WRAPS_JOINT
 from loopid.loading.mjcf.scene import Scene
 

@@ -8,7 +8,7 @@ import mujoco
 import pinocchio as pin
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.mjcf.codes import CONNECT, JOINT, SITE, TENDON, WELD
 from loopid.loading.mjcf.couplings import joint_coupling, tendon_coupling
 from loopid.loading.mjcf.scene import Scene, placement

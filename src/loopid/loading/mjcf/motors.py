@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.mjcf.codes import DRIVES_JOINT, DRIVES_TENDON
 from loopid.loading.mjcf.couplings import fixed_tendon
 from loopid.loading.mjcf.scene import Scene

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 
 NAME = re.compile(r"closing_(.+)_([12])")
 Z = (0.0, 0.0, 1.0)

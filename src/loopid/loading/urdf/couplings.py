@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.urdf.ends import SIDES, ends, named_tags
 from loopid.loading.urdf.markup import Element, label, numbers
 from loopid.loading.urdf.mimics import SEVERAL

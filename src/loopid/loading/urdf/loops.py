@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.source import add_frame
 from loopid.loading.urdf.ends import SIDES, ends, named_tags
 from loopid.loading.urdf.markup import Element, label, numbers

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription
+from loopid.loading.closure_description import ClosureDescription
 
 SEVERAL = ("floating", "planar")  # types of joints with several coordinates
 

@@ -9,7 +9,8 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription, Description
+from loopid.loading.closure_description import ClosureDescription
+from loopid.loading.description import Description
 from loopid.loading.source import TreeSource
 from loopid.loading.urdf.closing_frames import closing_frames
 from loopid.loading.urdf.couplings import read_couplings
