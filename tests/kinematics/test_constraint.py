@@ -12,7 +12,7 @@ from loopid import random_configurations
 from loopid.errors import DataError
 from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
 from loopid.kinematics.frames import frame_kinematics
-from loopid.kinematics.orientation_rows import relative_quaternion
+from loopid.kinematics.pairs import relative_quaternion
 
 KINDS = [("3d",), ("6d",), ("6d", "3d")]
 seeds = st.integers(0, 2**32 - 1)

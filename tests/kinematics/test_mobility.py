@@ -6,9 +6,11 @@ import pytest
 from closure_robots import loop
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import (
+    find_base_parameters,
     load_mechanism,
     mobility,
     random_configurations,
+    structural_observation,
 )
 from loopid.errors import MobilityError, MobilityWarning, RobotFileError, SingularityWarning
 from loopid.kinematics.nearby import nearby_configurations
@@ -38,6 +40,19 @@ def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files):
     around = nearby_configurations(robot, robot.reference)[1:]
     assert len(around) > 4
     assert not any(mobility(robot, q).singular for q in around)
+
+
+@pytest.mark.filterwarnings("ignore:.*singular")
+def test_what_can_be_known_is_learnt_around_a_singular_reference(load_files):
+    bars, angles = FLAT["parallelogram"]
+    parts, description = four_bar("hinge", bars)
+    joints = ("crank_joint", "coupler_joint", "rocker_joint")
+    flat = dict(zip(joints, angles, strict=True))
+    robot = load_files(parts, description | {"reference": flat})
+    for model, count in (("full", 3), ("gravity", 2)):
+        found = find_base_parameters(structural_observation(robot, model))
+        assert len(found) == count
+        assert found.structure.rank_gap > 1e9
 
 
 def test_the_spin_of_a_rod_is_named(write_files, linkage):

@@ -105,7 +105,8 @@ def _error_ratio(
 
 def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:
     """Squared errors (N,), each actuator in units of its baseline error."""
-    scale = fit_quality(samples.problem, baseline).residual_rms
+    rms = fit_quality(samples.problem, baseline).residual_rms
+    scale = np.maximum(rms, samples.least_errors)
     present = samples.used.any(axis=0)
     residual = np.where(samples.used, samples.residual(values), 0.0)[:, present]
     return np.asarray(((residual / scale[present]) ** 2).sum(axis=1), dtype=np.float64)

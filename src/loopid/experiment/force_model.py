@@ -20,6 +20,11 @@ from loopid.trajectories import JointMotion
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
+# Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
+# weighted by what is left of them, they would drown the rows of the motors.
+LEAST_ERROR = 1e-4
+# Part of the largest regressor entry below which a row is round-off: no mass takes part in it.
+SILENT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -80,8 +85,17 @@ class ForceModel:
     def samples(self, recording: Recording) -> FitSamples:
         """The recording as samples of a fit."""
         W = self.regressor(recording.motion)
-        masks = (recording.used, recording.stretches)
-        return FitSamples.of(self.parameters, recording.actuators, W, recording.force, *masks)
+        free = np.isin(recording.actuators, self.mechanism.free)
+        size = np.abs(W).max(axis=(0, 2), initial=0.0)
+        used = recording.used & ~(free & (size <= SILENT * size.max(initial=0.0)))
+        least = np.where(free, LEAST_ERROR * self._term_sizes(W), 0.0)
+        data = self.parameters, recording.actuators, W, recording.force
+        return FitSamples.of(*data, used, recording.stretches, least)
+
+    def _term_sizes(self, regressor: FloatArray) -> FloatArray:
+        """Root mean squares (dof,) of the terms of each row, by the robot file's values."""
+        squares = ((regressor * self.prior) ** 2).sum(axis=2)
+        return np.asarray(np.sqrt(squares.mean(axis=0)), dtype=np.float64)
 
 
 def find_force_model(

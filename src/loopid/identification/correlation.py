@@ -72,6 +72,7 @@ def _error_models(
             residual=weight * residual[:, i],
             used=samples.used[:, i],
             pieces=samples.pieces,
+            least=float(weight * samples.least_errors[i]),
         )
         for i in np.flatnonzero(samples.problem.samples)
         for weight in [result.weights[i]]

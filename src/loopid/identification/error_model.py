@@ -32,6 +32,8 @@ class ErrorModel:
         (N,).
     pieces : tuple of slice
         Rows of each stretch.
+    least : float
+        Deviation, weighted as the residual is, that independent errors have at least.
 
     Attributes
     ----------
@@ -47,12 +49,14 @@ class ErrorModel:
         residual: FloatArray,
         used: BoolArray,
         pieces: tuple[slice, ...],
+        least: float = 0.0,
     ) -> None:
         present = columns * used[:, None]
         self._parts = [present[piece] for piece in pieces]
         self._used = [used[piece].astype(np.float64)[:, None] for piece in pieces]
         self.samples = int(used.sum())
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
+        self._observed[0] = max(self._observed[0], least**2)
         lags = range(len(self._observed))
         self._pairs = np.array([_lagged(self._used, self._used, k)[0, 0] for k in lags])
         self._grams = [_lagged(self._parts, self._parts, k) for k in lags]

@@ -102,17 +102,20 @@ def _inverse_deviations(
     """Weights (dof,) from residuals over each actuator's own share of the freedom.
 
     An actuator's share is its samples less its leverage, the part of the parameters that it
-    determines; 0 for an actuator without samples.
+    determines; 0 for an actuator without samples. Errors are at least what counts as round-off.
     """
     columns = weights[:, None, None] * problem.factors[:, :, :-1] @ np.linalg.inv(R)
     freedom = problem.samples - (columns**2).sum(axis=(1, 2))
     squares, present = problem.residual_squares(values), problem.samples > 0
     exact = exactly_fitted(problem, values) | (freedom <= EXACT_FIT * problem.samples)
-    if (exact & present).any():
-        name = problem.actuators[int(np.flatnonzero(exact & present)[0])]
+    refused = exact & present & (problem.least_errors == 0)
+    if refused.any():
+        name = problem.actuators[int(np.flatnonzero(refused)[0])]
         raise DataError(f"actuator {name} is fitted without error: weights are undefined; use OLS")
     found = np.zeros(len(weights))
-    found[present] = np.sqrt(freedom[present] / squares[present])
+    variances = np.divide(squares, freedom, out=found.copy(), where=freedom > 0)
+    least = np.maximum(variances, problem.least_errors**2)
+    found[present] = 1.0 / np.sqrt(least[present])
     return found
 
 

@@ -32,6 +32,8 @@ class FitProblem:
         (dof,), samples of each actuator that take part; may be 0.
     mean_force : FloatArray
         (dof,) in N or N m, over these samples; 0 where there are none.
+    least_errors : FloatArray
+        (dof,) in N or N m, deviation below which errors count as round-off; 0 for none.
     """
 
     parameters: ParameterSet
@@ -39,6 +41,7 @@ class FitProblem:
     factors: FloatArray
     samples: IntArray
     mean_force: FloatArray
+    least_errors: FloatArray
 
     @classmethod
     def from_samples(
@@ -48,6 +51,7 @@ class FitProblem:
         parameters: ParameterSet,
         actuators: Sequence[str],
         used: BoolArray | None = None,
+        least_errors: FloatArray | None = None,
     ) -> FitProblem:
         """Reduce samples.
 
@@ -59,6 +63,8 @@ class FitProblem:
             (N, dof) in N or N m.
         used : BoolArray, optional
             (N, dof), which forces take part; by default all.
+        least_errors : FloatArray, optional
+            (dof,), by default 0.
         """
         W, tau = checked_samples(regressor, force, parameters, actuators)
         mask = checked_mask(used, tau)
@@ -66,9 +72,9 @@ class FitProblem:
         factors = triangular_factor(augmented.transpose(1, 0, 2))
         counts = mask.sum(axis=0)
         mean = (tau * mask).sum(axis=0) / np.maximum(counts, 1)
-        return cls(
-            parameters, tuple(actuators), frozen(factors), frozen(counts, np.int64), frozen(mean)
-        )
+        least = np.zeros(len(counts)) if least_errors is None else least_errors
+        numbers = frozen(counts, np.int64), frozen(mean), frozen(least)
+        return cls(parameters, tuple(actuators), frozen(factors), *numbers)
 
     @classmethod
     def combined(cls, problems: Iterable[FitProblem]) -> FitProblem:
@@ -89,6 +95,7 @@ class FitProblem:
             frozen(factors),
             frozen(counts, np.int64),
             frozen(total / np.maximum(counts, 1)),
+            frozen(np.max([part.least_errors for part in parts], axis=0)),
         )
 
     @property

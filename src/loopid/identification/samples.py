@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError
 from loopid.identification.problem import FitProblem, checked_mask, checked_samples
 from loopid.parameters import ParameterSet
@@ -32,6 +32,9 @@ class FitSamples:
         (N, dof), which forces take part; by default all.
     stretches : IntArray
         (N,), number of the gap-free, evenly sampled stretch of each sample; by default one.
+    least_errors : FloatArray
+        (dof,) in N or N m, deviation below which errors count as round-off, as of forces that are
+        known to be zero; by default 0.
     """
 
     parameters: ParameterSet
@@ -40,6 +43,7 @@ class FitSamples:
     force: FloatArray
     used: BoolArray
     stretches: IntArray
+    least_errors: FloatArray
 
     @classmethod
     def of(
@@ -50,6 +54,7 @@ class FitSamples:
         force: FloatArray,
         used: BoolArray | None = None,
         stretches: IntArray | None = None,
+        least_errors: FloatArray | None = None,
     ) -> FitSamples:
         """Check shapes and values, and fill in the defaults."""
         W, tau = checked_samples(regressor, force, parameters, actuators)
@@ -57,6 +62,9 @@ class FitSamples:
         parts = np.zeros(len(tau), dtype=np.int64) if stretches is None else np.asarray(stretches)
         if parts.shape != tau.shape[:1]:
             raise DataError(f"stretches must have shape {tau.shape[:1]}, not {parts.shape}")
+        least = np.zeros(tau.shape[1]) if least_errors is None else finite(least_errors, "errors")
+        if least.shape != tau.shape[1:] or (least < 0).any():
+            raise DataError(f"least errors must be {tau.shape[1]} numbers from 0 on")
         return cls(
             parameters,
             tuple(actuators),
@@ -64,6 +72,7 @@ class FitSamples:
             frozen(tau),
             frozen(kept, np.bool_),
             frozen(parts, np.int64),
+            frozen(least),
         )
 
     def __len__(self) -> int:
@@ -72,8 +81,8 @@ class FitSamples:
     @cached_property
     def problem(self) -> FitProblem:
         """The same data as triangular factors."""
-        W, tau = self.regressor, self.force
-        return FitProblem.from_samples(W, tau, self.parameters, self.actuators, self.used)
+        data = self.regressor, self.force, self.parameters, self.actuators
+        return FitProblem.from_samples(*data, self.used, self.least_errors)
 
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
@@ -91,12 +100,16 @@ class FitSamples:
         chosen = [int(j) for j in columns]
         W = self.regressor[:, :, chosen]
         names = self.parameters.select(chosen)
-        return FitSamples.of(names, self.actuators, W, self.force, self.used, self.stretches)
+        return FitSamples.of(names, self.actuators, W, self.force, *self._other)
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
         W, names = self.regressor, self.parameters
-        return FitSamples.of(names, self.actuators, W, force, self.used, self.stretches)
+        return FitSamples.of(names, self.actuators, W, force, *self._other)
+
+    @property
+    def _other(self) -> tuple[BoolArray, IntArray, FloatArray]:
+        return self.used, self.stretches, self.least_errors
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples after known forces (N, dof) have been taken away."""
@@ -119,4 +132,5 @@ class FitSamples:
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.used for part in parts]),
             np.concatenate([part.stretches + k for part, k in zip(parts, offsets, strict=True)]),
+            np.max([part.least_errors for part in parts], axis=0),
         )

@@ -16,7 +16,7 @@ from loopid.errors import MobilityError, OptionError
 from loopid.kinematics.constraint import constraint_values
 from loopid.kinematics.frames import frame_kinematics
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.orientation_rows import relative_quaternion
+from loopid.kinematics.pairs import relative_quaternion
 from loopid.kinematics.platform import declared_platform, platform_coordinates
 from loopid.kinematics.projection import partition
 from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_jacobian

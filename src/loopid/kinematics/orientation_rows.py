@@ -14,7 +14,6 @@ With R the rotation of a frame and ω = ω_b - ω_a:
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from loopid.arrays import FloatArray
 from loopid.kinematics.pairs import PairMotion, PairPose, Rows, apply, dot
@@ -28,16 +27,16 @@ class Turn(Rows):
     angular = True
 
     def residual(self, pose: PairPose) -> FloatArray:
-        return 2.0 * relative_quaternion(pose.rotation_a, pose.rotation_b)[0]
+        return 2.0 * pose.quaternion[0]
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        vector, scalar = relative_quaternion(pose.rotation_a, pose.rotation_b)
+        vector, scalar = pose.quaternion
         turn = pose.jacobian_b[:, 3:] - pose.jacobian_a[:, 3:]
         return _rate_matrix(vector, scalar) @ pose.rotation_a.transpose(0, 2, 1) @ turn
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
         """M dω/dt + (dM/dt) ω with M = w I - [e]."""
-        vector, scalar = relative_quaternion(pose.rotation_a, pose.rotation_b)
+        vector, scalar = pose.quaternion
         to_a = pose.rotation_a.transpose(0, 2, 1)
         turn_a, turn_b = motion.twist_a[:, 3:], motion.twist_b[:, 3:]
         omega = apply(to_a, turn_b - turn_a)
@@ -138,15 +137,6 @@ def across(axis: Axis) -> FloatArray:
     first = helper - direction * (helper @ direction)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(direction, first)])
-
-
-def relative_quaternion(
-    rotation_a: FloatArray, rotation_b: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Vector (N, 3) and scalar (N,) of the quaternion of R_aᵀ R_b, with scalar >= 0."""
-    relative = Rotation.from_matrix(np.einsum("nji,njk->nik", rotation_a, rotation_b))
-    quaternion = relative.as_quat(canonical=True)
-    return quaternion[:, :3], quaternion[:, 3]
 
 
 def _rate_matrix(vector: FloatArray, scalar: FloatArray) -> FloatArray:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from loopid.arrays import FloatArray
 
@@ -19,6 +21,11 @@ class PairPose:
     distance: FloatArray
     jacobian_a: FloatArray
     jacobian_b: FloatArray
+
+    @cached_property
+    def quaternion(self) -> tuple[FloatArray, FloatArray]:
+        """Vector (N, 3) and scalar (N,) of the quaternion that turns frame a into frame b."""
+        return relative_quaternion(self.rotation_a, self.rotation_b)
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,15 @@ class Rows(ABC):
     @abstractmethod
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
         """Its second derivative by time (N, count) at zero joint acceleration."""
+
+
+def relative_quaternion(
+    rotation_a: FloatArray, rotation_b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Vector (N, 3) and scalar (N,) of the quaternion of R_aᵀ R_b, with scalar >= 0."""
+    relative = Rotation.from_matrix(np.einsum("nji,njk->nik", rotation_a, rotation_b))
+    quaternion = relative.as_quat(canonical=True)
+    return quaternion[:, :3], quaternion[:, 3]
 
 
 def dot(one: FloatArray, two: FloatArray) -> FloatArray:

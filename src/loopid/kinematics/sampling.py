@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
 from loopid.kinematics.displacement import displaced
 from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.projection import partition, singularity_measure
+from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator
 
@@ -66,7 +67,7 @@ def configuration_batches(
     """Yield the rows of ``random_configurations`` a few at a time."""
     if count < 1 or not (margin is None or margin >= 0):
         raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
-    generator = random_generator(seed)
+    generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     home, lower, upper = _ranges(mechanism)
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
@@ -83,6 +84,15 @@ def configuration_batches(
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
+
+
+def _with_regular_reference(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with another reference, close by, where its own one is singular."""
+    if singularity_measure(mechanism, mechanism.reference[None])[0] >= NEAR_SINGULARITY:
+        return mechanism
+    around = nearby_configurations(mechanism, mechanism.reference)
+    best = int(singularity_measure(mechanism, around).argmax())
+    return replace(mechanism, reference=around[best])
 
 
 def _too_few(

@@ -1,13 +1,39 @@
-"""Forces of the motors as forces on the independent coordinates."""
+"""What the motors of a log tell of a mechanism: where it is, and the forces that move it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import OptionError
 from loopid.kinematics import project
 from loopid.mechanism import Mechanism
 from loopid.trajectories import JointMotion
+
+# Part of a motor's largest share below which it is round-off: the motor does not act there.
+NO_SHARE = 1e-9
+
+
+def require_known_motion(mechanism: Mechanism) -> None:
+    """Refuse mechanisms that are not where they are by one position a motor.
+
+    Raises
+    ------
+    OptionError
+        Naming the coordinates that no motor tells, or the motors with several.
+    """
+    if mechanism.free:
+        options = " ".join(f"--lock {name}" for name in mechanism.free)
+        raise OptionError(
+            f"a log of the motors does not tell where {', '.join(mechanism.free)} of "
+            f"{mechanism.name} are, which the motors leave free: lock them ({options})"
+        )
+    several = [name for name in mechanism.actuated if mechanism.joint(name).nv != 1]
+    if several:
+        raise OptionError(
+            f"a log has one position a motor, but {', '.join(several)} of {mechanism.name} turn "
+            "about several axes: name the motors in 'name_mot'"
+        )
 
 
 def on_independent(
@@ -31,6 +57,7 @@ def on_independent(
         return force, used
     motors = mechanism.velocity_indices(mechanism.actuated)
     shares = project(mechanism, motion.configurations).G[:, motors]
-    acting = np.abs(shares) > 0
+    size = np.abs(shares)
+    acting = size > NO_SHARE * size.max(axis=(0, 2), keepdims=True, initial=0.0)
     spoilt = (acting & ~used[:, :, None]).any(axis=1)
     return np.einsum("nmi,nm->ni", shares, force), np.asarray(~spoilt, dtype=bool)

@@ -8,7 +8,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import LogError, OptionError
-from loopid.logs.actuation import on_independent
+from loopid.logs.actuation import on_independent, require_known_motion
 from loopid.logs.following import follow
 from loopid.logs.force_checks import check_forces
 from loopid.logs.log import Log
@@ -60,7 +60,8 @@ def prepare_recording(
     Raises
     ------
     OptionError
-        When the robot has other motors than the log, or an argument is not positive.
+        When the robot has other motors than the log, or they do not tell where it is, or an
+        argument is not positive.
     LogError
         When no stretch is long enough, or no force can be used.
     AssemblyError
@@ -72,6 +73,7 @@ def prepare_recording(
         Of samples that do not close the loops or are near a singularity, and of forces that look
         like those of another motor, in other units, or with the wrong sign.
     """
+    require_known_motion(mechanism)
     if log.joints != mechanism.actuated:
         raise OptionError(
             f"log {log.name} is of {', '.join(log.joints)}, but the motors of {mechanism.name} are "

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.errors import MissingFileError, OptionError
+from loopid.errors import MissingFileError
+from loopid.logs.actuation import require_known_motion
 from loopid.logs.alignment import align
 from loopid.logs.limit_checks import check_limits
 from loopid.logs.log import Log
@@ -47,6 +48,8 @@ def read_log(
     ------
     MissingFileError
         When there is no such log or mapping.
+    OptionError
+        When the motors do not tell where the robot is.
     LogError
         When it is no log of this robot: unreadable, columns not found, times that do not increase,
         too many bad rows, the wrong unit, nothing that moves.
@@ -57,7 +60,7 @@ def read_log(
         Of rows that are left out, and of values that look wrong.
     """
     place, joints = Path(path), mechanism.actuated
-    _require_known_motion(mechanism)
+    require_known_motion(mechanism)
     if not place.exists():
         raise MissingFileError(f"there is no log {place}")
     if not isinstance(mapping, LogMapping):
@@ -77,14 +80,6 @@ def read_log(
         saturation=np.array(by_joint(place, "saturation", mapping, joints)) if known else None,
         idle_speed=mapping.idle_speed,
     )
-
-
-def _require_known_motion(mechanism: Mechanism) -> None:
-    if mechanism.free:
-        raise OptionError(
-            f"a log of the motors does not tell where {', '.join(mechanism.free)} of "
-            f"{mechanism.name} are, which the motors leave free: lock them"
-        )
 
 
 def _checked(mechanism: Mechanism, stream: Stream) -> Stream:

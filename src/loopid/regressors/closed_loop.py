@@ -1,4 +1,4 @@
-"""The closed-loop regressor: tree columns projected to the actuated joints, K = Gᵀ Y."""
+"""The closed-loop regressor: tree columns projected to independent coordinates, K = Gᵀ Y."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     Returns
     -------
     FloatArray
-        (N, dof, n), rows in the order of ``mechanism.actuated``.
+        (N, dof, n), rows in the order of ``mechanism.independent``.
     """
     G = project(mechanism, configurations).G
     return G.transpose(0, 2, 1) @ tree_regressor(mechanism, configurations, model="gravity")
@@ -42,12 +42,12 @@ def dynamic_regressor(
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
-        (N, dof) of the actuated joints; those of the others follow, v = G u̇, a = G ü + γ.
+        (N, dof) of the independent coordinates; those of the others follow, v = G u̇, a = G ü + γ.
 
     Returns
     -------
     FloatArray
-        (N, dof, n), rows in the order of ``mechanism.actuated``.
+        (N, dof, n), rows in the order of ``mechanism.independent``.
     """
     motion = closed_motion(mechanism, configurations, velocities, accelerations)
     return motion_regressor(mechanism, motion)

@@ -20,7 +20,7 @@ class ForceParts:
     Attributes
     ----------
     inertial : FloatArray
-        Linear in the accelerations of the actuated joints.
+        Linear in the accelerations of the independent coordinates.
     coriolis : FloatArray
         Quadratic in their velocities, through the tree's own terms and γ.
     gravity : FloatArray
@@ -51,7 +51,7 @@ def force_parts(
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
-        (N, dof) of the actuated joints.
+        (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
         (n,) of ``mechanism.parameters()``; by default those of the robot file.
     """
