@@ -19,11 +19,11 @@ from generate import (
     ORIGIN,
     RobotFiles,
     Vector,
-    _cylinder,
-    _joint,
-    _link,
-    _sphere,
-    _travel,
+    add_cylinder,
+    add_joint,
+    add_link,
+    add_sphere,
+    add_travel,
 )
 
 Array = NDArray[np.float64]
@@ -84,11 +84,11 @@ class Plan:
         """Append a link, with the body of its kind if there is one."""
         balls = self.table["bodies"].get(kind(name))
         if balls is None:
-            _link(self.root, name)
+            add_link(self.root, name)
             return
-        element = _link(self.root, name, {"inertials": {name: inertial(balls)}})
+        element = add_link(self.root, name, {"inertials": {name: inertial(balls)}})
         for mass, point in balls:
-            _sphere(element, "joint", radius(mass), point)
+            add_sphere(element, "joint", radius(mass), point)
             _stick(element, point)
         if kind(name) != name:
             self.alike.setdefault(kind(name), []).append(name)
@@ -106,12 +106,12 @@ class Plan:
         self.link(links[1])
         limits = self.table["limits"].get(joint) or self.table["limits"][kind(joint)]
         effort = self.table["effort"] if joint in self.motors else 0.0
-        _travel(_joint(self.root, joint, motion, links, xyz, rpy), axis, limits, effort)
+        add_travel(add_joint(self.root, joint, motion, links, xyz, rpy), axis, limits, effort)
 
     def mark(self, frame: str, link: str, xyz: Vector) -> None:
         """Append a frame at a point of a link."""
-        _link(self.root, frame)
-        _joint(self.root, f"{frame}_mount", "fixed", (link, frame), xyz, ORIGIN)
+        add_link(self.root, frame)
+        add_joint(self.root, f"{frame}_mount", "fixed", (link, frame), xyz, ORIGIN)
 
     def files(self) -> RobotFiles:
         """URDF and YAML."""
@@ -141,4 +141,4 @@ def _stick(link: etree._Element, point: Vector) -> None:
     """The stick from a link's origin to a ball, massless."""
     x, y, z = point
     half_way, along = (x / 2, y / 2, z / 2), (0.0, atan2(hypot(x, y), z), atan2(y, x))
-    _cylinder(link, "stem", hypot(x, y, z), 0.006, half_way, along)
+    add_cylinder(link, "stem", hypot(x, y, z), 0.006, half_way, along)

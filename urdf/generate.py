@@ -121,21 +121,21 @@ def _urdf(name: str, geometry: dict[str, float], robot: dict[str, Any]) -> str:
 
 
 def _base(root: etree._Element, geometry: dict[str, float]) -> None:
-    link = _link(root, "base")
-    _cylinder(link, "base", 0.02, max(geometry[f"R{leg}"] for leg in LEGS), (0, 0, -0.05))
+    link = add_link(root, "base")
+    add_cylinder(link, "base", 0.02, max(geometry[f"R{leg}"] for leg in LEGS), (0, 0, -0.05))
     for point in (*base_points(geometry).values(), (geometry["ds"], 0.0, 0.0)):
-        _sphere(link, "joint", 0.025, point)
+        add_sphere(link, "joint", 0.025, point)
 
 
 def _leg(root: etree._Element, leg: int, base_point: Vector, robot: dict[str, Any]) -> None:
     """Limbs 1 to 3: universal joint with a massless cross, prismatic joint along z."""
     cross, cylinder, stem = (f"leg{leg}_{part}" for part in ("cross", "cylinder", "stem"))
     housing, rod = _visual_lengths(robot, leg)
-    _link(root, cross)
-    link = _link(root, cylinder, robot)
-    _cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
-    link = _link(root, stem, robot)
-    _cylinder(link, "stem", rod, 0.012, (0, 0, -rod / 2))
+    add_link(root, cross)
+    link = add_link(root, cylinder, robot)
+    add_cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
+    link = add_link(root, stem, robot)
+    add_cylinder(link, "stem", rod, 0.012, (0, 0, -rod / 2))
     first, second = f"leg{leg}_universal_1", f"leg{leg}_universal_2"
     _turn(root, first, ("base", cross), (0, -1, 0), (0, pi), xyz=base_point)
     _turn(root, second, (cross, cylinder), (0, 1, 0), (0, pi), rpy=QUARTER_TURN_X)
@@ -144,10 +144,10 @@ def _leg(root: etree._Element, leg: int, base_point: Vector, robot: dict[str, An
 
 def _limb_4(root: etree._Element, geometry: dict[str, float], robot: dict[str, Any]) -> None:
     housing, rod = _visual_lengths(robot, 4)
-    link = _link(root, "leg4_cylinder", robot)
-    _cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
-    link = _link(root, "leg4_stem", robot)
-    _cylinder(link, "stem", rod, 0.015, (0, rod / 2, 0), QUARTER_TURN_X)
+    link = add_link(root, "leg4_cylinder", robot)
+    add_cylinder(link, "cylinder", housing, 0.03, (0, 0, housing / 2))
+    link = add_link(root, "leg4_stem", robot)
+    add_cylinder(link, "stem", rod, 0.015, (0, rod / 2, 0), QUARTER_TURN_X)
     pair, foot = ("base", "leg4_cylinder"), (geometry["ds"], 0.0, 0.0)
     _turn(root, "leg4_revolute", pair, (0, -1, 0), (-pi / 2, pi / 2), xyz=foot)
     _stroke(root, 4, (0, -1, 0), robot, rpy=STEM_4_AXES)
@@ -155,20 +155,20 @@ def _limb_4(root: etree._Element, geometry: dict[str, float], robot: dict[str, A
 
 def _platform(root: etree._Element, geometry: dict[str, float], robot: dict[str, Any]) -> None:
     """The platform on the universal joint of limb 4, with the points B_i as frames."""
-    _link(root, "platform_cross")
-    link = _link(root, "platform", robot)
+    add_link(root, "platform_cross")
+    link = add_link(root, "platform", robot)
     points = platform_points(geometry)
     for x, y, _ in points.values():
         half_way, along = (x / 2, y / 2, 0.0), (0.0, pi / 2, atan2(y, x))
-        _cylinder(link, "platform", hypot(x, y), 0.015, half_way, along)
-        _sphere(link, "joint", 0.025, (x, y, 0))
+        add_cylinder(link, "platform", hypot(x, y), 0.015, half_way, along)
+        add_sphere(link, "joint", 0.025, (x, y, 0))
     limits, pair = (-pi / 2, pi / 2), ("leg4_stem", "platform_cross")
     _turn(root, "platform_pitch", pair, (0, 1, 0), limits, rpy=STEM_4_AXES)
     _turn(root, "platform_yaw", ("platform_cross", "platform"), (0, 0, 1), limits)
     for leg, point in points.items():
         frame = f"platform_B{leg}"
-        _link(root, frame)
-        _joint(root, f"{frame}_mount", "fixed", ("platform", frame), point, ORIGIN)
+        add_link(root, frame)
+        add_joint(root, f"{frame}_mount", "fixed", ("platform", frame), point, ORIGIN)
 
 
 def _turn(
@@ -181,8 +181,8 @@ def _turn(
     rpy: Vector = ORIGIN,
 ) -> None:
     """A revolute joint, all of which are passive."""
-    joint = _joint(root, name, "revolute", links, xyz, rpy)
-    _travel(joint, axis, limits, effort=0.0)
+    joint = add_joint(root, name, "revolute", links, xyz, rpy)
+    add_travel(joint, axis, limits, effort=0.0)
 
 
 def _stroke(
@@ -191,11 +191,13 @@ def _stroke(
     """The actuated prismatic joint of a limb; its coordinate is the length of the limb."""
     limb = f"leg{leg}"
     links = (f"{limb}_cylinder", f"{limb}_stem")
-    joint = _joint(root, f"{limb}_stroke", "prismatic", links, ORIGIN, rpy)
-    _travel(joint, axis, robot["strokes"][limb], robot["drive_force"][limb])
+    joint = add_joint(root, f"{limb}_stroke", "prismatic", links, ORIGIN, rpy)
+    add_travel(joint, axis, robot["strokes"][limb], robot["drive_force"][limb])
 
 
-def _link(root: etree._Element, name: str, robot: dict[str, Any] | None = None) -> etree._Element:
+def add_link(
+    root: etree._Element, name: str, robot: dict[str, Any] | None = None
+) -> etree._Element:
     """Append a link; with a robot given, the link's CAD inertial from the table."""
     link = etree.SubElement(root, "link", name=name)
     if robot is not None:
@@ -212,9 +214,10 @@ def _link(root: etree._Element, name: str, robot: dict[str, Any] | None = None) 
     return link
 
 
-def _joint(
+def add_joint(
     root: etree._Element, name: str, kind: str, links: tuple[str, str], xyz: Vector, rpy: Vector
 ) -> etree._Element:
+    """Append a joint between two links, parent and child, at a place in the parent."""
     joint = etree.SubElement(root, "joint", name=name, type=kind)
     etree.SubElement(joint, "origin", xyz=_text(xyz), rpy=_text(rpy))
     etree.SubElement(joint, "parent", link=links[0])
@@ -222,9 +225,10 @@ def _joint(
     return joint
 
 
-def _travel(
+def add_travel(
     joint: etree._Element, axis: Vector, limits: tuple[float, float], effort: float
 ) -> None:
+    """Give a joint its axis, limits in m or rad, and largest force in N or N m."""
     etree.SubElement(joint, "axis", xyz=_text(axis))
     lower, upper = (_text([value]) for value in limits)
     # URDF demands a velocity limit; none is published for this machine.
@@ -246,7 +250,7 @@ COLOURS = {
 }
 
 
-def _cylinder(
+def add_cylinder(
     link: etree._Element,
     colour: str,
     length: float,
@@ -254,11 +258,13 @@ def _cylinder(
     xyz: Vector,
     rpy: Vector = ORIGIN,
 ) -> None:
+    """Draw a cylinder along z of its own frame; lengths in m."""
     shape = etree.Element("cylinder", length=_text([round(length, 4)]), radius=_text([radius]))
     _visual(link, colour, shape, xyz, rpy)
 
 
-def _sphere(link: etree._Element, colour: str, radius: float, xyz: Vector) -> None:
+def add_sphere(link: etree._Element, colour: str, radius: float, xyz: Vector) -> None:
+    """Draw a sphere; lengths in m."""
     _visual(link, colour, etree.Element("sphere", radius=_text([radius])), xyz, ORIGIN)
 
 

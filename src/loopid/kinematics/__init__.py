@@ -1,6 +1,6 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
-from loopid.kinematics.assembly import Assembly, assemble, try_assemble
+from loopid.kinematics.assembly import assemble, try_assemble
 from loopid.kinematics.constraint import (
     constraint_drift,
     constraint_jacobian,
@@ -10,6 +10,7 @@ from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import measured_coordinates, scaled_constraint
 from loopid.kinematics.mobility import Mobility, mobility
 from loopid.kinematics.motion import ClosedMotion, closed_motion
+from loopid.kinematics.path_following import Assembly
 from loopid.kinematics.platform import platform_coordinates, platform_motion
 from loopid.kinematics.projection import Projection, project, singularity_measure
 from loopid.kinematics.sampling import random_configurations, random_motions

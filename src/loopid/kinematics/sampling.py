@@ -9,10 +9,11 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.displacement import displaced
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator

@@ -49,4 +49,6 @@ def find_motion_file(path: str | Path) -> Path:
     if str(path) in bundled:
         return bundled[str(path)]
     listed = ", ".join(bundled)
-    raise MissingFileError(f"{file} does not exist, and robots with bundled motions are: {listed}")
+    raise MissingFileError(
+        f"there is no motion file {file}, and robots with bundled motions are: {listed}"
+    )

@@ -10,11 +10,11 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.errors import ClosureWarning, ReferenceWarning, RobotFileError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import constraint_gap
 from loopid.kinematics.independent import independent_coordinates
 from loopid.kinematics.measured import scaled_constraint
 from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.starts import attempts
 from loopid.mechanism import Mechanism
