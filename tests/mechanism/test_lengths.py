@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from loopid import load_mechanism
+from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid.base_parameters import name_coefficients
 from loopid.mechanism import LoopClosure, named_lengths
 
 ARM = """<robot name="arm"><link name="base"/>
@@ -114,3 +115,13 @@ def test_a_joint_with_the_name_of_a_closure_frame_is_told_apart(knee):
     symbols = [x.symbol for x in named_lengths(replace(knee, closures=(closure,)))]
     assert "x(joint leg1_universal_1)" in symbols
     assert len(set(symbols)) == len(symbols)
+
+
+def test_lengths_of_tied_links_belong_to_their_groups():
+    tied = load_mechanism("3rrr", tied=True)
+    links = set().union(*(length.links for length in named_lengths(tied)))
+    assert {"upper", "lower", "platform"} <= links
+    assert not links & {link for group in tied.identical for link in group.links}
+    base = find_base_parameters(structural_observation(tied))
+    names = dict(zip(base.names, name_coefficients(base, named_lengths(tied)), strict=True))
+    assert names["upper.mx"]["lower.m"].text == "x(leg1_elbow)"

@@ -15,6 +15,7 @@ Kind = Literal[FrameKind, "distance", "coupling"]
 ALIASES = {
     "point": "3d",
     "spherical": "3d",
+    "ball": "3d",
     "weld": "6d",
     "fixed": "6d",
     "revolute": "hinge",

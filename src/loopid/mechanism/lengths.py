@@ -51,14 +51,20 @@ def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
         first name.
     """
     model, links = mechanism.model, _carried_links(mechanism.model)
-    closures = [closure for closure in mechanism.closures if getattr(closure, "frame_ids", None)]
+    closures = mechanism.closures
     frames = list(_frame_points(model, closures, links))
     points = [*frames, *_joint_points(model, links, {point.name for point in frames})]
     tolerance = ZERO_LENGTH * max((point.largest for point in points), default=0.0)
     points = _distinct(points, tolerance)
     lengths = [*_rods(model, closures, links), *_coordinates(points)]
     lengths += [*_distances_from_origins(points, tolerance), *_distances(points, tolerance)]
-    return tuple(length for length in lengths if abs(length.value) > tolerance)
+    return tuple(_of_groups(mechanism, x) for x in lengths if abs(x.value) > tolerance)
+
+
+def _of_groups(mechanism: Mechanism, length: NamedLength) -> NamedLength:
+    """The length with groups of tied links in place of their members."""
+    group_of = {link: group.name for group in mechanism.ties for link in group.links}
+    return replace(length, links=frozenset(group_of.get(link, link) for link in length.links))
 
 
 def _carried_links(model: pin.Model) -> list[str]:
@@ -113,9 +119,8 @@ def _rods(
     model: pin.Model, closures: Iterable[LoopClosure], links: Sequence[str]
 ) -> Iterator[NamedLength]:
     for closure in closures:
-        length, name = getattr(closure, "length", 0.0), closure.name
-        held = _held(model, closure, links)
-        yield NamedLength(f"length({name})", length, f"length of closure {name}", held)
+        held, meaning = _held(model, closure, links), f"length of closure {closure.name}"
+        yield NamedLength(f"length({closure.name})", closure.length, meaning, held)
 
 
 def _coordinates(points: Iterable[_Point]) -> Iterator[NamedLength]:
