@@ -1,7 +1,6 @@
 """Named lengths: what the robot file says, each once, and none that is zero."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -96,11 +95,10 @@ def test_points_that_coincide_count_once_and_join_all_the_links_there(four_bars)
     assert end.links == {"rocker", "ground"}
 
 
-def test_rods_have_their_length_and_couplings_none(knee):
+def test_a_rod_has_its_length(knee):
     first, *others = knee.closures
-    rod = SimpleNamespace(name="a-b", frame_ids=first.frame_ids, length=0.7)
-    coupling = SimpleNamespace(kind="coupling", name="left - right = 0")
-    lengths = named_lengths(replace(knee, closures=(rod, *others, coupling)))
+    rod = replace(first, kind="distance", frame_a="a", frame_b="b", length=0.7)
+    lengths = named_lengths(replace(knee, closures=(rod, *others)))
     assert lengths[0].symbol == "length(a-b)"
     assert lengths[0].meaning == "length of closure a-b"
     assert (lengths[0].value, lengths[0].links) == (0.7, {"leg1_stem", "platform"})
