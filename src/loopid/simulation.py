@@ -6,14 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import closed_motion, measured_coordinates
+from loopid.kinematics import ClosedMotion, closed_motion
+from loopid.kinematics.measured import JointCoordinates
 from loopid.mechanism import Mechanism
 from loopid.regressors import JointTerms, motion_regressor
 from loopid.regressors.parts import standard_values
 from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion
+
+# Force on a free coordinate, as a part of the largest terms, that is but round-off.
+UNBALANCED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,18 +46,18 @@ class Noise:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Simulated signals of the motors.
+    """Simulated signals of all m motors, in the order of ``mechanism.actuated``.
 
     Attributes
     ----------
     time : FloatArray
         (N,) in s.
     position : FloatArray
-        (N, dof) as the encoders read them, in m or rad.
+        (N, m) as the encoders read them, in m or rad.
     force : FloatArray
-        (N, dof) with friction and noise, in N or N m.
+        (N, m) with friction and noise, in N or N m.
     exact_force : FloatArray
-        (N, dof) without noise.
+        (N, m) without noise.
     """
 
     time: FloatArray
@@ -73,6 +77,8 @@ def simulate_measurement(
 ) -> Measurement:
     """Simulate what sensors read while the robot follows a motion.
 
+    Motors beyond the degrees of freedom share the forces such that their squares are least.
+
     Parameters
     ----------
     motion : JointMotion
@@ -85,20 +91,54 @@ def simulate_measurement(
         (n,) of ``mechanism.parameters()``; by default those of the robot file.
     joint_terms, joint_values : JointTerms and FloatArray, optional
         Drives and friction, and their parameters (k,).
+
+    Raises
+    ------
+    OptionError
+        When a motor has several coordinates, or only one of terms and values is given.
+    DataError
+        When no forces of the motors give the motion, as they leave a coordinate free.
     """
     values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
         values.append(_joint_values(mechanism, joint_terms, joint_values))
     state = (motion.configurations, motion.velocities, motion.accelerations)
     whole = closed_motion(mechanism, *state)
-    force = motion_regressor(mechanism, whole, "full", joint_terms) @ np.concatenate(values)
+    force = _of_motors(mechanism, whole, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
     error += generator.normal(scale=noise.gaussian, size=force.shape)
-    position = measured_coordinates(mechanism).read(motion.configurations.copy())
+    encoders = JointCoordinates(mechanism, mechanism.actuated)
+    position = encoders.read(motion.configurations.copy())
     if noise.encoder_step:
         position = noise.encoder_step * np.round(position / noise.encoder_step)
     return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
+
+
+def _of_motors(
+    mechanism: Mechanism, motion: ClosedMotion, terms: JointTerms | None, values: FloatArray
+) -> FloatArray:
+    """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
+    K = motion_regressor(mechanism, motion, "full", terms)
+    needed, driven = K @ values, K.shape[1] - len(mechanism.free)
+    largest = float((np.abs(K) @ np.abs(values)).max(initial=0.0))
+    _refuse_unbalanced(mechanism, np.abs(needed[:, driven:]) > UNBALANCED * largest)
+    if not mechanism.redundant:
+        return needed[:, :driven]
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    shares = motion.projection.G[:, motors, :driven].transpose(0, 2, 1)
+    return np.asarray(np.einsum("nmi,ni->nm", np.linalg.pinv(shares), needed[:, :driven]))
+
+
+def _refuse_unbalanced(mechanism: Mechanism, wrong: BoolArray) -> None:
+    """Refuse samples where free coordinates (N, free) ask for forces."""
+    columns = zip(mechanism.free, wrong.T, strict=True)
+    names = [name for name, column in columns if column.any()]
+    if names:
+        raise DataError(
+            f"the motors of {mechanism.name} leave {', '.join(names)} free, and the motion asks "
+            "for forces there: take accelerations from forward_dynamics"
+        )
 
 
 def _joint_values(

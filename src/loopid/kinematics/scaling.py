@@ -14,6 +14,9 @@ from loopid.kinematics.closure_rows import closure_rows
 from loopid.mechanism import Mechanism
 
 
+ROUND_OFF = 1e-13  # of the characteristic length
+
+
 def row_scales(mechanism: Mechanism) -> FloatArray:
     """Factors (rows,) that turn every row of the residual into metres."""
     length, units = mechanism.length, coordinate_scales(mechanism)
@@ -39,4 +42,7 @@ def coordinate_scales(mechanism: Mechanism) -> FloatArray:
 def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     """Constraint Jacobians (N, rows, nv) in m per unit step."""
     rows, columns = row_scales(mechanism), coordinate_scales(mechanism)
-    return np.asarray(rows[:, None] * jacobian * columns, dtype=np.float64)
+    scaled = np.asarray(rows[:, None] * jacobian * columns, dtype=np.float64)
+    # An equation that holds in any motion leaves round-off, which has no rank.
+    scaled[np.abs(scaled) < ROUND_OFF * mechanism.length] = 0.0
+    return scaled

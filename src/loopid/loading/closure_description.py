@@ -38,7 +38,7 @@ class ClosureDescription(Section):
     type: Kind
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
-    length: float | None = Field(default=None, gt=0)
+    length: float | None = Field(default=None, ge=1e-9, le=1e9)
     joints: dict[str, float] | None = None
     offset: float = 0.0
 

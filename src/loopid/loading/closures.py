@@ -47,7 +47,9 @@ def _closure(
 
 
 def _unit(axis: Vector) -> Vector:
-    x, y, z = (float(part) for part in np.array(axis) / np.linalg.norm(axis))
+    # Of size one first, so that no square overflows or vanishes.
+    direction = np.array(axis) / np.abs(axis).max()
+    x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
     return x, y, z
 
 

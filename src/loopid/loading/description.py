@@ -85,6 +85,8 @@ class Description(Section):
         if repeated:
             raise ValueError(f"identical: link {repeated[0]} is listed twice")
         for name, group in self.identical.items():
+            if not name.strip():
+                raise ValueError("identical: a group needs a name")
             if len(group) < 2:
                 raise ValueError(f"identical: {name} needs two links or more, not {len(group)}")
         return self

@@ -8,6 +8,7 @@ from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics import project
 from loopid.mechanism import Mechanism
+from loopid.mechanism.locking import lock_options
 from loopid.trajectories import JointMotion
 
 # Part of a motor's largest share below which it is round-off: the motor does not act there.
@@ -15,7 +16,7 @@ NO_SHARE = 1e-9
 
 
 def require_known_motion(mechanism: Mechanism) -> None:
-    """Refuse mechanisms that are not where they are by one position a motor.
+    """Refuse mechanisms whose configuration does not follow from one position a motor.
 
     Raises
     ------
@@ -23,10 +24,10 @@ def require_known_motion(mechanism: Mechanism) -> None:
         Naming the coordinates that no motor tells, or the motors with several.
     """
     if mechanism.free:
-        options = " ".join(f"--lock {name}" for name in mechanism.free)
         raise OptionError(
             f"a log of the motors does not tell where {', '.join(mechanism.free)} of "
-            f"{mechanism.name} are, which the motors leave free: lock them ({options})"
+            f"{mechanism.name} are, which the motors leave free: lock them "
+            f"({lock_options(mechanism)})"
         )
     several = [name for name in mechanism.actuated if mechanism.joint(name).nv != 1]
     if several:

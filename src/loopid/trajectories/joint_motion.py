@@ -8,6 +8,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import OptionError
 from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
 from loopid.mechanism import Mechanism
+from loopid.mechanism.locking import lock_options
 from loopid.trajectories.motion import Motion
 
 
@@ -60,7 +61,7 @@ def joint_motion(
     Raises
     ------
     OptionError
-        When the names are neither.
+        When the names are neither, or joints of a robot whose base, or a ball joint, is free.
     AssemblyError
         When the motion leaves the workspace.
     """
@@ -70,6 +71,7 @@ def joint_motion(
         q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
         v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(mechanism.joints):
+        _refuse_free_parts(mechanism)
         q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
         whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
         v, a = whole.velocities, whole.accelerations
@@ -81,3 +83,13 @@ def joint_motion(
         )
     measure = singularity_measure(mechanism, q)
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
+
+
+def _refuse_free_parts(mechanism: Mechanism) -> None:
+    """Free coordinates that are no joints of their own cannot be part of a motion of joints."""
+    free = [name for name in mechanism.free if name not in mechanism.joints]
+    if free:
+        raise OptionError(
+            f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
+            f"which the motors leave free: lock them ({lock_options(mechanism)})"
+        )
