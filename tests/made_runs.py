@@ -31,7 +31,7 @@ def friction(robot, kinds=("Fc", "Fv")):
 def centre(robot):
     """Names and values of the coordinates that a motion is given in, at the reference."""
     if robot.platform is None:
-        return robot.actuated, measured_coordinates(robot).read(robot.reference[None].copy())[0]
+        return robot.measured, measured_coordinates(robot).read(robot.reference[None].copy())[0]
     return robot.platform.names, platform_coordinates(robot, robot.reference[None])[0]
 
 

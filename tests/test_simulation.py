@@ -1,13 +1,23 @@
 """Simulated measurements: the model's forces, plus errors of the stated kind and size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from loopid import JointTerms, dynamic_regressor, platform_coordinates
+from loopid import (
+    JointTerms,
+    closed_motion,
+    dynamic_regressor,
+    forward_dynamics,
+    platform_coordinates,
+    project,
+    random_configurations,
+)
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import measured_coordinates
+from loopid.kinematics import measured_coordinates, random_motions
 from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import Waypoint, joint_motion, point_to_point
+from loopid.trajectories import JointMotion, Waypoint, joint_motion, point_to_point
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +100,61 @@ def test_wrong_input_is_refused(knee, motion, arguments, failure, word):
 def test_noise_is_never_negative(name):
     with pytest.raises(OptionError, match=name):
         Noise(**{name: -1.0})
+
+
+@pytest.fixture(scope="module")
+def swing(linkage):
+    """The five-bar with three motors, and a motion of it."""
+    robot = linkage("redundant five-bar")
+    centre = robot.reference[robot.velocity_indices(robot.independent)]
+    ways = [Waypoint(centre + np.array([0.2, -0.1]), 1.0), Waypoint(centre, 1.0)]
+    return robot, joint_motion(robot, point_to_point(robot.independent, centre, ways, 20.0))
+
+
+def test_redundant_motors_share_what_two_would_do(swing, linkage):
+    robot, motion = swing
+    measured, alone = (simulate_measurement(each, motion) for each in (robot, linkage("five-bar")))
+    rates = closed_motion(robot, motion.configurations, motion.velocities, motion.accelerations)
+    motors = robot.velocity_indices(robot.actuated)
+    # The same power, and more generally the same work in any motion.
+    shares = rates.projection.G[:, motors]
+    np.testing.assert_allclose(
+        np.einsum("nmi,nm->ni", shares, measured.force), alone.force, atol=1e-9
+    )
+    joints = [robot.joint(name).idx_q for name in robot.actuated]
+    np.testing.assert_array_equal(measured.position, motion.configurations[:, joints])
+
+
+def test_redundant_motors_share_with_the_least_squares(swing):
+    robot, motion = swing
+    force = simulate_measurement(robot, motion).force
+    G = project(robot, motion.configurations).G[:, robot.velocity_indices(robot.actuated)]
+    # Along the one way in which three motors can work against each other without moving.
+    idle = np.linalg.svd(G.transpose(0, 2, 1))[2][:, -1]
+    np.testing.assert_allclose((idle * force).sum(axis=1), 0, atol=1e-9)
+
+
+def falling(robot, forces):
+    """Unrelated samples of what a robot does under forces of its motors."""
+    q = random_configurations(robot, len(forces), seed=1)
+    rates, _ = random_motions(robot, len(forces), seed=2)
+    motion = forward_dynamics(robot, q, rates, forces)
+    accelerations = motion.accelerations[:, motion.projection.independent]
+    return JointMotion(np.arange(len(q)) / 10, q, rates, accelerations, np.ones(len(q)))
+
+
+@pytest.mark.parametrize("size", [0.0, 5.0])
+def test_motors_of_a_robot_with_a_free_rod_measure_what_they_do(linkage, size):
+    robot = linkage("ball rssr")
+    forces = size * np.random.default_rng(3).normal(size=(20, 1))
+    measured = simulate_measurement(robot, falling(robot, forces))
+    np.testing.assert_allclose(measured.force, forces, atol=1e-9)
+    assert measured.position.shape == (20, 1)
+
+
+def test_a_motion_that_no_motor_can_give_is_refused(linkage):
+    robot = linkage("ball rssr")
+    motion = falling(robot, np.zeros((20, 1)))
+    pushed = replace(motion, accelerations=motion.accelerations + np.array([0.0, 0.1]))
+    with pytest.raises(DataError, match=r"leave ball\.wx free.*forward_dynamics"):
+        simulate_measurement(robot, pushed)

@@ -1,5 +1,6 @@
 """Trees that others describe, whose numbers of base parameters are known: docs/mechanisms.md."""
 
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -27,7 +28,7 @@ FOLLOWERS = 12  # six links of either gripper, moved by the motor of a seventh
 
 def options(row):
     words = row["options"].split()
-    lock = [joint for option, joint in zip(words, words[1:], strict=False) if option == "--lock"]
+    lock = [joint for option, joint in pairwise(words) if option == "--lock"]
     return {"lock": lock, "free_mimics": "--free-mimics" in words}
 
 

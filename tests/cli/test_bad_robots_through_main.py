@@ -8,9 +8,25 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from broken_robots import FAMILY, FAMILY_YAML, KNEE, mutilated, mutilated_yaml
+from closure_robots import files
 from loopid.cli import main
+from small_tree import PARTS
 
 FUNCTION_SCOPED = [HealthCheck.function_scoped_fixture]
+GEARS = [{"type": "gear", "joints": {"rail": 1}, "offset": offset} for offset in (0, 1)]
+# Descriptions of a tree that are wrong, and what the command says of them.
+WRONG = {
+    "contradiction": ({"closures": GEARS}, "coupling rail = 1 contradicts the ones before it"),
+    "length": (
+        {"closures": [{"type": "rod", "frames": ["tip", "slide"], "length": -1}]},
+        "closures.0.length: ",
+    ),
+    "one body": ({"closed_loop": [["tip", "palm"]], "type": ["3d"]}, "two frames of one body"),
+    "link": ({"identical": {"part": ["arm", "leg"]}}, "identical: link 'leg' of part is unknown"),
+    "reference": ({"reference": {"elbow": [0, 1]}}, "joint elbow in reference must be one number"),
+    "joint": ({"joint_name": ["wrist"], "joint_type": ["SPHERICAL"]}, "'wrist' in joint_name"),
+    "trees": ({"mjcf": "robot.xml"}, "'urdf' and 'mjcf' exclude each other"),
+}
 SAID = ("loopid: warning: ", "loopid: error: ")
 
 
@@ -61,3 +77,14 @@ def test_a_spoilt_family(check, urdf):
 def test_a_spoilt_knee_robot(check, urdf_folder, data):
     yaml = (urdf_folder / "3ups_rpu.yaml").read_text().replace("3ups_rpu.urdf", "robot.urdf")
     check(data.draw(mutilated(KNEE)), data.draw(mutilated_yaml(yaml)))
+
+
+@pytest.mark.parametrize("command", ["check", "base"])
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_description_is_refused_by_key(run, write_files, command, case):
+    description, words = WRONG[case]
+    file = write_files(*files(PARTS, description))
+    done = run(command, file)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert done.err.startswith(f"loopid: error: {file}: ")
+    assert words in done.err

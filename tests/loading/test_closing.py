@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from loopid import load_mechanism, random_configurations, singularity_measure
+from closure_robots import tie
+from loopid import load_mechanism, mobility, random_configurations, singularity_measure
 from loopid.errors import ReferenceWarning
 from loopid.kinematics.projection import NEAR_SINGULARITY
+from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"
 PASSIVE = r"  (leg\d_universal_\d|leg4_revolute|platform_\w+): [^\n]*\n"
@@ -42,3 +44,12 @@ def test_a_reference_outside_the_limits_is_named(edited):
         ReferenceWarning, match=r"leg1_stroke: 0\.7071 is not in 0\.8 \.\.\. 0\.9337"
     ):
         load_mechanism(file)
+
+
+def test_a_closure_that_always_holds_takes_no_freedom(load_files):
+    """The elbow is on the upper arm, wherever it is: what is left of the rows is round-off."""
+    closure = tie("2d", ("arm", "hand"), axes=[[1, 0, 0], [1, 0, 0]])
+    robot = load_files(PARTS, {"closures": [closure], "reference": {"shoulder": 0.7, "elbow": 1.1}})
+    found = mobility(robot)
+    assert (found.rows, found.rank, found.degrees_of_freedom) == (2, 0, 4)
+    assert robot.independent == robot.actuated == robot.joints

@@ -13,7 +13,6 @@ from loopid.arrays import FloatArray
 from loopid.kinematics.closure_rows import closure_rows
 from loopid.mechanism import Mechanism
 
-
 ROUND_OFF = 1e-13  # of the characteristic length
 
 
