@@ -62,7 +62,9 @@ class FitSamples:
         parts = np.zeros(len(tau), dtype=np.int64) if stretches is None else np.asarray(stretches)
         if parts.shape != tau.shape[:1]:
             raise DataError(f"stretches must have shape {tau.shape[:1]}, not {parts.shape}")
-        least = np.zeros(tau.shape[1]) if least_errors is None else finite(least_errors, "errors")
+        least = (
+            np.zeros(tau.shape[1]) if least_errors is None else finite(least_errors, "least errors")
+        )
         if least.shape != tau.shape[1:] or (least < 0).any():
             raise DataError(f"least errors must be {tau.shape[1]} numbers from 0 on")
         return cls(

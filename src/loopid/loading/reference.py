@@ -13,6 +13,7 @@ from loopid.errors import RobotFileError
 
 # Of a joint with one coordinate its value, of another one its part of the configuration.
 Reference = float | list[float]
+LARGEST = 1e100  # as for the numbers of a URDF
 
 
 def written_reference(file: Path, model: pin.Model, values: Mapping[str, Reference]) -> FloatArray:
@@ -36,8 +37,8 @@ def written_reference(file: Path, model: pin.Model, values: Mapping[str, Referen
 
 def _write(what: str, joint: pin.JointModel, q: FloatArray, value: Reference) -> None:
     given = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if not np.isfinite(given).all():
-        raise RobotFileError(f"{what} must be finite, not {value}")
+    if not (np.abs(given) < LARGEST).all():
+        raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
     wanted = 1 if joint.nv == 1 else joint.nq
     if len(given) != wanted:
         count = "one number" if wanted == 1 else f"a list of {wanted} numbers"
