@@ -1,0 +1,122 @@
+"""Links made alike, redundant motors and free coordinates through the commands that move robots."""
+
+import json
+
+import numpy as np
+import pytest
+
+from bank_robots import ROBOTS
+from closure_robots import files
+from linkages import LINKAGES, five_bar
+from loopid import JointTerms, load_mechanism
+from made_runs import logged, wander
+
+BARS = {"left_joint": 2.0, "right_joint": 1.0}
+
+
+@pytest.fixture(scope="module")
+def legs(tmp_path_factory):
+    """A log of the 3RRR, which has no friction in it."""
+    robot = load_mechanism("3rrr")
+    path = tmp_path_factory.mktemp("3rrr") / "run.csv"
+    motion = wander(robot, 1, seconds=40.0, rate=50.0, size=[0.3] * 3)
+    path.write_text(logged(robot, motion, noise=0.2, seed=2))
+    return path
+
+
+@pytest.fixture
+def identified(run_json, legs):
+    """Records of the same log, each leg for itself and all alike."""
+    options = ("--model", "full", "--terms", "none")
+    return [run_json("identify", "3rrr", legs, *options, *tied) for tied in ((), ("--tied",))]
+
+
+def test_legs_made_alike_are_identified_together(identified):
+    untied, tied = (record["fit"]["parameters"] for record in identified)
+    owners = {entry["name"].rpartition(".")[0] for entry in tied}
+    assert owners == {"upper", "lower", "platform"}
+    assert {entry["name"].rpartition(".")[0] for entry in untied} > {"leg1_upper", "leg2_lower"}
+    for entry, truth in zip(tied, identified[1]["robot_file"], strict=True):
+        assert abs(entry["value"] - truth) < 4.5 * entry["standard_error"]
+    for name in ("upper.my", "lower.Izz"):
+        errors = [
+            next(e["standard_error"] for e in entries if e["name"].endswith(name))
+            for entries in (tied, untied)
+        ]
+        assert errors[0] < 0.8 * errors[1]
+
+
+def test_reports_of_legs_made_alike_name_the_group(run, legs, tmp_path):
+    options = ("--model", "full", "--terms", "none", "--tied", "--out", tmp_path)
+    done = run("identify", "3rrr", legs, *options)
+    assert done.code == 0, done.err
+    saved = json.loads((tmp_path / "identification.json").read_text())
+    for text in (done.out, (tmp_path / "report.md").read_text(), *saved["expressions"]):
+        assert not any(f"leg{k}_{part}" in text for k in (1, 2, 3) for part in ("upper", "lower"))
+    assert "upper.mx" in done.out
+
+
+def write(folder, robot, moved, far=0.2, **more):
+    """A robot's files, and a motion file of its joints; their paths."""
+    parts, description = robot
+    for name, text in zip(
+        ("robot.urdf", "robot.yaml"), files(parts, description | more), strict=True
+    ):
+        (folder / name).write_text(text)
+    target = {name: value + far for name, value in moved.items()}
+    steps = [{"to": target, "seconds": 1.0}]
+    swing = {"description": "away", "start": moved, "steps": steps}
+    program = {"coordinates": list(moved), "rate": 20, "motions": {"swing": swing}}
+    (folder / "motions.yaml").write_text(json.dumps(program))
+    return folder / "robot.yaml", folder / "motions.yaml"
+
+
+def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
+    file, _ = write(tmp_path, LINKAGES["redundant five-bar"], BARS)
+    robot = load_mechanism(file)
+    terms = JointTerms(robot.actuated), np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
+    motion = wander(robot, 1, seconds=40.0, rate=50.0, size=(0.4, 0.4))
+    (tmp_path / "run.csv").write_text(logged(robot, motion, terms, noise=0.05))
+    record = run_json("identify", file, tmp_path / "run.csv", "--model", "full")
+    assert record["actuators"] == ["left_joint", "right_joint"]
+    found = {entry["name"]: entry["value"] for entry in record["fit"]["parameters"]}
+    for name, value in zip(terms[0].parameters(robot).labels, terms[1], strict=True):
+        assert found[name] == pytest.approx(value, abs=0.08)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_robots_without_motions_of_their_own_say_who_has_some(run, robot):
+    done = run("motions", robot)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        f"loopid: error: there is no motion file {robot}, and robots with bundled motions are: "
+        "3ups_rpu\n"
+    )
+
+
+def test_redundant_motors_are_reviewed(run_json, tmp_path):
+    review = run_json("motions", *write(tmp_path, LINKAGES["redundant five-bar"], BARS))
+    (swing,) = review["motions"]
+    assert set(swing["speeds"]) == set(BARS)
+    assert swing["ranges"]["left_joint"] == pytest.approx([2.0, 2.2])
+
+
+FREE = {
+    "rod": (LINKAGES["ball rssr"], {"crank_joint": 0.3}, {}, "ball.wx"),
+    "base": (five_bar(), BARS, {"floating_base": True}, "root_joint"),
+}
+
+
+@pytest.mark.parametrize("case", FREE)
+def test_free_coordinates_are_refused_until_they_are_locked(run, run_json, tmp_path, case):
+    robot, moved, more, lock = FREE[case]
+    file, program = write(tmp_path, robot, moved, **more)
+    for command in (("motions", file, program), ("identify", file, tmp_path / "run.csv")):
+        done = run(*command)
+        assert (done.code, done.out) == (2, "")
+        *warned, last = done.err.splitlines()
+        assert all(line.startswith("loopid: warning: ") for line in warned)
+        assert last.startswith("loopid: error: a ")
+        assert last.endswith(f"which the motors leave free: lock them (--lock {lock})")
+    (swing,) = run_json("motions", file, program, "--lock", lock)["motions"]
+    assert set(swing["speeds"]) == set(moved)

@@ -1,0 +1,37 @@
+"""Closed loops that others describe: the document's table, and the robots loaded once."""
+
+import warnings
+from functools import cache
+
+import pytest
+
+from bank_doc import table
+from loopid import load_mechanism, random_configurations
+
+COLUMNS = ("model", "coordinates", "closure rank", "freedoms", "left free", "full", "gravity")
+ROWS = {row["model"]: row for row in table(*COLUMNS)}
+FRESH = 6  # poses that no base parameters are found from
+
+
+def path(shared, name):
+    """File of a model in the folder of reference data."""
+    if name.endswith(".xml"):
+        pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    return shared / "models" / name
+
+
+@cache
+def load(file):
+    """A robot, and the categories of what loading it warns of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot = load_mechanism(file)
+    return robot, {warning.category for warning in caught}
+
+
+@cache
+def poses(file):
+    """Closed poses: fresh ones, then enough for two rows a column of the full model."""
+    robot, _ = load(file)
+    enough = -(-2 * len(robot.parameters()) // len(robot.independent))
+    return random_configurations(robot, FRESH + enough, seed=5)
