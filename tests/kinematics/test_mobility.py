@@ -49,7 +49,7 @@ def test_what_can_be_known_is_learnt_around_a_singular_reference(load_files):
     joints = ("crank_joint", "coupler_joint", "rocker_joint")
     flat = dict(zip(joints, angles, strict=True))
     robot = load_files(parts, description | {"reference": flat})
-    # Two branches meet there: the parallelogram, and the one with crossed bars.
+    # Another branch crosses there, that of the crossed bars, which knows 8 and 4.
     for model, counts in (("full", (3, 8)), ("gravity", (2, 4))):
         found = find_base_parameters(structural_observation(robot, model))
         assert len(found) in counts

@@ -42,6 +42,7 @@ def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     """Constraint Jacobians (N, rows, nv) in m per unit step."""
     rows, columns = row_scales(mechanism), coordinate_scales(mechanism)
     scaled = np.asarray(rows[:, None] * jacobian * columns, dtype=np.float64)
-    # An equation that holds in any motion leaves round-off, which has no rank.
-    scaled[np.abs(scaled) < ROUND_OFF * mechanism.length] = 0.0
+    # Equations that hold in any motion leave nothing but round-off, which has no rank.
+    largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
+    scaled[largest < ROUND_OFF * mechanism.length] = 0.0
     return scaled

@@ -40,7 +40,7 @@ class ClosureDescription(Section):
     axes: tuple[Vector, Vector] | None = None
     length: float | None = Field(default=None, ge=1e-9, le=1e9)
     joints: dict[str, float] | None = None
-    offset: float = 0.0
+    offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
 
     @field_validator("type", mode="before")
     @classmethod
@@ -99,3 +99,5 @@ def _require_coupling(joints: dict[str, float]) -> None:
     for name, coefficient in joints.items():
         if coefficient == 0:
             raise ValueError(f"joint {name} has coefficient zero in a coupling")
+        if not 1e-30 < abs(coefficient) < 1e30:
+            raise ValueError(f"joint {name} has a coefficient beyond all measure, {coefficient:g}")
