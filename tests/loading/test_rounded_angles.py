@@ -1,12 +1,14 @@
 """Angles printed with a few digits mean the multiples of 5 degrees that print alike."""
 
 import math
+import warnings
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
+from loopid.errors import ClosureWarning, RobotFileError
 from loopid.loading.urdf.angles import DECIMALS, STEP, exact_angle
 
 steps = st.integers(-72, 72).filter(bool)
@@ -64,3 +66,45 @@ def test_rounding_invents_no_parameters(tmp_path, decimals):
         found = find_base_parameters(structural_observation(robot, model))
         assert len(found) == count
         assert found.structure.rank_gap > 1e9
+
+
+@pytest.fixture
+def tilted_bar(tmp_path, urdf_folder):
+    """Copy the five-bar, pinned at a point, with an axis tilted by some angle in rad."""
+
+    def tilt(angle):
+        text = (urdf_folder / "five_bar.urdf").read_text()
+        upright = f'rpy="{math.pi / 2!r} 0 0"'
+        assert text.count(upright) > 1
+        (tmp_path / "bar.urdf").write_text(
+            text.replace(upright, f'rpy="{math.pi / 2 + angle!r} 0 0"', 1)
+        )
+        yaml = (urdf_folder / "five_bar.yaml").read_text()
+        (tmp_path / "bar.yaml").write_text(yaml.replace("five_bar.urdf", "bar.urdf"))
+        return tmp_path / "bar.yaml"
+
+    return tilt
+
+
+def test_redundant_equations_that_rounding_sets_against_each_other_are_refused(tilted_bar):
+    with pytest.raises(RobotFileError, match=r"stays open by .*: the numbers .* seem rounded"):
+        load_mechanism(tilted_bar(5e-6))
+    assert mobility(load_mechanism(tilted_bar(0.0))).least > 1e-3
+
+
+@pytest.mark.parametrize(("other", "told"), [(-1.000001, True), (-1.0, False), (-1.01, False)])
+def test_equations_that_nearly_follow_from_each_other_are_told(tmp_path, urdf_folder, other, told):
+    # As a tree; a second gear between the same joints holds both, unless it is the first again.
+    (tmp_path / "bar.urdf").write_text((urdf_folder / "five_bar.urdf").read_text())
+    first = {"right_crank_joint": 1.0, "right_coupler_joint": -1.0}
+    gears = [
+        {"type": "coupling", "joints": first | {"right_coupler_joint": ratio}}
+        for ratio in (-1.0, other)
+    ]
+    (tmp_path / "bar.yaml").write_text(f"closures: {gears}\nname_mot: [left_crank_joint]\n")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot = load_mechanism(tmp_path / "bar.yaml")
+    texts = [str(w.message) for w in caught if w.category is ClosureWarning]
+    assert any("rank of the closures is not clear" in text for text in texts) == told
+    assert mobility(robot).rank == (1 if other == -1.0 else 2)

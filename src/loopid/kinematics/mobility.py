@@ -29,6 +29,8 @@ class Mobility:
         The same around it; fewer where the configuration is singular.
     rank_gap : float
         Ratio of the last counted singular value to the next, infinite when there is none.
+    least : float
+        The last counted singular value, relative to the largest.
     residual : float
         Largest closure residual in m.
     undetermined : tuple of str
@@ -42,6 +44,7 @@ class Mobility:
     degrees_of_freedom: int
     generic_degrees_of_freedom: int
     rank_gap: float
+    least: float
     residual: float
     undetermined: tuple[str, ...]
     redundant: tuple[str, ...]
@@ -64,6 +67,7 @@ def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> M
         degrees_of_freedom=mechanism.model.nv - rank,
         generic_degrees_of_freedom=mechanism.model.nv - _generic_rank(mechanism, q),
         rank_gap=_gap(factors.values[0], rank),
+        least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
         redundant=mechanism.redundant,

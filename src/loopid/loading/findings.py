@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import warnings
 
-from loopid.errors import InertiaWarning, MobilityWarning, ModelWarning, SingularityWarning
+from loopid.errors import (
+    ClosureWarning,
+    InertiaWarning,
+    MobilityWarning,
+    ModelWarning,
+    SingularityWarning,
+)
 from loopid.kinematics.mobility import mobility
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.source import TreeSource
 from loopid.mechanism import Mechanism, inertia_defects, unequal_links
 
 LEVEL = 4  # the caller of load_mechanism
+UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
 
 def warn_of_findings(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
@@ -42,6 +49,7 @@ def _warn_of_mobility(mechanism: Mechanism, tree: TreeSource, motors_given: bool
         )
     if mechanism.rows:
         _warn_of_singularity(mechanism)
+        _warn_of_rank(mechanism)
 
 
 def _warn_of_singularity(mechanism: Mechanism) -> None:
@@ -61,6 +69,19 @@ def _warn_of_singularity(mechanism: Mechanism) -> None:
         SingularityWarning,
         LEVEL + 1,
     )
+
+
+def _warn_of_rank(mechanism: Mechanism) -> None:
+    """Equations that nearly follow from others look independent where numbers are rounded."""
+    least = mobility(mechanism).least
+    if least < UNCLEAR:
+        warnings.warn(
+            f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
+            f"{least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles or "
+            "points rounded?",
+            ClosureWarning,
+            LEVEL + 1,
+        )
 
 
 def _warn_of_inertias(mechanism: Mechanism) -> None:

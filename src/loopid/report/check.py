@@ -30,6 +30,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "closure_rows": found.rows,
         "closure_rank": found.rank,
         "rank_gap": _limit(found.rank_gap),
+        "least_singular_value": found.least,
         "redundant_rows": found.rows - found.rank,
         "coordinates": mechanism.model.nv,
         "degrees_of_freedom": found.degrees_of_freedom,
