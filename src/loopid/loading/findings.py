@@ -11,7 +11,7 @@ from loopid.errors import (
     ModelWarning,
     SingularityWarning,
 )
-from loopid.kinematics.mobility import mobility
+from loopid.kinematics.mobility import Mobility, mobility
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.source import TreeSource
 from loopid.mechanism import Mechanism, inertia_defects, unequal_links
@@ -48,12 +48,13 @@ def _warn_of_mobility(mechanism: Mechanism, tree: TreeSource, motors_given: bool
             LEVEL,
         )
     if mechanism.rows:
-        _warn_of_singularity(mechanism)
-        _warn_of_rank(mechanism)
+        found = mobility(mechanism)
+        _warn_of_singularity(mechanism, found)
+        _warn_of_rank(mechanism, found)
 
 
-def _warn_of_singularity(mechanism: Mechanism) -> None:
-    found, measure = mobility(mechanism), singularity_measure(mechanism, mechanism.reference[None])
+def _warn_of_singularity(mechanism: Mechanism, found: Mobility) -> None:
+    measure = singularity_measure(mechanism, mechanism.reference[None])
     if found.singular:
         reason = (
             f"{found.degrees_of_freedom} degrees of freedom there, "
@@ -71,13 +72,12 @@ def _warn_of_singularity(mechanism: Mechanism) -> None:
     )
 
 
-def _warn_of_rank(mechanism: Mechanism) -> None:
+def _warn_of_rank(mechanism: Mechanism, found: Mobility) -> None:
     """Equations that nearly follow from others look independent where numbers are rounded."""
-    least = mobility(mechanism).least
-    if least < UNCLEAR:
+    if found.least < UNCLEAR:
         warnings.warn(
             f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
-            f"{least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles or "
+            f"{found.least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles or "
             "points rounded?",
             ClosureWarning,
             LEVEL + 1,
