@@ -5,7 +5,7 @@ import pytest
 
 from closure_robots import tie
 from loopid import load_mechanism, mobility, random_configurations, singularity_measure
-from loopid.errors import ReferenceWarning
+from loopid.errors import MobilityWarning, ReferenceWarning
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from small_tree import PARTS
 
@@ -53,3 +53,14 @@ def test_a_closure_that_always_holds_takes_no_freedom(load_files):
     found = mobility(robot)
     assert (found.rows, found.rank, found.degrees_of_freedom) == (2, 0, 4)
     assert robot.independent == robot.actuated == robot.joints
+
+
+def test_a_rounded_reference_closes_where_no_motors_are_known(tmp_path, urdf_folder):
+    (tmp_path / "bar.urdf").write_text((urdf_folder / "four_bar.urdf").read_text())
+    rounded = "{crank_joint: 1.0, coupler_joint: -0.329, rocker_joint: 1.683}"
+    closure = "closed_loop: [[coupler_end, rocker_end]]\ntype: [3d]\n"
+    (tmp_path / "bar.yaml").write_text(f"{closure}reference: {rounded}\n")
+    with pytest.warns(MobilityWarning, match="does not say which joints have motors"):
+        robot = load_mechanism(tmp_path / "bar.yaml")
+    np.testing.assert_allclose(robot.reference, [1.0, -0.329, 1.683], atol=2e-3)
+    assert mobility(robot).residual < 1e-10

@@ -77,8 +77,8 @@ def _warn_of_rank(mechanism: Mechanism, found: Mobility) -> None:
     if found.least < UNCLEAR:
         warnings.warn(
             f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
-            f"{found.least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles or "
-            "points rounded?",
+            f"{found.least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles "
+            "or points rounded?",
             ClosureWarning,
             LEVEL + 1,
         )

@@ -75,7 +75,9 @@ def load_mechanism(
     mechanism = _mechanism(tree, description, source.model, locked, tied, file)
     try:
         _require_motors(mechanism)
-        mechanism = close_reference(mechanism, given=given.reference)
+        # Where no motors are known, none can be kept where it is.
+        kept = given.reference if description.name_mot is not None else ()
+        mechanism = close_reference(mechanism, given=kept)
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error
     warn_of_findings(mechanism, tree, motors_given=description.name_mot is not None)
