@@ -111,7 +111,7 @@ def _tried(
     moved = _moved(mechanism, q, movable, _damped_step(columns, open_by, damping))
     beyond = ((q <= lower) & (moved < lower)) | ((q >= upper) & (moved > upper))
     if beyond.any():
-        stopped = beyond[:, _first_positions(mechanism)[movable]]
+        stopped = beyond[:, mechanism.first_positions[movable]]
         step = _damped_step(columns * ~stopped[:, None], open_by, damping)
         moved = _moved(mechanism, q, movable, step)
     return np.clip(moved, lower, upper)
@@ -120,12 +120,6 @@ def _tried(
 def _damped_step(columns: FloatArray, open_by: FloatArray, damping: FloatArray) -> FloatArray:
     factors = Factorisation.of(columns)
     return np.asarray(-factors.solve(open_by[:, :, None], damping)[:, :, 0], dtype=np.float64)
-
-
-def _first_positions(mechanism: Mechanism) -> IntArray:
-    """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
-    joints = [mechanism.joint(name) for name in mechanism.joints]
-    return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
 
 
 def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -155,10 +149,7 @@ def _moved(mechanism: Mechanism, q: FloatArray, movable: IntArray, step: FloatAr
 
 def _limits_of(mechanism: Mechanism, movable: IntArray) -> tuple[FloatArray, FloatArray]:
     """Position limits (nq,) of the joints that may move, none for the others."""
-    lower, upper = (limit.copy() for limit in mechanism.position_limits)
-    for name in mechanism.joints:
-        joint = mechanism.joint(name)
-        if joint.idx_v not in movable:
-            lower[joint.idx_q : joint.idx_q + joint.nq] = -np.inf
-            upper[joint.idx_q : joint.idx_q + joint.nq] = np.inf
-    return lower, upper
+    moves = np.zeros(mechanism.model.nq, dtype=bool)
+    moves[mechanism.first_positions[movable]] = True
+    lower, upper = mechanism.position_limits
+    return np.where(moves, lower, -np.inf), np.where(moves, upper, np.inf)

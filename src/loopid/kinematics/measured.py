@@ -73,7 +73,7 @@ class JointCoordinates(MeasuredCoordinates):
         known, _ = partition(mechanism, joints)
         if len(known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured")
-        held = mechanism.velocity_indices(_parts_of_joints(mechanism))
+        held = mechanism.velocity_indices(mechanism.held)
         unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(known, held))
         super().__init__(mechanism, unknown, len(joints))
         models = [mechanism.joint(name) for name in joints]
@@ -155,10 +155,6 @@ def measured_coordinates(
         measured = JointCoordinates(mechanism, joints)
     _refuse_insufficient(measured)
     return measured
-
-
-def _parts_of_joints(mechanism: Mechanism) -> tuple[str, ...]:
-    return tuple(name for name in mechanism.independent if name not in mechanism.measured)
 
 
 def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -35,8 +35,6 @@ class Mobility:
         Largest closure residual in m.
     undetermined : tuple of str
         Passive coordinates that can move while all motors stand still.
-    redundant : tuple of str
-        Actuated coordinates beyond those that determine the motion.
     """
 
     rows: int
@@ -47,7 +45,6 @@ class Mobility:
     least: float
     residual: float
     undetermined: tuple[str, ...]
-    redundant: tuple[str, ...]
 
     @property
     def singular(self) -> bool:
@@ -70,7 +67,6 @@ def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> M
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
-        redundant=mechanism.redundant,
     )
 
 

@@ -131,10 +131,10 @@ def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Gener
     assembly = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
     q = assembly.configurations[assembly.assembled]
     q = q[~_outside(mechanism, q).any(axis=1)]
-    parts = np.array([name not in mechanism.measured for name in mechanism.independent])
-    if not parts.any():
+    if not mechanism.held:
         return q
     chosen, _ = partition(mechanism)
+    parts = np.isin(mechanism.independent, mechanism.held)
     units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen))) * units * parts
     q, gap = displaced(mechanism, q, steps)

@@ -98,33 +98,24 @@ class Description(Section):
         simple = tuple(ClosureDescription(type=kind, frames=frames) for frames, kind in pairs)
         return simple + tuple(self.closures)
 
-    def joints_of_type(self, *types: str) -> tuple[str, ...]:
-        """Joints that are replaced by one of the types."""
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """Joints that are locked."""
         pairs = zip(self.joint_name, self.joint_type, strict=True)
-        return tuple(name for name, kind in pairs if kind in types)
+        return tuple(name for name, kind in pairs if kind == "FIXED")
 
 
 def merged(own: Description, given: Description) -> Description:
-    """What a tree's own file says, with what was given beside it taking precedence.
+    """What was given, with the closures, motors and reference of a tree's own file added.
 
-    Closures add up, but for those of two frames that are closed again, and so do reference values;
-    every other key that is given replaces the own one.
+    Of two frames that are closed in both, and of motors and joint values, the given ones count.
     """
-    if given.name_mot is None and own.name_mot is not None:
-        given = given.model_copy(update={"name_mot": own.name_mot})
-    reference = own.reference | given.reference
     again = [set(closure.frames or ()) for closure in given.all_closures]
     kept = [c for c in own.closures if c.frames is None or set(c.frames) not in again]
-    closures = [*kept, *given.closures]
-    joint_name = [*own.joint_name, *given.joint_name]
-    joint_type = [*own.joint_type, *given.joint_type]
     update: dict[str, Any] = {
-        "reference": reference,
-        "closures": closures,
-        "joint_name": joint_name,
-        "joint_type": joint_type,
-        "identical": given.identical or own.identical,
-        "floating_base": given.floating_base or own.floating_base,
+        "closures": [*kept, *given.closures],
+        "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
+        "reference": own.reference | given.reference,
     }
     return given.model_copy(update=update)
 

@@ -71,7 +71,7 @@ def load_mechanism(
     source = _read_tree(file, given, floating_base, free_mimics)
     description = merged(source.description, given)
     tree = build_tree(file, source, description, lock)
-    locked = {*description.joints_of_type("FIXED"), *lock}
+    locked = {*description.fixed, *lock}
     mechanism = _mechanism(tree, description, source.model, locked, tied, file)
     try:
         _require_motors(mechanism)

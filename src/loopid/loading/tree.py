@@ -41,7 +41,7 @@ def build_tree(
     source = replace_joints(source, _replacements(source.model, description))
     turns = {name: _turn(source.model, name) for name in locked}
     source = replace_joints(source, _without_turns(source.model, turns))
-    whole = [*description.joints_of_type("FIXED"), *(n for n in locked if turns[n] is None)]
+    whole = [*description.fixed, *(n for n in locked if turns[n] is None)]
     model = _locked(file, source.model, whole, description.reference)
     if model.nv == 0:
         raise RobotFileError(

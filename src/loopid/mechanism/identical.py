@@ -6,7 +6,7 @@ group is Y T: the sum of the links' columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,17 +29,21 @@ class LinkGroup:
     links: tuple[str, ...]
 
 
-def tied_names(links: Sequence[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
-    """Names of links with the groups' in place of their members', each where it first occurs."""
+def in_groups(links: Iterable[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
+    """Names of links (n,) with the groups' in place of their members'."""
     group_of = {link: group.name for group in groups for link in group.links}
-    return tuple(dict.fromkeys(group_of.get(link, link) for link in links))
+    return tuple(group_of.get(link, link) for link in links)
+
+
+def tied_names(links: Iterable[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
+    """The same (m,), each name where it first occurs."""
+    return tuple(dict.fromkeys(in_groups(links, groups)))
 
 
 def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
     """For each link (n,) the position of its name among ``tied_names``."""
-    group_of = {link: group.name for group in groups for link in group.links}
     names = tied_names(links, groups)
-    return np.array([names.index(group_of.get(link, link)) for link in links], dtype=np.int64)
+    return np.array([names.index(name) for name in in_groups(links, groups)], dtype=np.int64)
 
 
 def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:

@@ -15,6 +15,7 @@ import pinocchio as pin
 from loopid.arrays import FloatArray
 from loopid.lengths import NamedLength
 from loopid.mechanism.closure import LoopClosure
+from loopid.mechanism.identical import in_groups
 from loopid.mechanism.mechanism import Mechanism
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
@@ -63,8 +64,7 @@ def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
 
 def _of_groups(mechanism: Mechanism, length: NamedLength) -> NamedLength:
     """The length with groups of tied links in place of their members."""
-    group_of = {link: group.name for group in mechanism.ties for link in group.links}
-    return replace(length, links=frozenset(group_of.get(link, link) for link in length.links))
+    return replace(length, links=frozenset(in_groups(length.links, mechanism.ties)))
 
 
 def _carried_links(model: pin.Model) -> list[str]:

@@ -76,6 +76,11 @@ class Mechanism(Tree):
         return tuple(name for name in self.independent if name in self.joints)
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """The other independent coordinates, parts of joints: rod spins, floating bases."""
+        return tuple(name for name in self.independent if name not in self.joints)
+
+    @property
     def passive(self) -> tuple[str, ...]:
         """Joints without motors."""
         return tuple(joint for joint in self.joints if joint not in self.actuated)

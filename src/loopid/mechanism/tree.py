@@ -81,6 +81,12 @@ class Tree:
         return float(low), float(high)
 
     @cached_property
+    def first_positions(self) -> IntArray:
+        """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
+        joints = [self.joint(name) for name in self.joints]
+        return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
+
+    @cached_property
     def position_limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper limits (nq,) of all joints, infinite where there are none."""
         lower, upper = np.full((2, self.model.nq), np.inf)
