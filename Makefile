@@ -4,7 +4,7 @@ PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python;
     && echo $$python && break; done)
 BIN := .venv/bin
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench peers clean
 
 # The main job: all tables and figures of the paper, with their uncertainty.
 demo: .venv/plot
@@ -18,10 +18,18 @@ lint: .venv/lint
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-bench: .venv/test
+# What each one measures: docs/benchmarks.md.
+bench: .venv/test peers
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/symbolic.py
 	$(BIN)/python benchmarks/identification.py
+	$(BIN)/python benchmarks/observation.py
+	$(BIN)/python benchmarks/logs.py
+	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/certificates.py
+
+# Packages that loopid is compared with, in an environment of their own.
+peers: .venv/peers/ready
 
 clean:
 	rm -rf .venv
@@ -43,3 +51,9 @@ clean:
 .venv/lint: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint]'
 	@touch $@ .venv/plot .venv/test
+
+.venv/peers/ready: .venv/pip benchmarks/requirements-peers.txt
+	$(PYTHON) -m venv .venv/peers
+	.venv/peers/bin/python -m pip install --quiet --disable-pip-version-check \
+	    -r benchmarks/requirements-peers.txt
+	@touch $@

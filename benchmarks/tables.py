@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+# Characters, whatever the terminal: figures cut short are no use in a log file.
+WIDEST = 200
+
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:
     """Print rows with the same keys as a table."""
     table = Table(title=title, title_justify="left")
-    for key in rows[0]:
-        table.add_column(key.replace("_", " "), justify="right")
+    for key, value in rows[0].items():
+        words = isinstance(value, str)
+        table.add_column(
+            key.replace("_", " "), justify="left" if words else "right", overflow="fold"
+        )
     for row in rows:
         table.add_row(*(_text(value) for value in row.values()))
-    console = Console()
-    # Figures cut short are no use in a log file.
-    console.width = max(console.width, 140)
-    console.print(table)
+    Console(width=WIDEST).print(table)
 
 
 def write_json(path: str, figures: dict[str, Any]) -> None:
-    """Write figures to a file; NaN becomes null."""
-    Path(path).write_text(json.dumps(_without_nan(figures), indent=2) + "\n")
+    """Write figures to a file; NaN and infinity, which JSON has not, become null."""
+    Path(path).write_text(json.dumps(_finite(figures), indent=2) + "\n")
 
 
 def _text(value: Any) -> str:
@@ -38,9 +42,9 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _without_nan(value: Any) -> Any:
+def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _without_nan(entry) for key, entry in value.items()}
+        return {key: _finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_without_nan(entry) for entry in value]
-    return None if isinstance(value, float) and value != value else value
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not isfinite(value) else value

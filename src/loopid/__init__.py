@@ -16,6 +16,7 @@ from loopid.errors import LoopidError
 from loopid.experiment import (
     ForceModel,
     Identification,
+    distributed_problem,
     find_force_model,
     identify,
     split_recordings,
@@ -91,6 +92,7 @@ __all__ = [
     "assemble",
     "bundled_robots",
     "closed_motion",
+    "distributed_problem",
     "dynamic_regressor",
     "find_base_parameters",
     "find_force_model",

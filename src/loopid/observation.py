@@ -7,14 +7,15 @@ depend on the number of samples.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
-from loopid.threads import one_blas_thread
+from loopid.scratch import row_blocks
+from loopid.triangular import RowFactors, triangular_factor
 
 
 @dataclass(frozen=True)
@@ -83,29 +84,39 @@ class Observation:
 
         As ``from_matrix``, for an iterable of matrices.
         """
-        factor, rows, kept = np.empty((0, len(parameters))), 0, []
+        reduced, kept = RowFactors(len(parameters)), []
         for part in parts:
-            W = _stacked(part, len(parameters))
-            factor = triangular_factor(np.concatenate([factor, W]))
-            rows += len(W)
+            W = _samples(part, len(parameters))
+            for block in row_blocks(len(W)):
+                reduced.add(W[block])
             if keep_matrix:
-                kept.append(W)
-        if rows == 0:
+                kept.append(W.reshape(-1, len(parameters)))
+        if reduced.rows == 0:
             raise DataError("the observation matrix has no rows")
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        return cls(parameters, frozen(factor), rows, length, matrix, natural_size)
+        factor = frozen(reduced.factor())
+        return cls(parameters, factor, reduced.rows, length, matrix, natural_size)
+
+    def merge(self, other: Observation) -> Observation:
+        """The rows of both, these first; their matrix, where both keep it.
+
+        Raises
+        ------
+        DataError
+            When they are not of the same parameters, length and natural size.
+        """
+        for name in ("parameters", "length", "natural_size"):
+            if getattr(self, name) != getattr(other, name):
+                raise DataError(f"observations to merge must have the same {name}")
+        factor = triangular_factor(np.concatenate([self.factor, other.factor]))
+        matrices = [one.matrix for one in (self, other) if one.matrix is not None]
+        matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
+        return replace(self, factor=frozen(factor), rows=self.rows + other.rows, matrix=matrix)
 
 
-def _stacked(matrix: FloatArray, width: int) -> FloatArray:
+def _samples(matrix: FloatArray, width: int) -> FloatArray:
+    """Samples (N, dof, n); those of a matrix that is stacked already have one row each."""
     W = finite(matrix, "observation matrix")
     if W.ndim not in (2, 3) or W.shape[-1] != width:
         raise DataError(f"the observation matrix must have {width} columns, not shape {W.shape}")
-    return W.reshape(-1, width)
-
-
-def triangular_factor(matrix: FloatArray) -> FloatArray:
-    """Square upper triangular R of matrices (..., m, n), padded with zero rows where m < n."""
-    with one_blas_thread():
-        R: FloatArray = np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
-    missing = matrix.shape[-1] - R.shape[-2]
-    return np.pad(R, ((0, 0),) * (R.ndim - 2) + ((0, missing), (0, 0)))
+    return W if W.ndim == 3 else W[:, None]

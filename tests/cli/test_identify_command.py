@@ -38,6 +38,12 @@ def test_the_command_says_what_the_library_says(run_json, logs, record):
     assert first == again == json.loads(json.dumps(record))
 
 
+def test_several_processes_say_the_same(run_json, run, logs, record):
+    shared = run_json("identify", "3ups_rpu", logs["run.csv"], "--jobs", "2")
+    assert shared == json.loads(json.dumps(record))
+    assert_refused(run("identify", "3ups_rpu", logs["run.csv"], "--jobs", "0"), ["n_jobs", "0"])
+
+
 def test_friction_and_gravity_are_found(record, friction_values):
     found = {entry["name"]: entry for entry in record["fit"]["parameters"]}
     for name, value in friction_values.items():

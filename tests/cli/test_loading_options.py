@@ -137,8 +137,13 @@ def test_a_search_out_of_time_is_not_certified(run, run_json):
     options = ("base", "3ups_rpu", "--model", "full", "--criterion", "regressor")
     record = run_json(*options, "--time-limit", "1e-9")
     assert not record["search"]["certified"]
+    assert "not certified: " in run(*options, "--time-limit", "1e-9").out
     whole = run_json(*options)
     assert whole["search"]["certified"]
+    assert whole["search"]["gap"] == pytest.approx(1, abs=whole["search"]["tolerance"])
+    if record["search"]["gap"] is not None:
+        bound = record["search"]["condition_number"] / record["search"]["gap"]
+        assert bound <= whole["search"]["condition_number"] * (1 + 1e-9)
     assert record["rank"] == whole["rank"]
     done = run(*options, "--time-limit", "0")
     assert (done.code, done.err.count("\n")) == (2, 1)

@@ -48,6 +48,7 @@ OPTIONS = {
         "--train",
         "--validate",
         "--friction-log",
+        "--jobs",
         "--out",
         "--lock",
         "--tied",

@@ -97,3 +97,24 @@ def test_redundant_rows_of_a_planar_loop_are_counted_once(four_bars, kind, rows,
     found = mobility(four_bars[kind])
     assert (found.rows, found.rank, found.degrees_of_freedom) == (rows, rank, 1)
     assert found.rank_gap > 1e12
+
+
+@pytest.mark.parametrize("place", [3, 700, 1199])
+def test_one_singular_configuration_among_many_is_refused_by_sample(knee, singular_yaw, place):
+    q = np.repeat(at_yaw(knee, 0.1), 1200, axis=0)
+    q[place] = at_yaw(knee, singular_yaw)[0]
+    with pytest.raises(SingularityError, match=rf"sample {place} is singular.* 1 such samples"):
+        project(knee, q)
+
+
+def test_those_near_it_among_many_are_counted_and_no_others(knee, singular_yaw):
+    q = np.repeat(at_yaw(knee, 0.1), 1200, axis=0)
+    near = [5, 600, 1100]
+    q[near] = at_yaw(knee, singular_yaw - 1e-4)
+    with pytest.warns(SingularityWarning, match=r"3 samples are near .* first sample 5 "):
+        projection = project(knee, q)
+    alone = project(knee, at_yaw(knee, 0.1))
+    regular = np.delete(np.arange(1200), near)
+    same = np.broadcast_to(alone.G, projection.G[regular].shape)
+    np.testing.assert_allclose(projection.G[regular], same, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(projection.singularity[regular], alone.singularity[0], rtol=1e-12)

@@ -2,14 +2,18 @@
 
 import json
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis.strategies import floats
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters.expressions import expression
 from loopid.mechanism import named_lengths
 from loopid.report import base_record, check_record, identification_record, motions_record
+from loopid.report.base import certificate
 from loopid.trajectories import JointRange, MotionReview
 
 
@@ -28,6 +32,31 @@ def test_records_are_strict_json(robot, identification, paper):
     assert_strict(check_record(robot))
     assert_strict(identification_record(identification))
     assert_strict(motions_record(robot.name, paper.experiment.reviews, paper.seconds))
+
+
+def test_a_search_without_a_certificate_says_how_much_is_proven(robot):
+    base = find_base_parameters(structural_observation(robot), "qr")
+    records = {
+        gap: base_record(robot.name, "gravity", replace(base, search=replace(base.search, gap=gap)))
+        for gap in (inf, 1.16914, 3.3906)
+    }
+    for record in records.values():
+        assert_strict(record)
+    found = {gap: (r["search"]["gap"], certificate(r["search"])) for gap, r in records.items()}
+    assert found == {
+        inf: (None, "not certified: a better choice may exist"),
+        1.16914: (1.16914, "not certified: at most 17 % above the least possible"),
+        3.3906: (3.3906, "not certified: at most 3.4 times the least possible"),
+    }
+
+
+@given(gap=floats(1 + 1e-6, 1e12))
+def test_a_printed_bound_holds(gap):
+    said = certificate({"certified": False, "gap": gap})
+    (number,) = [float(word) for word in said.split() if word[0].isdigit()]
+    printed = 1 + number / 100 if "%" in said else number
+    assert gap <= printed * (1 + 1e-12)
+    assert printed - 1 < 1.011 * (gap - 1)
 
 
 def test_terms_rebuild_the_matrix(robot):

@@ -55,6 +55,9 @@ def identify(
     friction_log: Annotated[
         Paths | None, typer.Option(metavar="LOG", help="Identify the terms from this log first.")
     ] = None,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", help="Processes that compute the regressors.")
+    ] = 1,
     out: Out = None,
     lock: Lock = None,
     tied: Tied = False,
@@ -78,7 +81,7 @@ def identify(
     with progress_bar("poses") as report:
         force_model = find_force_model(mechanism, model, joint_terms, progress=report)
     friction = recordings(friction_log)
-    found = identify_recordings(force_model, training, validation, estimator, friction)
+    found = identify_recordings(force_model, training, validation, estimator, friction, jobs)
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)

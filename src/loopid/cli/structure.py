@@ -24,7 +24,7 @@ from loopid.cli.console import (
     progress_bar,
     show,
 )
-from loopid.loading import load_mechanism
+from loopid.loading import load_mechanism, second_opinion
 from loopid.mechanism import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
@@ -42,7 +42,7 @@ def check(
     mechanism = load_mechanism(
         file, lock or (), floating_base=floating_base, free_mimics=free_mimics
     )
-    record = check_record(mechanism)
+    record = check_record(mechanism, second_opinion(file))
     show(record, check_tables(record), as_json)
 
 

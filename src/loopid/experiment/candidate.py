@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.identification import FitSamples, Quality, fit_quality
+from loopid.scratch import row_blocks
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
 # follow one another for seconds.
@@ -79,18 +81,31 @@ def judge(
 
 def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
     """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
-    squares, errors = samples.residual(values) ** 2, np.full(len(samples.actuators), np.nan)
-    for k in np.flatnonzero(samples.problem.samples):
-        used = np.asarray(samples.used[:, k])
-        mean = squares[used, k].mean()
+    residual, errors = samples.residual(values), np.full(len(samples.actuators), np.nan)
+    counts = samples.problem.samples
+    for k in np.flatnonzero(counts):
+        squares = (
+            residual[rows, k][samples.used[rows, k]] ** 2 for rows in row_blocks(len(samples))
+        )
+        means, mean = _batch_means(squares, int(counts[k]))
         if mean > 0:
-            errors[k] = _mean_error(squares[used, k]) / (2 * np.sqrt(mean))
+            errors[k] = _mean_error(means) / (2 * np.sqrt(mean))
     return errors
 
 
-def _mean_error(series: FloatArray) -> float:
-    """Standard error of the mean of a series (N,), from the spread of its batches; NaN for one."""
-    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
+def _batch_means(series: Iterator[FloatArray], count: int) -> tuple[FloatArray, float]:
+    """Means of the batches of a series of so many numbers in blocks, and of all of it."""
+    ends = np.cumsum([len(batch) for batch in np.array_split(range(count), min(BATCHES, count))])
+    sums, done = np.zeros(len(ends)), 0
+    for block in series:
+        batch = np.searchsorted(ends, np.arange(done, done + len(block)), "right")
+        sums += np.bincount(batch, block, minlength=len(ends))
+        done += len(block)
+    return sums / np.diff(ends, prepend=0), float(sums.sum() / count)
+
+
+def _mean_error(means: FloatArray) -> float:
+    """Standard error of a mean from those of its batches; NaN for one."""
     return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
@@ -98,18 +113,24 @@ def _error_ratio(
     samples: FitSamples, values: FloatArray, baseline: FloatArray
 ) -> tuple[float, float]:
     """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
-    own, other = (_weighted_squares(samples, phi, baseline) for phi in (values, baseline))
-    ratio = own.sum() / other.sum()
-    return float(ratio), float(_mean_error(own - ratio * other) / other.mean())
+    own, other = (
+        _batch_means(_weighted_squares(samples, phi, baseline), len(samples))
+        for phi in (values, baseline)
+    )
+    ratio = own[1] / other[1]
+    return ratio, _mean_error(own[0] - ratio * other[0]) / other[1]
 
 
-def _weighted_squares(samples: FitSamples, values: FloatArray, baseline: FloatArray) -> FloatArray:
-    """Squared errors (N,), each actuator in units of its baseline error."""
+def _weighted_squares(
+    samples: FitSamples, values: FloatArray, baseline: FloatArray
+) -> Iterator[FloatArray]:
+    """Blocks of squared errors (N,), each actuator in units of its baseline error."""
     rms = fit_quality(samples.problem, baseline).residual_rms
-    scale = np.maximum(rms, samples.least_errors)
-    present = samples.used.any(axis=0)
-    residual = np.where(samples.used, samples.residual(values), 0.0)[:, present]
-    return np.asarray(((residual / scale[present]) ** 2).sum(axis=1), dtype=np.float64)
+    scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
+    for rows in row_blocks(len(samples)):
+        residual = samples.force[rows] - samples.regressor[rows] @ values
+        residual = np.where(samples.used[rows], residual, 0.0)[:, present]
+        yield np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
 
 
 def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
 from loopid.identification import FitSamples
 from loopid.kinematics import closed_motion
@@ -16,7 +16,12 @@ from loopid.mechanism import Mechanism
 from loopid.parameters import KINDS, ParameterSet
 from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation
+from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
+from loopid.workers import ordered_map
+
+# Configurations, velocities and accelerations of some samples.
+State = tuple[FloatArray, FloatArray, FloatArray]
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
@@ -70,32 +75,43 @@ class ForceModel:
         unknown = np.zeros(len(self.base.parameters) - len(bodies))
         return self.base.values(np.concatenate([bodies, unknown]))
 
-    def regressor(self, motion: JointMotion) -> FloatArray:
-        """Forces (N, dof, n) per unit of each parameter."""
-        parts = [self.base.regressor(columns) for columns in self._columns(motion)]
-        return frozen(np.concatenate(parts))
+    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
+        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+        return spooled(ordered_map(self._regressor_of, _states(motion), n_jobs))
 
-    def _columns(self, motion: JointMotion) -> Iterator[FloatArray]:
-        for first in range(0, len(motion.time), CHUNK):
-            rows = slice(first, first + CHUNK)
-            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-            whole = closed_motion(self.mechanism, *state)
-            yield motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
+    def _regressor_of(self, state: State) -> FloatArray:
+        whole = closed_motion(self.mechanism, *state)
+        columns = motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
+        return self.base.regressor(columns)
 
-    def samples(self, recording: Recording) -> FitSamples:
-        """The recording as samples of a fit."""
-        W = self.regressor(recording.motion)
+    def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
+        """The recording as samples of a fit.
+
+        Parameters
+        ----------
+        n_jobs : int
+            Processes that work on it; the result is the same to the bit.
+        """
+        W, used, least = self.regressor(recording.motion, n_jobs), recording.used, None
         free = np.isin(recording.actuators, self.mechanism.free)
-        size = np.abs(W).max(axis=(0, 2), initial=0.0)
-        used = recording.used & ~(free & (size <= SILENT * size.max(initial=0.0)))
-        least = np.where(free, LEAST_ERROR * self._term_sizes(W), 0.0)
+        if free.any():
+            size = np.max([np.abs(W[r]).max(axis=(0, 2)) for r in row_blocks(len(W))], axis=0)
+            silent = free & (size <= SILENT * size.max(initial=0.0))
+            used = mapped_rows(lambda rows: recording.used[rows] & ~silent, len(W))
+            least = np.where(free, LEAST_ERROR * self._term_sizes(W), 0.0)
         data = self.parameters, recording.actuators, W, recording.force
         return FitSamples.of(*data, used, recording.stretches, least)
 
     def _term_sizes(self, regressor: FloatArray) -> FloatArray:
         """Root mean squares (dof,) of the terms of each row, by the robot file's values."""
-        squares = ((regressor * self.prior) ** 2).sum(axis=2)
-        return np.asarray(np.sqrt(squares.mean(axis=0)), dtype=np.float64)
+        blocks = (regressor[rows] * self.prior for rows in row_blocks(len(regressor)))
+        squares = np.sum([(block**2).sum(axis=(0, 2)) for block in blocks], axis=0)
+        return np.asarray(np.sqrt(squares / len(regressor)), dtype=np.float64)
+
+
+def _states(motion: JointMotion) -> Iterator[State]:
+    for rows in row_blocks(len(motion.time), CHUNK):
+        yield motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
 
 
 def find_force_model(

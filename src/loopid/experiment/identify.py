@@ -81,6 +81,7 @@ def identify(
     validation: Sequence[Recording],
     estimator: Estimator | str = "wls",
     friction: Sequence[Recording] = (),
+    n_jobs: int = 1,
 ) -> Identification:
     """Fit a force model to recordings, and say how much of it they support.
 
@@ -93,11 +94,16 @@ def identify(
     friction : sequence of Recording, optional
         Recordings of an experiment of their own that the joint terms are identified from first;
         without them all parameters are fitted together.
+    n_jobs : int
+        Processes that work on the regressors; the result is the same to the bit.
     """
-    data = _gathered(force_model, training), _gathered(force_model, validation)
+    data = (
+        _gathered(force_model, training, n_jobs),
+        _gathered(force_model, validation, n_jobs),
+    )
     if friction:
         known = [force_model.parameters.labels[j] for j in force_model.joint_columns]
-        fitted = fit_in_steps(_gathered(force_model, friction), data[0], known, estimator)
+        fitted = fit_in_steps(_gathered(force_model, friction, n_jobs), data[0], known, estimator)
     else:
         fitted = fit(data[0], estimator)
     start, spread = _baseline(force_model, data[0], estimator)
@@ -112,10 +118,10 @@ def identify(
     return Identification(force_model, *recordings, data, fitted, reduction, (first, second, third))
 
 
-def _gathered(force_model: ForceModel, recordings: Sequence[Recording]) -> FitSamples:
+def _gathered(force_model: ForceModel, recordings: Sequence[Recording], n_jobs: int) -> FitSamples:
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")
-    return FitSamples.combined([force_model.samples(recording) for recording in recordings])
+    return FitSamples.combined([force_model.samples(recording, n_jobs) for recording in recordings])
 
 
 def _baseline(
@@ -125,7 +131,7 @@ def _baseline(
     values, joints = force_model.prior, force_model.joint_columns
     covariance = np.zeros((len(values), len(values)))
     if len(joints):
-        left = samples.less(samples.regressor @ values).select(joints)
+        left = samples.less(samples.predicted(values)).select(joints)
         terms = quiet_fit(left, estimator)
         values = values.copy()
         # A joint term may lead a combination with bodies: what the robot file says of it stays.

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import BoolArray, FloatArray
+from loopid.scratch import row_blocks
 
 # Keeps errors that hardly return to zero from never returning.
 LARGEST_REFLECTION = 0.9999
@@ -63,22 +64,40 @@ class Autoregression:
         right = np.append(self.variance, np.zeros(self.order))
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
-    def covariance_times(self, rows: FloatArray) -> FloatArray:
-        """Ω X of evenly spaced rows X (L, m), with Ω (L, L) the covariance of as many errors.
+    def past_part(
+        self, rows: FloatArray, state: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """What rows X (L, m) up to each one give to Ω X, and the state for the rows that follow.
 
-        Autocovariances follow the recursion of the process, so a filter N / A with as many
-        coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
-        time, less what both count.
+        Ω is the covariance of evenly spaced errors, one a row. Autocovariances follow the recursion
+        of the process, so a filter N / A with as many coefficients has them as its impulse
+        response: Ω X is X filtered forwards and backwards in time, less γ_0 X, which both count.
         """
-        if not self.order:
-            return self.variance * rows
         # Slow to import, and only needed where errors are correlated.
         from scipy.signal import lfilter
 
+        if state is None:
+            state = np.zeros((self.order, rows.shape[1]))
         numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
-        past = lfilter(numerator, self.polynomial, rows, axis=0)
-        future = lfilter(numerator, self.polynomial, rows[::-1], axis=0)[::-1]
-        return np.asarray(past + future - self.covariances[0] * rows, dtype=np.float64)
+        past, state = lfilter(numerator, self.polynomial, rows, axis=0, zi=state)
+        return np.asarray(past, dtype=np.float64), np.asarray(state, dtype=np.float64)
+
+    def sum_variance(self, present: BoolArray, pieces: tuple[slice, ...]) -> float:
+        """Variance of the sum of errors over the samples (N,) that are present.
+
+        Parameters
+        ----------
+        pieces : tuple of slice
+            Rows of each evenly sampled stretch; errors of different ones are independent.
+        """
+        count = total = 0.0
+        for piece in pieces:
+            state = None
+            for rows in row_blocks(piece):
+                ones = np.asarray(present[rows], dtype=np.float64)[:, None]
+                past, state = self.past_part(ones, state)
+                count, total = count + float(ones.sum()), total + float(np.vdot(ones, past))
+        return 2 * total - float(self.covariances[0]) * count
 
 
 def raised(polynomial: FloatArray, reflection: float) -> FloatArray:

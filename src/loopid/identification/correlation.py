@@ -14,6 +14,7 @@ from loopid.identification.least_squares import exactly_fitted
 from loopid.identification.noise import NoiseModel
 from loopid.identification.result import FitResult
 from loopid.identification.samples import FitSamples
+from loopid.scratch import mapped_rows
 from loopid.threads import one_blas_thread
 
 # Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much.
@@ -65,18 +66,28 @@ def _error_models(
     """A model for each actuator that has samples, by its number."""
     residual = samples.residual(result.values)
     # Round-off of an exact fit follows itself too, but is no error.
-    residual[:, exactly_fitted(samples.problem, result.values)] = 0.0
-    return {
-        int(i): ErrorModel(
-            columns=weight * samples.regressor[:, i] @ inverse,
-            residual=weight * residual[:, i],
+    exact = exactly_fitted(samples.problem, result.values)
+    models = {}
+    for i in map(int, np.flatnonzero(samples.problem.samples)):
+        weight = float(result.weights[i])
+        models[i] = ErrorModel(
+            columns=_columns(samples, i, weight * inverse),
+            residual=_scaled(residual[:, i], 0.0 if exact[i] else weight),
             used=samples.used[:, i],
             pieces=samples.pieces,
-            least=float(weight * samples.least_errors[i]),
+            least=weight * float(samples.least_errors[i]),
         )
-        for i in np.flatnonzero(samples.problem.samples)
-        for weight in [result.weights[i]]
-    }
+    return models
+
+
+def _columns(samples: FitSamples, i: int, inverse: FloatArray) -> FloatArray:
+    """Regressor (N, n) of one actuator times a matrix, zero where it is not used."""
+    W, used = samples.regressor[:, i], samples.used[:, i, None]
+    return mapped_rows(lambda rows: (W[rows] @ inverse) * used[rows], len(samples))
+
+
+def _scaled(series: FloatArray, factor: float) -> FloatArray:
+    return mapped_rows(lambda rows: factor * series[rows], len(series))
 
 
 def _total(models: dict[int, ErrorModel]) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray
 from loopid.identification.autoregression import Autoregression
 from loopid.identification.burg import burg_covariances, run_lengths
+from loopid.identification.lagged import lagged_grams, past_sums
 
 # Parts of a correction that are tried, and the part of the innovations' variance that must stay.
 DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
@@ -25,7 +26,8 @@ class ErrorModel:
     Parameters
     ----------
     columns : FloatArray
-        (N, n), regressor of the actuator, such that columns over all actuators are orthonormal.
+        (N, n), regressor of the actuator, such that columns over all actuators are orthonormal;
+        zero where a sample is not used.
     residual : FloatArray
         (N,), weighted as the columns are.
     used : BoolArray
@@ -51,15 +53,12 @@ class ErrorModel:
         pieces: tuple[slice, ...],
         least: float = 0.0,
     ) -> None:
-        present = columns * used[:, None]
-        self._parts = [present[piece] for piece in pieces]
-        self._used = [used[piece].astype(np.float64)[:, None] for piece in pieces]
-        self.samples = int(used.sum())
+        self._columns, self._used, self._pieces = columns, used, pieces
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        lags = range(len(self._observed))
-        self._pairs = np.array([_lagged(self._used, self._used, k)[0, 0] for k in lags])
-        self._grams = [_lagged(self._parts, self._parts, k) for k in lags]
+        order = len(self._observed) - 1
+        self._grams, pairs = lagged_grams(columns, pieces, order), _pairs(used, pieces, order)
+        self._pairs, self.samples = pairs, int(pairs[0])
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
         self._least_innovation = KEPT_INNOVATION * start.variance * freedom / self.samples
@@ -73,8 +72,8 @@ class ErrorModel:
         sums : FloatArray
             (n, n), as ``sums``, over all actuators.
         """
-        left = [float(np.sum(sums * gram)) for gram in self._grams[: len(self._shared)]]
-        return np.asarray(self._shared - np.array(left), dtype=np.float64)
+        left = np.einsum("ij,kij->k", sums, self._grams[: len(self._shared)])
+        return np.asarray(self._shared - left, dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
         """Make the model again, with what the fit takes up under the present models added back.
@@ -96,31 +95,30 @@ class ErrorModel:
         """How many independent samples would tell the mean error as well."""
         if not self.model.order:
             return float(self.samples)
-        spread = sum(float(np.vdot(u, self.model.covariance_times(u))) for u in self._used)
+        spread = self.model.sum_variance(self._used, self._pieces)
         variance = float(self.model.covariances[0])
         return min(self.samples**2 * variance / spread, float(self.samples))
 
     def _adopt(self, model: Autoregression) -> None:
+        """Take a model, and what it makes of the sums.
+
+        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used. Of
+        Ω X, the part from the past is filtered forwards, and that from the future backwards.
+        """
         self.model = model
-        spread = [self.model.covariance_times(part) for part in self._parts]
-        self.sums = _lagged(self._parts, spread, 0)
-        present = [part * u for part, u in zip(spread, self._used, strict=True)]
-        self._shared = np.array(
-            [
-                _lagged_product(self._parts, present, k) + _lagged_product(present, self._parts, k)
-                for k in range(self.model.order + 1)
-            ]
-        )
+        variance, grams = float(model.covariances[0]), self._grams[: model.order + 1]
+        traces = np.trace(grams, axis1=1, axis2=2)
+        if not model.order:
+            self.sums, self._shared = variance * grams[0], 2 * variance * traces
+            return
+        count = len(self._columns)
+        turned = tuple(slice(count - p.stop, count - p.start) for p in self._pieces[::-1])
+        past, ahead = past_sums(model, self._columns, self._used, self._pieces)
+        _, behind = past_sums(model, self._columns[::-1], self._used[::-1], turned)
+        self.sums = past + past.T - variance * grams[0]
+        self._shared = ahead + behind - 2 * variance * traces
 
 
-def _lagged(one: list[FloatArray], other: list[FloatArray], lag: int) -> FloatArray:
-    """Σ_t x_t y_{t+k}ᵀ (n, n) over parts of rows x and y (L, n)."""
-    parts = zip(one, other, strict=True)
-    grams = [x[: max(len(x) - lag, 0)].T @ y[lag:] for x, y in parts]
-    return np.asarray(np.sum(grams, axis=0), dtype=np.float64)
-
-
-def _lagged_product(one: list[FloatArray], other: list[FloatArray], lag: int) -> float:
-    """Σ_t x_t·y_{t+k}, the trace of the same."""
-    parts = zip(one, other, strict=True)
-    return float(sum(np.vdot(x[: max(len(x) - lag, 0)], y[lag:]) for x, y in parts))
+def _pairs(used: BoolArray, pieces: tuple[slice, ...], order: int) -> FloatArray:
+    """How many pairs (order + 1,) of used samples are so far apart."""
+    return lagged_grams(used[:, None], pieces, order)[:, 0, 0]

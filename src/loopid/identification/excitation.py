@@ -13,7 +13,7 @@ from loopid.identification.result import LEAST_FREEDOM, FitResult
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
-# Part in the direction that data do not show, relative to the largest, above which one is named.
+# Part in the directions that data do not show, relative to the largest, above which one is named.
 INVOLVED = 0.1
 
 
@@ -31,7 +31,9 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     _, values, right = np.linalg.svd(R / norms)
     if values[-1] >= LEAST_EXCITATION * values[0]:
         return
-    involved = np.flatnonzero(np.abs(right[-1]) > INVOLVED * np.abs(right[-1]).max())
+    # Of several directions that data do not show, single ones are as round-off has them.
+    part = np.linalg.norm(right[values < LEAST_EXCITATION * values[0]], axis=0)
+    involved = np.flatnonzero(part > INVOLVED * part.max())
     raise RankError(
         f"the data do not tell {', '.join(labels[j] for j in involved)} apart: relative singular "
         f"value {values[-1] / values[0]:.1e} (least {LEAST_EXCITATION:g}); fit base parameters, or "

@@ -1,20 +1,24 @@
 """The data of a fit, reduced to one triangular factor an actuator.
 
 R_i of [W_i | τ_i] = Q_i R_i holds all that least squares needs of the samples of actuator i, for
-any weights between actuators, however long the log was.
+any weights between actuators, however long the log was. Factors of parts of a log, stacked and
+factored again, are those of the whole.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
+from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
 from loopid.errors import DataError
-from loopid.observation import triangular_factor
+from loopid.identification.checks import checked_mask, checked_samples
 from loopid.parameters import ParameterSet
+from loopid.scratch import row_blocks
+from loopid.triangular import triangular_factor
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class FitProblem:
         used: BoolArray | None = None,
         least_errors: FloatArray | None = None,
     ) -> FitProblem:
-        """Reduce samples.
+        """Reduce samples, block by block.
 
         Parameters
         ----------
@@ -68,34 +72,55 @@ class FitProblem:
         """
         W, tau = checked_samples(regressor, force, parameters, actuators)
         mask = checked_mask(used, tau)
+        least = frozen(np.zeros(len(actuators)) if least_errors is None else least_errors)
+        return cls.combined(
+            cls._of_block(W[rows], tau[rows], mask[rows], (parameters, tuple(actuators), least))
+            for rows in row_blocks(len(tau))
+        )
+
+    @classmethod
+    def _of_block(
+        cls,
+        W: FloatArray,
+        tau: FloatArray,
+        mask: BoolArray,
+        common: tuple[ParameterSet, tuple[str, ...], FloatArray],
+    ) -> FitProblem:
+        """Reduce samples at once; parameters, actuators and least errors are common to all."""
+        parameters, actuators, least = common
         augmented = np.concatenate([W, tau[:, :, None]], axis=2) * mask[:, :, None]
         factors = triangular_factor(augmented.transpose(1, 0, 2))
         counts = mask.sum(axis=0)
         mean = (tau * mask).sum(axis=0) / np.maximum(counts, 1)
-        least = np.zeros(len(counts)) if least_errors is None else least_errors
-        numbers = frozen(counts, np.int64), frozen(mean), frozen(least)
-        return cls(parameters, tuple(actuators), frozen(factors), *numbers)
+        numbers = frozen(counts, np.int64), frozen(mean), least
+        return cls(parameters, actuators, frozen(factors), *numbers)
 
     @classmethod
     def combined(cls, problems: Iterable[FitProblem]) -> FitProblem:
-        """All samples of several problems, as of the parts of one log."""
-        parts = list(problems)
-        if not parts:
+        """All samples of several problems, such as parts of a log, with one in memory at a time.
+
+        The order counts in round-off only.
+        """
+        parts = iter(problems)
+        first = next(parts, None)
+        if first is None:
             raise DataError("there are no problems to combine")
-        first = parts[0]
-        for part in parts:
-            if (part.parameters, part.actuators) != (first.parameters, first.actuators):
-                raise DataError("problems to combine must share their parameters and actuators")
-        factors = triangular_factor(np.concatenate([part.factors for part in parts], axis=1))
-        counts = np.sum([part.samples for part in parts], axis=0)
-        total = np.sum([part.samples * part.mean_force for part in parts], axis=0)
-        return cls(
-            first.parameters,
-            first.actuators,
+        return reduce(cls.merge, parts, first)
+
+    def merge(self, other: FitProblem) -> FitProblem:
+        """The samples of both."""
+        if (self.parameters, self.actuators) != (other.parameters, other.actuators):
+            raise DataError("problems to combine must share their parameters and actuators")
+        factors = triangular_factor(np.concatenate([self.factors, other.factors], axis=1))
+        counts = self.samples + other.samples
+        total = self.samples * self.mean_force + other.samples * other.mean_force
+        return FitProblem(
+            self.parameters,
+            self.actuators,
             frozen(factors),
             frozen(counts, np.int64),
             frozen(total / np.maximum(counts, 1)),
-            frozen(np.max([part.least_errors for part in parts], axis=0)),
+            frozen(np.maximum(self.least_errors, other.least_errors)),
         )
 
     @property
@@ -120,29 +145,3 @@ class FitProblem:
     def total_squares(self) -> FloatArray:
         """Sums of squared deviations (dof,) of each force from its mean."""
         return self.force_squares() - self.samples * self.mean_force**2
-
-
-def checked_samples(
-    regressor: FloatArray, force: FloatArray, parameters: ParameterSet, actuators: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """A regressor (N, dof, n) and forces (N, dof) that go together."""
-    W, tau = finite(regressor, "regressor"), finite(force, "force")
-    expected = (len(actuators), len(parameters))
-    if W.ndim != 3 or W.shape[1:] != expected:
-        shape = f"(samples, {expected[0]}, {expected[1]})"
-        raise DataError(f"the regressor must have shape {shape}, not {W.shape}")
-    if tau.shape != W.shape[:2]:
-        raise DataError(f"force must have shape {W.shape[:2]}, not {tau.shape}")
-    if len(W) == 0:
-        raise DataError("there are no samples to fit")
-    return W, tau
-
-
-def checked_mask(used: BoolArray | None, force: FloatArray) -> BoolArray:
-    """Which forces (N, dof) take part; by default all."""
-    mask = np.ones(force.shape, dtype=bool) if used is None else np.asarray(used)
-    if mask.shape != force.shape or mask.dtype != bool:
-        raise DataError(
-            f"used must be booleans of shape {force.shape}, not {mask.dtype} of {mask.shape}"
-        )
-    return mask

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
@@ -80,6 +79,8 @@ class FitResult(ComparedByFields):
 
         Infinite where fewer than one degree of freedom is left: such data tell values at best.
         """
+        from scipy.special import stdtrit  # here, as it takes a while to import
+
         if not 0 < level < 1:
             raise OptionError(f"level must be between 0 and 1, not {level}")
         reach = np.full(len(self.values), np.inf)

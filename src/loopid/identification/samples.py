@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError
-from loopid.identification.problem import FitProblem, checked_mask, checked_samples
+from loopid.identification.checks import checked_force, checked_mask, checked_samples
+from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet
+from loopid.scratch import kept, mapped_rows, row_blocks, rows_where, spooled
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class FitSamples:
     ) -> FitSamples:
         """Check shapes and values, and fill in the defaults."""
         W, tau = checked_samples(regressor, force, parameters, actuators)
-        kept = checked_mask(used, tau)
+        mask = checked_mask(used, tau)
         parts = np.zeros(len(tau), dtype=np.int64) if stretches is None else np.asarray(stretches)
         if parts.shape != tau.shape[:1]:
             raise DataError(f"stretches must have shape {tau.shape[:1]}, not {parts.shape}")
@@ -70,10 +74,10 @@ class FitSamples:
         return cls(
             parameters,
             tuple(actuators),
-            frozen(W),
-            frozen(tau),
-            frozen(kept, np.bool_),
-            frozen(parts, np.int64),
+            kept(W),
+            kept(tau),
+            kept(mask, np.bool_),
+            kept(parts, np.int64),
             frozen(least),
         )
 
@@ -89,33 +93,31 @@ class FitSamples:
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
         """Rows of each stretch."""
-        starts = np.flatnonzero(np.diff(self.stretches)) + 1
-        bounds = [0, *(int(k) for k in starts), len(self)]
+        bounds = [0, *(int(k) for k in _changes(self.stretches)), len(self)]
         return tuple(slice(*pair) for pair in pairwise(bounds))
+
+    def predicted(self, values: FloatArray) -> FloatArray:
+        """Forces (N, dof) at parameter values (n,)."""
+        return mapped_rows(lambda rows: self.regressor[rows] @ values, len(self))
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Force less prediction (N, dof) at parameter values (n,), also where not used."""
-        return np.asarray(self.force - self.regressor @ values, dtype=np.float64)
+        return mapped_rows(lambda rows: self.force[rows] - self.regressor[rows] @ values, len(self))
 
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
         chosen = [int(j) for j in columns]
-        W = self.regressor[:, :, chosen]
-        names = self.parameters.select(chosen)
-        return FitSamples.of(names, self.actuators, W, self.force, *self._other)
+        W = mapped_rows(lambda rows: self.regressor[rows][:, :, chosen], len(self))
+        return replace(self, parameters=self.parameters.select(chosen), regressor=W)
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
-        W, names = self.regressor, self.parameters
-        return FitSamples.of(names, self.actuators, W, force, *self._other)
-
-    @property
-    def _other(self) -> tuple[BoolArray, IntArray, FloatArray]:
-        return self.used, self.stretches, self.least_errors
+        return replace(self, force=kept(checked_force(force, self.regressor)))
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples after known forces (N, dof) have been taken away."""
-        return self.with_force(self.force - force)
+        left = mapped_rows(lambda rows: self.force[rows] - force[rows], len(self))
+        return self.with_force(left)
 
     @classmethod
     def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:
@@ -126,13 +128,35 @@ class FitSamples:
         for part in parts:
             if (part.parameters, part.actuators) != (first.parameters, first.actuators):
                 raise DataError("samples to combine must share their parameters and actuators")
-        offsets = np.cumsum([0, *(int(part.stretches.max()) + 1 for part in parts[:-1])])
-        return cls.of(
+        if len(parts) == 1:
+            return first
+        return cls(
             first.parameters,
             first.actuators,
-            np.concatenate([part.regressor for part in parts]),
-            np.concatenate([part.force for part in parts]),
-            np.concatenate([part.used for part in parts]),
-            np.concatenate([part.stretches + k for part, k in zip(parts, offsets, strict=True)]),
+            _concatenated([part.regressor for part in parts]),
+            _concatenated([part.force for part in parts]),
+            _concatenated([part.used for part in parts]),
+            _concatenated_stretches([part.stretches for part in parts]),
             np.max([part.least_errors for part in parts], axis=0),
         )
+
+
+def _changes(numbers: IntArray) -> IntArray:
+    """Rows whose number differs from that of the row before."""
+    return 1 + rows_where(
+        lambda rows: numbers[rows] != numbers[rows.start + 1 : rows.stop + 1], len(numbers) - 1
+    )
+
+
+def _concatenated(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
+
+
+def _concatenated_stretches(parts: Sequence[IntArray]) -> IntArray:
+    largest = [max(int(part[rows].max()) for rows in row_blocks(len(part))) for part in parts]
+    offsets = np.cumsum([0, *(number + 1 for number in largest[:-1])])
+    return spooled(
+        part[rows] + offset
+        for part, offset in zip(parts, offsets, strict=True)
+        for rows in row_blocks(len(part))
+    )

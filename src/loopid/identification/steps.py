@@ -57,10 +57,9 @@ def fit_in_steps(
     start = fit(first, estimator)
     taken = [start.parameters.labels.index(name) for name in known]
     values, spread = start.values[taken], start.covariance[np.ix_(taken, taken)]
-    rest = fit(
-        second.with_force(second.force - second.regressor[:, :, held] @ values).select(free),
-        estimator,
-    )
+    joint = np.zeros(len(second.parameters))
+    joint[held] = values
+    rest = fit(second.less(second.predicted(joint)).select(free), estimator)
     return _joined(second, rest, (held, free), (values, spread), start.degrees_of_freedom)
 
 

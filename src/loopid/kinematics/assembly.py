@@ -6,19 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, samples
+from loopid.arrays import FloatArray, samples
 from loopid.errors import AssemblyError
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.path_following import (
     CLOSURE_TOLERANCE,
     SHORTEST_PATH_STEP,
     Assembly,
-    follow_path,
+    PathOptions,
+    follow_paths,
 )
+from loopid.kinematics.trajectory_following import follow_trajectory
 from loopid.mechanism import Mechanism
-
-# Samples of a trajectory solved together, from the last solution of the previous ones.
-TRAJECTORY_BLOCK = 64
+from loopid.threads import one_blas_thread
 
 
 def assemble(
@@ -31,6 +31,9 @@ def assemble(
 ) -> FloatArray:
     """Solve all coordinates from measured ones, on the assembly branch of the start.
 
+    A long trajectory may be assembled in parts: with the last configuration of a part as the start
+    of the next one, they are the same, to round-off, as those of the whole.
+
     Parameters
     ----------
     values : FloatArray
@@ -41,7 +44,7 @@ def assemble(
     start : FloatArray, optional
         (nq,), a closed configuration on the branch; by default the reference.
     trajectory : bool
-        Whether the samples follow one another: each block then starts where the last one ended.
+        Whether the samples follow one another: each is then reached from the one before.
     tolerance : float
         Closure residual to reach, in m.
 
@@ -80,6 +83,8 @@ def try_assemble(
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
+    Along a trajectory the next one is then reached from the last one that was assembled.
+
     Parameters
     ----------
     shortest_step : float
@@ -89,18 +94,8 @@ def try_assemble(
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
     q = samples(q, mechanism.model.nq, "start")
-    if not trajectory:
-        start = np.repeat(q, len(targets), axis=0)
-        return follow_path(measured, start, targets, tolerance, shortest_step)
-    blocks = []
-    for first in range(0, len(targets), TRAJECTORY_BLOCK):
-        block = targets[first : first + TRAJECTORY_BLOCK]
-        start = np.repeat(q, len(block), axis=0)
-        blocks.append(follow_path(measured, start, block, tolerance, shortest_step))
-        done = blocks[-1].configurations[blocks[-1].assembled]
-        q = done[-1:] if len(done) else q
-    return Assembly(*(np.concatenate(parts) for parts in zip(*map(_fields, blocks), strict=True)))
-
-
-def _fields(assembly: Assembly) -> tuple[FloatArray, FloatArray, BoolArray]:
-    return assembly.configurations, assembly.residual, assembly.assembled
+    options = PathOptions(tolerance, shortest_step)
+    with one_blas_thread():
+        if trajectory:
+            return follow_trajectory(measured, q[0], targets, options)
+        return follow_paths(measured, np.repeat(q, len(targets), axis=0), targets, options)

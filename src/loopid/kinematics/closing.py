@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.kinematics.equations import scaled_constraint, scaled_residual
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.measured import scaled_constraint
+from loopid.kinematics.newton import SHORT
 from loopid.kinematics.scaling import coordinate_scales
 from loopid.mechanism import Mechanism
 
@@ -24,6 +25,25 @@ CONTINUATION_STEPS = 20
 DONE = 1e-9
 STUCK = 1e3
 WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
+
+
+class _Points:
+    """Configurations (N, nq) with their scaled residual and Jacobian, found once each."""
+
+    def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
+        self.q = q.copy()
+        self.residual, self.jacobian = scaled_constraint(mechanism, q)
+
+    @property
+    def gap(self) -> FloatArray:
+        """Largest residual (N,) in m."""
+        return np.asarray(np.abs(self.residual).max(axis=1, initial=0.0), dtype=np.float64)
+
+    def replace(self, rows: IntArray, others: _Points, better: BoolArray) -> None:
+        """Put in the better ones of other points, one a row."""
+        k = rows[better]
+        self.q[k], self.residual[k] = others.q[better], others.residual[better]
+        self.jacobian[k] = others.jacobian[better]
 
 
 def close_loops(
@@ -46,55 +66,67 @@ def close_loops(
         (N,), largest closure residual left, in m.
     """
     free = np.arange(mechanism.model.nv) if movable is None else movable
-    open_by = np.zeros((len(configurations), mechanism.rows))
-    q = _descend(mechanism, configurations, free, open_by)
-    return polish(mechanism, q, free)
+    points = _Points(mechanism, configurations)
+    _descend(mechanism, points, free, np.zeros_like(points.residual))
+    return _polished(mechanism, points, free)
 
 
 def close_by_continuation(
     mechanism: Mechanism, configurations: FloatArray, movable: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """As ``close_loops``, shrinking the residual in equal parts so as to stay near the start."""
-    q = configurations
-    first, _ = scaled_constraint(mechanism, q)
+    points = _Points(mechanism, configurations)
+    first = points.residual.copy()
     for left in np.linspace(1.0, 0.0, CONTINUATION_STEPS + 1)[1:]:
-        q = _descend(mechanism, q, movable, left * first)
-    return polish(mechanism, q, movable)
+        _descend(mechanism, points, movable, left * first)
+    return _polished(mechanism, points, movable)
+
+
+def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Plain Gauss-Newton steps to round-off, kept where they shrink the gap; as ``close_loops``."""
+    return _polished(mechanism, _Points(mechanism, q), movable)
 
 
 def constraint_gap(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Largest closure residual (N,) in m."""
-    residual, _ = scaled_constraint(mechanism, configurations)
+    residual = scaled_residual(mechanism, configurations)
     return np.asarray(np.abs(residual).max(axis=1, initial=0.0), dtype=np.float64)
 
 
-def _descend(
-    mechanism: Mechanism, q: FloatArray, movable: IntArray, goal: FloatArray
-) -> FloatArray:
+def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatArray) -> None:
     """Levenberg-Marquardt steps towards a residual, inside the limits."""
-    q, length = q.copy(), mechanism.length
-    damping = np.full(len(q), FIRST_DAMPING * length)
-    residual, jacobian = _open_by(mechanism, q, goal)
-    error = np.linalg.norm(residual, axis=1)
+    length = mechanism.length
+    damping = np.full(len(at.q), FIRST_DAMPING * length)
+    error = np.linalg.norm(at.residual - goal, axis=1)
     for _ in range(STEPS if len(movable) else 0):
         k = np.flatnonzero((error > DONE * length) & (damping < STUCK * length))
         if not len(k):
             break
-        tried = _tried(mechanism, q[k], movable, jacobian[k], residual[k], damping[k])
-        there, jacobian_there = _open_by(mechanism, tried, goal[k])
-        error_there = np.linalg.norm(there, axis=1)
+        open_by = at.residual[k] - goal[k]
+        tried = _tried(mechanism, at.q[k], movable, at.jacobian[k], open_by, damping[k])
+        there = _Points(mechanism, tried)
+        error_there = np.linalg.norm(there.residual - goal[k], axis=1)
         damping[k] *= np.where(error_there < WORTHWHILE * error[k], 0.3, 4.0)
         better = error_there < error[k]
-        q[k[better]], residual[k[better]] = tried[better], there[better]
-        jacobian[k[better]], error[k[better]] = jacobian_there[better], error_there[better]
-    return q
+        at.replace(k, there, better)
+        error[k[better]] = error_there[better]
 
 
-def _open_by(
-    mechanism: Mechanism, q: FloatArray, goal: FloatArray
+def _polished(
+    mechanism: Mechanism, at: _Points, movable: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    residual, jacobian = scaled_constraint(mechanism, q)
-    return residual - goal, jacobian
+    k = np.arange(len(at.q))
+    for _ in range(POLISH_STEPS if len(movable) else 0):
+        factors = Factorisation.of(at.jacobian[k][:, :, movable])
+        step = -factors.solve(at.residual[k][:, :, None])[:, :, 0]
+        there = _Points(mechanism, _moved(mechanism, at.q[k], movable, step))
+        better = there.gap < at.gap[k]
+        at.replace(k, there, better)
+        # A step that short leaves an error of round-off.
+        k = k[better & (np.abs(step).max(axis=1, initial=0.0) > SHORT)]
+        if not len(k):
+            break
+    return at.q, at.gap
 
 
 def _tried(
@@ -120,22 +152,6 @@ def _tried(
 def _damped_step(columns: FloatArray, open_by: FloatArray, damping: FloatArray) -> FloatArray:
     factors = Factorisation.of(columns)
     return np.asarray(-factors.solve(open_by[:, :, None], damping)[:, :, 0], dtype=np.float64)
-
-
-def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Plain Gauss-Newton steps to round-off, kept where they shrink the gap; as ``close_loops``."""
-    gap = constraint_gap(mechanism, q)
-    for _ in range(POLISH_STEPS if len(movable) else 0):
-        residual, jacobian = scaled_constraint(mechanism, q)
-        factors = Factorisation.of(jacobian[:, :, movable])
-        step = -factors.solve(residual[:, :, None])[:, :, 0]
-        moved = _moved(mechanism, q, movable, step)
-        there = constraint_gap(mechanism, moved)
-        better = there < gap
-        if not better.any():
-            break
-        q, gap = np.where(better[:, None], moved, q), np.where(better, there, gap)
-    return q, gap
 
 
 def _moved(mechanism: Mechanism, q: FloatArray, movable: IntArray, step: FloatArray) -> FloatArray:

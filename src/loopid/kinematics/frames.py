@@ -1,7 +1,6 @@
 """Placements, Jacobians and accelerations of frames over many samples.
 
-The only place that asks Pinocchio for kinematics. Velocities of frames are those of their
-origins, with axes along the fixed frame (``LOCAL_WORLD_ALIGNED``).
+Velocities of frames are those of their origins, with axes along the fixed frame.
 """
 
 from __future__ import annotations
@@ -13,9 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, samples
+from loopid.kinematics.blocks import in_blocks
+from loopid.kinematics.frame_poses import FramePoses, frame_motions, frame_set
+from loopid.kinematics.tree import tree_motion, tree_pose
 from loopid.mechanism import Mechanism
-
-AXES = pin.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,19 @@ def frame_kinematics(
     mechanism: Mechanism, configurations: FloatArray, frame_ids: Sequence[int]
 ) -> FrameKinematics:
     """Placements and Jacobians of frames at configurations (N, nq)."""
-    model = mechanism.model
-    data, q = model.createData(), samples(configurations, model.nq, "configurations")
-    shape = (len(q), len(frame_ids))
-    rotation, origin = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-    jacobian = np.empty((*shape, 6, model.nv))
-    for k, configuration in enumerate(q):
-        pin.computeJointJacobians(model, data, configuration)
-        for f, frame in enumerate(frame_ids):
-            placement = pin.updateFramePlacement(model, data, frame)
-            rotation[k, f], origin[k, f] = placement.rotation, placement.translation
-            jacobian[k, f] = pin.getFrameJacobian(model, data, frame, AXES)
-    return FrameKinematics(rotation, origin, jacobian)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    frames = frame_set(mechanism, tuple(frame_ids))
+
+    def values(rows: slice) -> tuple[FloatArray, ...]:
+        tree = tree_pose(mechanism, q[rows])
+        poses = FramePoses(tree, frames)
+        jacobian = np.zeros((len(frame_ids), 6, mechanism.model.nv, len(q[rows])))
+        columns = tree.layout.coordinates[frames.coordinates]
+        jacobian[frames.frames, :3, columns] = np.moveaxis(poses.linear_columns, 0, 1)
+        jacobian[frames.frames, 3:, columns] = np.moveaxis(poses.angular_columns, 0, 1)
+        return np.moveaxis(poses.rotation, 2, 0), np.moveaxis(poses.origin, 1, 0), jacobian
+
+    return FrameKinematics(*in_blocks(len(q), values))
 
 
 def frame_accelerations(
@@ -69,16 +70,17 @@ def frame_accelerations(
         (N, F, 6): classical acceleration of the origin above angular acceleration.
     """
     model = mechanism.model
-    data, q = model.createData(), samples(configurations, model.nq, "configurations")
-    v, rest = samples(velocities, model.nv, "velocities", len(q)), np.zeros(model.nv)
-    accelerations = np.empty((len(q), len(frame_ids), 6))
-    for k in range(len(q)):
-        pin.forwardKinematics(model, data, q[k], v[k], rest)
-        for f, frame in enumerate(frame_ids):
-            pin.updateFramePlacement(model, data, frame)
-            motion = pin.getFrameClassicalAcceleration(model, data, frame, AXES)
-            accelerations[k, f] = motion.vector
-    return accelerations
+    q = samples(configurations, model.nq, "configurations")
+    v = samples(velocities, model.nv, "velocities", len(q))
+    frames = frame_set(mechanism, tuple(frame_ids))
+
+    def values(rows: slice) -> tuple[FloatArray, ...]:
+        tree = tree_pose(mechanism, q[rows])
+        moving = frame_motions(FramePoses(tree, frames), tree_motion(tree, v[rows].T))
+        both = np.concatenate([moving.acceleration, moving.turning])
+        return (np.moveaxis(both, 1, 0),)
+
+    return in_blocks(len(q), values)[0]
 
 
 def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArray) -> FloatArray:

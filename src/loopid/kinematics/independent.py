@@ -10,8 +10,8 @@ import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import MobilityError
+from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import RANK_TOLERANCE, null_space
-from loopid.kinematics.measured import scaled_constraint
 from loopid.mechanism import Mechanism
 
 # Motors are taken in their order as long as this much of each is its own.

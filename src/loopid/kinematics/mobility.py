@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import Factorisation, null_space
-from loopid.kinematics.measured import scaled_constraint
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.mechanism import Mechanism
 
@@ -52,9 +52,21 @@ class Mobility:
         return self.degrees_of_freedom > self.generic_degrees_of_freedom
 
 
-def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> Mobility:
-    """Mobility at a configuration (nq,), by default the reference."""
+def mobility(
+    mechanism: Mechanism,
+    configuration: FloatArray | None = None,
+    around: FloatArray | None = None,
+) -> Mobility:
+    """Mobility at a configuration (nq,), by default the reference.
+
+    Parameters
+    ----------
+    around : FloatArray, optional
+        (n, nq), closed configurations around it, where they are known.
+    """
     q = mechanism.reference if configuration is None else configuration
+    if around is None:
+        around = nearby_configurations(mechanism, q)
     residual, jacobian = scaled_constraint(mechanism, q[None])
     factors = Factorisation.of(jacobian)
     rank = int(factors.rank[0])
@@ -62,7 +74,7 @@ def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> M
         rows=mechanism.rows,
         rank=rank,
         degrees_of_freedom=mechanism.model.nv - rank,
-        generic_degrees_of_freedom=mechanism.model.nv - _generic_rank(mechanism, q),
+        generic_degrees_of_freedom=mechanism.model.nv - _generic_rank(mechanism, around),
         rank_gap=_gap(factors.values[0], rank),
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
@@ -70,8 +82,8 @@ def mobility(mechanism: Mechanism, configuration: FloatArray | None = None) -> M
     )
 
 
-def _generic_rank(mechanism: Mechanism, q: FloatArray) -> int:
-    _, jacobians = scaled_constraint(mechanism, nearby_configurations(mechanism, q))
+def _generic_rank(mechanism: Mechanism, around: FloatArray) -> int:
+    _, jacobians = scaled_constraint(mechanism, around)
     return int(Factorisation.of(jacobians).rank.max())
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray, samples
-from loopid.kinematics.projection import Projection, project
+from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
+from loopid.kinematics.projection import Projection
 from loopid.mechanism import Mechanism
 
 
@@ -57,9 +58,15 @@ def closed_motion(
         Their names.
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    projection = project(mechanism, q, velocities, independent)
-    G, dof = projection.G, len(projection.independent)
-    gamma = np.zeros(G.shape[:2]) if projection.gamma is None else projection.gamma
-    v = np.einsum("nij,nj->ni", G, samples(velocities, dof, "velocities", len(q)))
-    a = np.einsum("nij,nj->ni", G, samples(accelerations, dof, "accelerations", len(q)))
-    return ClosedMotion(q, v, a + gamma, gamma, projection)
+    parts = Partition(mechanism, independent)
+    dof = len(parts.chosen)
+    rates = samples(velocities, dof, "independent velocities", len(q))
+    second = samples(accelerations, dof, "accelerations", len(q))
+
+    def values(block: BlockProjection, rows: slice) -> tuple[FloatArray, ...]:
+        motion = block.moving(rates[rows].T)
+        a = np.einsum("ijn,nj->in", block.G, second[rows]) + motion.gamma
+        return block.columns.matrices, block.G, motion.gamma, motion.velocities, a
+
+    columns, G, gamma, v, a = in_projected_blocks(mechanism, q, parts, values)
+    return ClosedMotion(q, v, a, gamma, Projection(G, gamma, parts.chosen, columns))

@@ -6,9 +6,9 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.kinematics.closing import close_loops
+from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import null_space
-from loopid.kinematics.measured import scaled_constraint
 from loopid.kinematics.scaling import coordinate_scales
 from loopid.mechanism import Mechanism
 from loopid.seeds import random_generator

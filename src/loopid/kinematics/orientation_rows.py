@@ -16,7 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.kinematics.pairs import PairMotion, PairPose, Rows, apply, dot
+from loopid.kinematics.pairs import PairMotion, PairPose, Rows
+from loopid.kinematics.vectors import along, cross, dot, rotated, rotated_back
 from loopid.mechanism.closure import Axis
 
 
@@ -30,24 +31,18 @@ class Turn(Rows):
         return 2.0 * pose.quaternion[0]
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        vector, scalar = pose.quaternion
-        turn = pose.jacobian_b[:, 3:] - pose.jacobian_a[:, 3:]
-        return _rate_matrix(vector, scalar) @ pose.rotation_a.transpose(0, 2, 1) @ turn
+        in_a = rotated_back(pose.rotation_a[:, :, None], pose.turn)
+        return rotated(_rate_matrix(*pose.quaternion)[:, :, None], in_a)
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
         """M dω/dt + (dM/dt) ω with M = w I - [e]."""
         vector, scalar = pose.quaternion
-        to_a = pose.rotation_a.transpose(0, 2, 1)
-        turn_a, turn_b = motion.twist_a[:, 3:], motion.twist_b[:, 3:]
-        omega = apply(to_a, turn_b - turn_a)
+        omega = rotated_back(pose.rotation_a, motion.turn_b - motion.turn_a)
         # R_aᵀ turns with frame a, which adds -ω_a x (ω_b - ω_a) = -ω_a x ω_b.
-        rate = (motion.acceleration_b - motion.acceleration_a)[:, 3:] - np.cross(turn_a, turn_b)
+        rate = motion.turning_b - motion.turning_a - cross(motion.turn_a, motion.turn_b)
         matrix = _rate_matrix(vector, scalar)
-        vector_rate = 0.5 * apply(matrix, omega)
-        scalar_rate = -0.5 * dot(vector, omega)
-        return apply(matrix, apply(to_a, rate)) + apply(
-            _rate_matrix(vector_rate, scalar_rate), omega
-        )
+        changing = _rate_matrix(0.5 * rotated(matrix, omega), -0.5 * dot(vector, omega))
+        return rotated(matrix, rotated_back(pose.rotation_a, rate)) + rotated(changing, omega)
 
 
 class Square(Rows):
@@ -84,8 +79,8 @@ class Align(Rows):
 
     def jacobian(self, pose: PairPose) -> FloatArray:
         s, scale = self.across.value(pose), self._denominator(pose)
-        both = self.across.jacobian(pose) * scale[:, :, None]
-        return 2.0 * (both - s[:, :, None] * self.along.jacobian(pose)) / scale[:, :, None] ** 2
+        both = self.across.jacobian(pose) * scale
+        return 2.0 * (both - s[:, None] * self.along.jacobian(pose)) / scale**2
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
         """Second derivative of 2 s / (1 + c) by the quotient rule."""
@@ -109,24 +104,22 @@ class _Cosines:
         return dot(*self._carried(pose))
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        i, j = self._carried(pose)
-        return np.cross(i, j) @ (pose.jacobian_a[:, 3:] - pose.jacobian_b[:, 3:])
+        return along(-cross(*self._carried(pose)), pose.turn)
 
     def rate(self, pose: PairPose, motion: PairMotion) -> FloatArray:
-        i, j = self._carried(pose)
-        turn = (motion.twist_a - motion.twist_b)[:, None, 3:]
-        return dot(np.cross(i, j), turn)
+        turn = (motion.turn_a - motion.turn_b)[:, None]
+        return dot(cross(*self._carried(pose)), turn)
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
         i, j = self._carried(pose)
-        turn_a, turn_b = motion.twist_a[:, None, 3:], motion.twist_b[:, None, 3:]
-        relative = (motion.acceleration_a - motion.acceleration_b)[:, None, 3:]
-        normal_rate = np.cross(np.cross(turn_a, i), j) + np.cross(i, np.cross(turn_b, j))
-        return dot(np.cross(i, j), relative) + dot(normal_rate, turn_a - turn_b)
+        turn_a, turn_b = motion.turn_a[:, None], motion.turn_b[:, None]
+        relative = (motion.turning_a - motion.turning_b)[:, None]
+        normal_rate = cross(cross(turn_a, i), j) + cross(i, cross(turn_b, j))
+        return dot(cross(i, j), relative) + dot(normal_rate, turn_a - turn_b)
 
     def _carried(self, pose: PairPose) -> tuple[FloatArray, FloatArray]:
-        i = np.einsum("nij,kj->nki", pose.rotation_a, self.axes_a)
-        return i, (pose.rotation_b @ self.axis_b)[:, None]
+        i = np.einsum("ijn,kj->ikn", pose.rotation_a, self.axes_a)
+        return i, np.einsum("ijn,j->in", pose.rotation_b, self.axis_b)[:, None]
 
 
 def across(axis: Axis) -> FloatArray:
@@ -140,7 +133,6 @@ def across(axis: Axis) -> FloatArray:
 
 
 def _rate_matrix(vector: FloatArray, scalar: FloatArray) -> FloatArray:
-    """The matrices w I - [e]; shape (N, 3, 3)."""
-    x, y, z = vector.T
-    rows = [[scalar, z, -y], [-z, scalar, x], [y, -x, scalar]]
-    return np.array(rows).transpose(2, 0, 1)
+    """The matrices w I - [e]; shape (3, 3, N)."""
+    x, y, z = vector
+    return np.array([[scalar, z, -y], [-z, scalar, x], [y, -x, scalar]])

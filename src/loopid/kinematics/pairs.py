@@ -1,4 +1,7 @@
-"""What every elementary row of a loop closure is a function of: two frames and their motion."""
+"""What every elementary row of a loop closure is a function of: two frames and their motion.
+
+Arrays hold components first, along the fixed axes, and samples last.
+"""
 
 from __future__ import annotations
 
@@ -9,33 +12,102 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, IntArray
+from loopid.kinematics.frame_poses import FramePoses
+
+
+@dataclass(frozen=True)
+class FramePair:
+    """Frames a and b of a closure, by their numbers in a set, and what moves them.
+
+    Attributes
+    ----------
+    a, b : int
+    columns : IntArray
+        (c,), velocity indices of the coordinates that move either frame.
+    at_a, at_b : IntArray
+        Where among these are those that move a, and those that move b.
+    """
+
+    a: int
+    b: int
+    columns: IntArray
+    at_a: IntArray
+    at_b: IntArray
 
 
 @dataclass(frozen=True)
 class PairPose:
-    """Two frames at N samples: rotations (N, 3, 3), origins (N, 3), Jacobians (N, 6, nv)."""
+    """Two frames at N samples."""
 
-    rotation_a: FloatArray
-    rotation_b: FloatArray
-    distance: FloatArray
-    jacobian_a: FloatArray
-    jacobian_b: FloatArray
+    poses: FramePoses
+    pair: FramePair
+
+    @property
+    def rotation_a(self) -> FloatArray:
+        """(3, 3, N)."""
+        return self.poses.rotation[:, :, self.pair.a]
+
+    @property
+    def rotation_b(self) -> FloatArray:
+        """(3, 3, N)."""
+        return self.poses.rotation[:, :, self.pair.b]
+
+    @cached_property
+    def distance(self) -> FloatArray:
+        """(3, N), from the origin of a to that of b."""
+        return self.poses.origin[:, self.pair.b] - self.poses.origin[:, self.pair.a]
 
     @cached_property
     def quaternion(self) -> tuple[FloatArray, FloatArray]:
-        """Vector (N, 3) and scalar (N,) of the quaternion that turns frame a into frame b."""
-        return relative_quaternion(self.rotation_a, self.rotation_b)
+        """Vector (3, N) and scalar (N,) of the quaternion that turns frame a into frame b."""
+        rotations = (np.moveaxis(R, 2, 0) for R in (self.rotation_a, self.rotation_b))
+        vector, scalar = relative_quaternion(*rotations)
+        return vector.T, scalar
+
+    @cached_property
+    def shift(self) -> FloatArray:
+        """(3, c, N), rate of the distance per unit of each coordinate."""
+        return self._columns(self.poses.linear_columns, b=1.0, a=-1.0)
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """(3, c, N), angular velocity of b less that of a."""
+        return self._columns(self.poses.angular_columns, b=1.0, a=-1.0)
+
+    @cached_property
+    def turn_a(self) -> FloatArray:
+        """(3, c, N), angular velocity of a."""
+        return self._columns(self.poses.angular_columns, b=0.0, a=1.0)
+
+    def _columns(self, columns: FloatArray, b: float, a: float) -> FloatArray:
+        pair, spans = self.pair, self.poses.frames.spans
+        sums = np.zeros((3, len(pair.columns), columns.shape[2]))
+        sums[:, pair.at_b] = b * columns[:, spans[pair.b]]
+        sums[:, pair.at_a] += a * columns[:, spans[pair.a]]
+        return sums
 
 
 @dataclass(frozen=True)
 class PairMotion:
-    """Twists and accelerations (N, 6) of two frames, at zero joint acceleration."""
+    """How the frames move, all (3, N); accelerations are at zero joint acceleration.
 
-    twist_a: FloatArray
-    twist_b: FloatArray
-    acceleration_a: FloatArray
-    acceleration_b: FloatArray
+    Attributes
+    ----------
+    rate, acceleration : FloatArray
+        Of the distance.
+    turn_a, turn_b : FloatArray
+        Angular velocities.
+    turning_a, turning_b : FloatArray
+        Angular accelerations.
+    """
+
+    rate: FloatArray
+    acceleration: FloatArray
+    turn_a: FloatArray
+    turn_b: FloatArray
+    turning_a: FloatArray
+    turning_b: FloatArray
 
 
 class Rows(ABC):
@@ -46,31 +118,21 @@ class Rows(ABC):
 
     @abstractmethod
     def residual(self, pose: PairPose) -> FloatArray:
-        """Residual (N, count)."""
+        """Residual (count, N)."""
 
     @abstractmethod
     def jacobian(self, pose: PairPose) -> FloatArray:
-        """Its derivative (N, count, nv)."""
+        """Its derivative (count, c, N)."""
 
     @abstractmethod
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
-        """Its second derivative by time (N, count) at zero joint acceleration."""
+        """Its second derivative by time (count, N) at zero joint acceleration."""
 
 
 def relative_quaternion(
     rotation_a: FloatArray, rotation_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Vector (N, 3) and scalar (N,) of the quaternion of R_aᵀ R_b, with scalar >= 0."""
+    """Vector (N, 3) and scalar (N,) of the quaternion of R_aᵀ R_b (N, 3, 3), with scalar >= 0."""
     relative = Rotation.from_matrix(np.einsum("nji,njk->nik", rotation_a, rotation_b))
     quaternion = relative.as_quat(canonical=True)
     return quaternion[:, :3], quaternion[:, 3]
-
-
-def dot(one: FloatArray, two: FloatArray) -> FloatArray:
-    """Scalar products of stacked vectors."""
-    return np.asarray((one * two).sum(axis=-1), dtype=np.float64)
-
-
-def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Products of stacked matrices (N, i, j) and vectors (N, j)."""
-    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors), dtype=np.float64)

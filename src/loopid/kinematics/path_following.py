@@ -12,22 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray
-from loopid.kinematics.frames import integrate
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.measured import MeasuredCoordinates
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.kinematics.equations import MeasuredCoordinates
+from loopid.kinematics.newton import (
+    CONTRACTION,
+    LONGEST_STEP,
+    NEWTON_STEPS,
+    SHORT,
+    contracts,
+    newton_step,
+    same_side,
+)
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
-# Newton steps, in rad or characteristic lengths: below ROUND_OFF there is nothing left to gain,
-# below STAGNATION a step that no longer contracts is round-off in an ill-conditioned solve.
-ROUND_OFF = 1e-15
-STAGNATION = 1e-10
-NEWTON_STEPS = 12
-# A step along the path is accepted when each Newton step is at most this fraction of the last,
-# and the first one at most this many rad (or characteristic lengths).
-CONTRACTION = 0.2
-LONGEST_STEP = 0.4
 SHORTEST_PATH_STEP = 2.0**-12
+BATCH = 768  # samples solved together: few enough that their matrices stay in the cache
 
 
 @dataclass(frozen=True)
@@ -48,75 +47,107 @@ class Assembly:
     residual: FloatArray
     assembled: BoolArray
 
+    @classmethod
+    def joined(cls, parts: list[Assembly]) -> Assembly:
+        """Assemblies one after the other."""
+        fields = [(part.configurations, part.residual, part.assembled) for part in parts]
+        return cls(*(np.concatenate(rows) for rows in zip(*fields, strict=True)))
 
-def follow_path(
-    measured: MeasuredCoordinates,
-    q: FloatArray,
-    targets: FloatArray,
-    tolerance: float,
-    shortest_step: float,
+
+@dataclass(frozen=True)
+class PathOptions:
+    """How exactly, and with which steps at least, paths are followed.
+
+    Attributes
+    ----------
+    tolerance : float
+        Closure residual to reach, in m.
+    shortest_step : float
+        Part of the way below which a sample is given up.
+    """
+
+    tolerance: float = CLOSURE_TOLERANCE
+    shortest_step: float = SHORTEST_PATH_STEP
+
+
+def follow_paths(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
 ) -> Assembly:
-    """Move all samples along their straight lines to the targets."""
-    origin = measured.read(q)
-    way = measured.difference(origin, targets)
-    _, jacobian = measured.equations(q, origin)
-    done, step = np.zeros(len(q)), np.ones(len(q))
-    active = np.ones(len(q), dtype=bool)
-    while active.any():
-        k = np.flatnonzero(active)
-        ahead = np.minimum(done[k] + step[k], 1.0)
-        goal = origin[k] + ahead[:, None] * way[k]
-        moved, accepted = _newton(measured, q[k], goal)
-        _, jacobian_there = measured.equations(moved, goal)
-        accepted &= _same_side(jacobian[k], jacobian_there)
-        there = k[accepted]
-        q[there], done[there] = moved[accepted], ahead[accepted]
-        jacobian[there] = jacobian_there[accepted]
-        step[k] = np.where(accepted, 2.0 * step[k], 0.5 * step[k])
-        active = (done < 1.0) & (step >= shortest_step)
-    q = measured.write(q, targets)
-    residual = measured.closure_gap(q, targets)
-    assembled = (done >= 1.0) & (residual <= max(tolerance, 2.0 * measured.mechanism.closure_gap))
-    return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
+    """Move all samples (N, nq) along their straight lines to the targets (N, c)."""
+    parts = [
+        _follow(measured, q[first : first + BATCH], targets[first : first + BATCH], options)
+        for first in range(0, max(len(q), 1), BATCH)
+    ]
+    return Assembly.joined(parts)
 
 
-def _newton(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray
+def closes(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
 ) -> tuple[FloatArray, BoolArray]:
-    """Newton's method towards close targets; accepted where it contracts from the first step on.
+    """Closure gaps (N,) in m, and where they are small enough."""
+    gap = measured.closure_gap(q, targets)
+    small = gap <= max(options.tolerance, 2.0 * measured.mechanism.closure_gap)
+    return gap, np.asarray(small, dtype=bool)
 
-    Where Newton's method contracts this much, Kantorovich's theorem lets one expect that the root
-    is unique around the start, hence the one that continues its branch.
+
+def _follow(
+    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+) -> Assembly:
+    paths = _Paths(measured, start, targets, options.shortest_step)
+    while len(paths.underway):
+        paths.advance()
+    q = measured.write(paths.reached, targets)
+    gap, small = closes(measured, q, targets, options)
+    assembled = (paths.done >= 1.0) & small
+    return Assembly(np.where(assembled[:, None], q, np.nan), gap, assembled)
+
+
+class _Paths:
+    """Samples underway to their targets.
+
+    Each is in its own step along the path, and within it in its own step of Newton's method, so
+    that none waits for the others.
     """
-    q = measured.write(q, targets)
-    accepted, running = np.ones((2, len(q)), dtype=bool)
-    longest = np.full(len(q), LONGEST_STEP)
-    for _ in range(NEWTON_STEPS):
-        k = np.flatnonzero(running)
-        step, length = _newton_step(measured, q[k], targets[k])
-        q[k] = integrate(measured.mechanism, q[k], step)
-        contracts = length <= longest[k]
-        accepted[k] = contracts | (length <= STAGNATION)
-        running[k] = contracts & (length > ROUND_OFF)
-        longest[k] = CONTRACTION * length
-        if not running.any():
-            break
-    return q, accepted & ~running
 
+    def __init__(
+        self,
+        measured: MeasuredCoordinates,
+        start: FloatArray,
+        targets: FloatArray,
+        shortest_step: float,
+    ) -> None:
+        self.measured, self.shortest_step = measured, shortest_step
+        self.origin = measured.read(start)
+        self.way = measured.difference(self.origin, targets)
+        # The last point on the path, the part of the way done there, and the next one tried.
+        self.reached, self.done, self.step = start.copy(), np.zeros(len(start)), np.ones(len(start))
+        self.jacobian = measured.linearise(start, self.origin).unknown
+        self.q, self.goal = start.copy(), self.origin.copy()
+        self.longest, self.left = np.zeros(len(start)), np.zeros(len(start), dtype=np.int64)
+        self.underway = np.arange(len(start))
+        self._set_out(self.underway)
 
-def _same_side(before: FloatArray, after: FloatArray) -> BoolArray:
-    """Whether no singularity lies between two Jacobians of the unknown coordinates.
+    def _set_out(self, k: IntArray) -> None:
+        """Try the next point of some samples."""
+        ahead = np.minimum(self.done[k] + self.step[k], 1.0)
+        self.goal[k] = self.origin[k] + ahead[:, None] * self.way[k]
+        self.q[k] = self.measured.write(self.reached[k], self.goal[k])
+        self.longest[k], self.left[k] = LONGEST_STEP, NEWTON_STEPS
 
-    det(JᵀJ') of close Jacobians is positive, and changes its sign with that of a square J'.
-    """
-    sign, _ = np.linalg.slogdet(before.transpose(0, 2, 1) @ after)
-    return np.asarray(sign > 0, dtype=bool)
-
-
-def _newton_step(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    residual, jacobian = measured.equations(q, targets)
-    scaled = -Factorisation.of(jacobian).solve(residual[:, :, None])[:, :, 0]
-    length = np.abs(scaled).max(axis=1, initial=0.0)
-    return measured.tangent(scaled), length
+    def advance(self) -> None:
+        """One step of Newton's method; samples that arrive or fail by it set out again."""
+        k = self.underway
+        self.q[k], length, jacobian, _ = newton_step(self.measured, self.q[k], self.goal[k])
+        good = contracts(length, self.longest[k])
+        self.longest[k] = CONTRACTION * length
+        self.left[k] -= 1
+        there, lost = good & (length <= SHORT), ~good | (self.left[k] == 0)
+        settled = there | lost
+        there[there] = same_side(self.jacobian[k[there]], jacobian[there])
+        arrived = k[there]
+        self.done[arrived] = np.minimum(self.done[arrived] + self.step[arrived], 1.0)
+        self.reached[arrived], self.jacobian[arrived] = self.q[arrived], jacobian[there]
+        self.step[k[settled]] *= np.where(there[settled], 2.0, 0.5)
+        ends = (self.done[k] >= 1.0) | (self.step[k] < self.shortest_step)
+        self._set_out(k[settled & ~ends])
+        self.underway = k[~(settled & ends)]

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.kinematics.pairs import PairMotion, PairPose, Rows, dot
+from loopid.kinematics.pairs import PairMotion, PairPose, Rows
+from loopid.kinematics.vectors import along, cross, dot
 
 
 class Point(Rows):
@@ -24,10 +25,10 @@ class Point(Rows):
         return -pose.distance
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        return pose.jacobian_a[:, :3] - pose.jacobian_b[:, :3]
+        return -pose.shift
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
-        return motion.acceleration_a[:, :3] - motion.acceleration_b[:, :3]
+        return -motion.acceleration
 
 
 class Slide(Rows):
@@ -41,21 +42,19 @@ class Slide(Rows):
         return dot(self._carried(pose), pose.distance[:, None])
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        k, d = self._carried(pose), pose.distance[:, None]
-        moved = k @ (pose.jacobian_b[:, :3] - pose.jacobian_a[:, :3])
-        return moved + np.cross(k, d) @ pose.jacobian_a[:, 3:]
+        k = self._carried(pose)
+        moved = along(k, pose.shift)
+        return moved + along(cross(k, pose.distance[:, None]), pose.turn_a)
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
-        k, d = self._carried(pose), pose.distance[:, None]
-        rate = (motion.twist_b - motion.twist_a)[:, None, :3]
-        turn = motion.twist_a[:, None, 3:]
-        acceleration = (motion.acceleration_b - motion.acceleration_a)[:, None, :3]
-        k_rate = np.cross(turn, k)
-        k_drift = np.cross(motion.acceleration_a[:, None, 3:], k) + np.cross(turn, k_rate)
-        return dot(k_drift, d) + 2.0 * dot(k_rate, rate) + dot(k, acceleration)
+        k, turn = self._carried(pose), motion.turn_a[:, None]
+        k_rate = cross(turn, k)
+        k_drift = cross(motion.turning_a[:, None], k) + cross(turn, k_rate)
+        second = dot(k_drift, pose.distance[:, None]) + dot(k, motion.acceleration[:, None])
+        return second + 2.0 * dot(k_rate, motion.rate[:, None])
 
     def _carried(self, pose: PairPose) -> FloatArray:
-        carried: FloatArray = np.einsum("nij,kj->nki", pose.rotation_a, self.directions)
+        carried: FloatArray = np.einsum("ijn,kj->ikn", pose.rotation_a, self.directions)
         return carried
 
 
@@ -69,14 +68,11 @@ class Distance(Rows):
 
     def residual(self, pose: PairPose) -> FloatArray:
         square = dot(pose.distance, pose.distance)
-        return np.asarray((square - self.length**2)[:, None] / (2.0 * self.length))
+        return np.asarray((square - self.length**2)[None] / (2.0 * self.length))
 
     def jacobian(self, pose: PairPose) -> FloatArray:
-        rate = pose.jacobian_b[:, :3] - pose.jacobian_a[:, :3]
-        return np.asarray(pose.distance[:, None] @ rate / self.length, dtype=np.float64)
+        return along(pose.distance[:, None], pose.shift) / self.length
 
     def drift(self, pose: PairPose, motion: PairMotion) -> FloatArray:
-        rate = (motion.twist_b - motion.twist_a)[:, :3]
-        acceleration = (motion.acceleration_b - motion.acceleration_a)[:, :3]
-        second = dot(rate, rate) + dot(pose.distance, acceleration)
-        return np.asarray(second[:, None] / self.length)
+        second = dot(motion.rate, motion.rate) + dot(pose.distance, motion.acceleration)
+        return np.asarray(second[None] / self.length)

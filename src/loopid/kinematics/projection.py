@@ -5,21 +5,33 @@ v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Feather
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray, samples
-from loopid.errors import MobilityError, SingularityError, SingularityWarning
-from loopid.kinematics.constraint import constraint_drift, constraint_jacobian
+from loopid.kinematics.constraint import constraint_jacobian
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_jacobian
+from loopid.kinematics.projected_blocks import (
+    NEAR_SINGULARITY,
+    BlockProjection,
+    Partition,
+    in_projected_blocks,
+    measure_of,
+)
+from loopid.kinematics.scaling import coordinate_scales, scaled_jacobian
 from loopid.mechanism import Mechanism
 
-# Below this singularity measure forces in the loops exceed the motors' some thousandfold.
-NEAR_SINGULARITY = 1e-3
+__all__ = [
+    "NEAR_SINGULARITY",
+    "Projection",
+    "partition",
+    "project",
+    "singularity_measure",
+    "velocity_map",
+]
 
 
 @dataclass(frozen=True)
@@ -32,17 +44,24 @@ class Projection:
         (N, nv, dof), all velocities from the independent ones.
     gamma : FloatArray or None
         (N, nv), accelerations at zero independent acceleration; None without velocities.
-    singularity : FloatArray
-        (N,), smallest over largest singular value of the dependent columns of the constraint
-        Jacobian in common units: 0 where the motors lose control of the motion (type II).
     independent : IntArray
         (dof,), velocity indices of the independent coordinates.
+    dependent_columns : FloatArray
+        (N, rows, nv - dof), columns of the constraint Jacobian in common units.
     """
 
     G: FloatArray
     gamma: FloatArray | None
-    singularity: FloatArray
     independent: IntArray
+    dependent_columns: FloatArray
+
+    @cached_property
+    def singularity(self) -> FloatArray:
+        """Smallest over largest singular value (N,) of ``dependent_columns``.
+
+        0 where the motors lose control of the motion (type II).
+        """
+        return measure_of(Factorisation.of(self.dependent_columns), self.dependent_columns.shape[2])
 
 
 def project(
@@ -74,20 +93,18 @@ def project(
     SingularityWarning
         Where they hardly do: the measure is below ``NEAR_SINGULARITY``.
     """
-    chosen, dependent = partition(mechanism, independent)
     q = samples(configurations, mechanism.model.nq, "configurations")
-    jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, q))
-    factors = Factorisation.of(jacobian[:, :, dependent])
-    measure = _measure(factors, len(dependent))
-    _refuse_singular(factors, measure, len(dependent))
-    _refuse_dependent(jacobian, len(chosen))
-    G = velocity_map(mechanism, factors, jacobian, chosen, dependent)
-    gamma = None
+    parts = Partition(mechanism, independent)
+    rates = None
     if independent_velocities is not None:
-        rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
-        velocities = np.einsum("nij,nj->ni", G, rates)
-        gamma = _gamma(mechanism, q, velocities, factors, dependent)
-    return Projection(G, gamma, measure, chosen)
+        rates = samples(independent_velocities, len(parts.chosen), "independent velocities", len(q))
+
+    def values(block: BlockProjection, rows: slice) -> tuple[FloatArray, ...]:
+        gamma = () if rates is None else (block.moving(rates[rows].T).gamma,)
+        return block.columns.matrices, block.G, *gamma
+
+    columns, G, *gamma = in_projected_blocks(mechanism, q, parts, values)
+    return Projection(G, gamma[0] if gamma else None, parts.chosen, columns)
 
 
 def singularity_measure(
@@ -96,56 +113,15 @@ def singularity_measure(
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(mechanism, independent)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
-    return _measure(Factorisation.of(jacobian[:, :, dependent]), len(dependent))
+    return measure_of(Factorisation.of(jacobian[:, :, dependent]), len(dependent))
 
 
 def partition(
     mechanism: Mechanism, independent: Sequence[str] | None = None
 ) -> tuple[IntArray, IntArray]:
     """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
-    names = mechanism.independent if independent is None else independent
-    chosen = mechanism.velocity_indices(names)
-    if len(set(chosen)) != len(chosen):
-        raise MobilityError(f"a joint is named twice among {', '.join(independent or ())}")
-    rest = np.setdiff1d(np.arange(mechanism.model.nv), chosen)
-    return chosen, rest
-
-
-def _measure(factors: Factorisation, width: int) -> FloatArray:
-    count, values = factors.values.shape
-    if width == 0:
-        return np.ones(count)
-    if values < width:
-        return np.zeros(count)
-    largest = np.maximum(factors.values[:, 0], np.finfo(float).tiny)
-    return np.asarray(factors.values[:, width - 1] / largest, dtype=np.float64)
-
-
-def _refuse_singular(factors: Factorisation, measure: FloatArray, width: int) -> None:
-    lost = np.flatnonzero(factors.rank < width)
-    if len(lost):
-        raise SingularityError(
-            f"sample {lost[0]} is singular: the independent joints determine "
-            f"{factors.rank[lost[0]]} of {width} dependent coordinates "
-            f"(singularity measure {measure[lost[0]]:.1e}; {len(lost)} such samples)"
-        )
-    near = np.flatnonzero(measure < NEAR_SINGULARITY)
-    if len(near):
-        warnings.warn(
-            f"{len(near)} samples are near a singularity, first sample {near[0]} "
-            f"(measure {measure[near[0]]:.1e}, warned of below {NEAR_SINGULARITY:g})",
-            SingularityWarning,
-            stacklevel=3,
-        )
-
-
-def _refuse_dependent(jacobian: FloatArray, count: int) -> None:
-    """Refuse more independent joints than the first sample has degrees of freedom."""
-    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian[:1]).rank.max(initial=0))
-    if count > freedom:
-        raise MobilityError(
-            f"{count} independent joints are too many for {freedom} degrees of freedom"
-        )
+    parts = Partition(mechanism, independent)
+    return parts.chosen, parts.dependent
 
 
 def velocity_map(
@@ -162,17 +138,3 @@ def velocity_map(
     steps = -factors.solve(jacobian[:, :, chosen])
     G[:, dependent] = scales[dependent, None] * steps / scales[chosen]
     return G
-
-
-def _gamma(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    velocities: FloatArray,
-    factors: Factorisation,
-    dependent: IntArray,
-) -> FloatArray:
-    drift = row_scales(mechanism) * constraint_drift(mechanism, configurations, velocities)
-    gamma = np.zeros_like(velocities)
-    steps = -factors.solve(drift[:, :, None])[:, :, 0]
-    gamma[:, dependent] = coordinate_scales(mechanism)[dependent] * steps
-    return gamma

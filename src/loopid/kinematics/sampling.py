@@ -9,9 +9,8 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.displacement import displaced
-from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.draws import BATCH, Draws
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
@@ -21,13 +20,10 @@ from loopid.seeds import random_generator
 DEFAULT_MARGIN = 0.02
 LEAST_MARGIN = 1e-4
 ATTEMPTS_PER_SAMPLE = 200
-BATCH = 64  # draws assembled together
 FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
 NARROWER = 0.5  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
-SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
-UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 
 
 def random_configurations(
@@ -69,18 +65,18 @@ def configuration_batches(
     if count < 1 or not (margin is None or margin >= 0):
         raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    home, lower, upper = _ranges(mechanism)
+    draws, ahead = Draws(mechanism, generator), 1
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
-        values = generator.uniform(lower, upper, size=(BATCH, len(lower)))
-        q = _closed(mechanism, home + draw.spread * (values - home), generator)
+        q = _completed(mechanism, draws.batch(draw.spread, ahead), generator)
         outside = _outside(mechanism, q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         regular = q[singularity_measure(mechanism, q) >= draw.margin]
         draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
+        ahead = -(-(count - found - len(regular)) // max(len(regular), 1))
         regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
@@ -126,10 +122,8 @@ class _Draw:
         return _Draw(spread, margin)
 
 
-def _closed(mechanism: Mechanism, values: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Configurations at values of the measured joints, where they close, all else at random."""
-    assembly = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
-    q = assembly.configurations[assembly.assembled]
+def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generator) -> FloatArray:
+    """Closed configurations inside the limits, with the parts that are held at random."""
     q = q[~_outside(mechanism, q).any(axis=1)]
     if not mechanism.held:
         return q
@@ -157,19 +151,6 @@ def random_motions(
     rate = np.sqrt(gravity / mechanism.length)
     velocity, acceleration = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
     return velocity * unit * rate, acceleration * unit * rate**2
-
-
-def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Reference values of the measured joints, and the limits between which they are drawn."""
-    home = measured_coordinates(mechanism).read(mechanism.reference[None])[0]
-    joints = [mechanism.joint(name) for name in mechanism.measured]
-    sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
-    width = np.where(sliding, mechanism.length, np.pi)
-    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
-    limited = np.abs(limits) < UNLIMITED * width[:, None]
-    lower = np.where(limited[:, 0], limits[:, 0], home - width)
-    upper = np.where(limited[:, 1], limits[:, 1], home + width)
-    return home, lower, upper
 
 
 def _outside(mechanism: Mechanism, q: FloatArray) -> BoolArray:

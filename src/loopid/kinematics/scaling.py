@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, frozen
 from loopid.kinematics.closure_rows import closure_rows
+from loopid.kinematics.per_mechanism import per_mechanism
 from loopid.mechanism import Mechanism
 
 ROUND_OFF = 1e-13  # of the characteristic length
 
 
+@per_mechanism
 def row_scales(mechanism: Mechanism) -> FloatArray:
     """Factors (rows,) that turn every row of the residual into metres."""
     length, units = mechanism.length, coordinate_scales(mechanism)
@@ -28,21 +30,32 @@ def row_scales(mechanism: Mechanism) -> FloatArray:
     for coupling in mechanism.couplings:
         steps = np.array(coupling.coefficients) * units[list(coupling.v_indices)]
         scales.append(length / float(np.abs(steps).max()))
-    return np.array(scales, dtype=np.float64)
+    return frozen(scales)
 
 
+@per_mechanism
 def coordinate_scales(mechanism: Mechanism) -> FloatArray:
     """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m."""
     scales = np.ones(mechanism.model.nv)
     scales[mechanism.prismatic] = mechanism.length
-    return scales
+    return frozen(scales)
 
 
 def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     """Constraint Jacobians (N, rows, nv) in m per unit step."""
-    rows, columns = row_scales(mechanism), coordinate_scales(mechanism)
-    scaled = np.asarray(rows[:, None] * jacobian * columns, dtype=np.float64)
+    by_samples = np.moveaxis(jacobian, 0, 2)
+    return np.moveaxis(scaled_by_samples(mechanism, by_samples), 2, 0)
+
+
+def scaled_by_samples(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
+    """The same of arrays (rows, nv, N)."""
+    scales = row_scales(mechanism)[:, None] * coordinate_scales(mechanism)
+    scaled = np.asarray(scales[:, :, None] * jacobian, dtype=np.float64)
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
-    largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
-    scaled[largest < ROUND_OFF * mechanism.length] = 0.0
+    largest = np.maximum(
+        scaled.max(axis=(0, 1), initial=0.0), -scaled.min(axis=(0, 1), initial=0.0)
+    )
+    nothing = largest < ROUND_OFF * mechanism.length
+    if nothing.any():
+        scaled[:, :, nothing] = 0.0
     return scaled

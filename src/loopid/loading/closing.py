@@ -5,14 +5,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.errors import ClosureWarning, ReferenceWarning, RobotFileError
 from loopid.kinematics.closing import constraint_gap
+from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.independent import independent_coordinates
-from loopid.kinematics.measured import scaled_constraint
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
@@ -28,8 +29,15 @@ ROUNDING = 1e-9
 LIKELY_ROUNDING = 1e-4
 
 
-def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
-    """The mechanism with its loops closed at the reference.
+class ClosedReference(NamedTuple):
+    """A mechanism closed at its reference, and closed configurations around it (n, nq)."""
+
+    mechanism: Mechanism
+    around: FloatArray
+
+
+def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedReference:
+    """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
     motors that it leaves out; then several seeded starts of all joints left out are tried, for
@@ -47,51 +55,59 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> Mechanism:
     ClosureWarning
         When it closes only as far as the file's numbers are rounded.
     """
-    closed: list[Mechanism] = []
+    closed: list[ClosedReference] = []
     best = (mechanism.reference, np.inf)
     for q, gap in attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
         closed.append(_at(mechanism, q))
-        if _suits(closed[-1]) or len(closed) == ENOUGH:
+        if _suits(closed[-1].mechanism) or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     chosen = _most_suitable(closed)
-    outside = _outside(chosen)
+    _warn_of_reference(chosen.mechanism)
+    return chosen
+
+
+def _warn_of_reference(mechanism: Mechanism) -> None:
+    outside = _outside(mechanism)
     if outside:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
-    if chosen.closure_gap:
+    if mechanism.closure_gap:
         warnings.warn(
-            f"{mechanism.path}: the loops close to {chosen.closure_gap:.1e} m only: its numbers "
+            f"{mechanism.path}: the loops close to {mechanism.closure_gap:.1e} m only: its numbers "
             "are rounded",
             ClosureWarning,
             stacklevel=4,
         )
-    return chosen
 
 
-def _at(mechanism: Mechanism, q: FloatArray) -> Mechanism:
+def _at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
     gap = float(constraint_gap(mechanism, q[None])[0])
-    chosen = independent_coordinates(mechanism, nearby_configurations(mechanism, q))
+    around = nearby_configurations(mechanism, q)
+    chosen = independent_coordinates(mechanism, around)
     driven = mechanism.coordinates_of(mechanism.actuated)
-    return replace(
+    closed = replace(
         mechanism,
         reference=q,
         closure_gap=gap if gap > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
+    return ClosedReference(closed, around)
 
 
-def _most_suitable(closed: list[Mechanism]) -> Mechanism:
+def _most_suitable(closed: list[ClosedReference]) -> ClosedReference:
     """The last one if it suits, else the most regular inside the limits, else the first one."""
-    inside = [mechanism for mechanism in closed if not _outside(mechanism)]
+    inside = [each for each in closed if not _outside(each.mechanism)]
     if not inside:
         return closed[0]
-    return closed[-1] if _suits(closed[-1]) else max(inside, key=_measure)
+    if _suits(closed[-1].mechanism):
+        return closed[-1]
+    return max(inside, key=lambda each: _measure(each.mechanism))
 
 
 def _suits(mechanism: Mechanism) -> bool:

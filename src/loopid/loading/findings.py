@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+from loopid.arrays import FloatArray
 from loopid.errors import (
     ClosureWarning,
     InertiaWarning,
@@ -20,15 +21,27 @@ LEVEL = 4  # the caller of load_mechanism
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
 
-def warn_of_findings(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
-    """Warn of motors, inertias and features that the user should know of."""
+def warn_of_findings(
+    mechanism: Mechanism, around: FloatArray, tree: TreeSource, motors_given: bool
+) -> None:
+    """Warn of motors, inertias and features that the user should know of.
+
+    Parameters
+    ----------
+    around : FloatArray
+        (n, nq), closed configurations around the reference.
+    """
     for note in tree.notes:
-        warnings.warn(f"{tree.file}: {note}", ModelWarning, LEVEL)
-    _warn_of_mobility(mechanism, tree, motors_given)
+        warnings.warn(f"{tree.file}: {note}", ModelWarning, LEVEL - 1)
+    _warn_of_motors(mechanism, tree, motors_given)
+    if mechanism.rows:
+        found = mobility(mechanism, around=around)
+        _warn_of_singularity(mechanism, found)
+        _warn_of_rank(mechanism, found)
     _warn_of_inertias(mechanism)
 
 
-def _warn_of_mobility(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
+def _warn_of_motors(mechanism: Mechanism, tree: TreeSource, motors_given: bool) -> None:
     if not motors_given and (mechanism.redundant or tree.notes):
         follow = ", ".join(mechanism.redundant)
         though = f", though {follow} follow from the others" if follow else ""
@@ -47,10 +60,6 @@ def _warn_of_mobility(mechanism: Mechanism, tree: TreeSource, motors_given: bool
             MobilityWarning,
             LEVEL,
         )
-    if mechanism.rows:
-        found = mobility(mechanism)
-        _warn_of_singularity(mechanism, found)
-        _warn_of_rank(mechanism, found)
 
 
 def _warn_of_singularity(mechanism: Mechanism, found: Mobility) -> None:
@@ -68,7 +77,7 @@ def _warn_of_singularity(mechanism: Mechanism, found: Mobility) -> None:
     warnings.warn(
         f"{mechanism.path}: the reference is singular (measure {measure[0]:.1e}): {reason}",
         SingularityWarning,
-        LEVEL + 1,
+        LEVEL,
     )
 
 
@@ -80,7 +89,7 @@ def _warn_of_rank(mechanism: Mechanism, found: Mobility) -> None:
             f"{found.least:.1e} of the largest is counted (doubtful below {UNCLEAR:g}): are angles "
             "or points rounded?",
             ClosureWarning,
-            LEVEL + 1,
+            LEVEL,
         )
 
 

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from loopid.errors import MissingFileError, MobilityError, OptionError
-from loopid.loading.bundled import find_robot_file
+from loopid.errors import MobilityError, OptionError
 from loopid.loading.closing import close_reference
 from loopid.loading.closures import find_closures, find_couplings, find_platform
-from loopid.loading.description import Description, merged, read_description
+from loopid.loading.description import Description, merged
 from loopid.loading.findings import warn_of_findings
 from loopid.loading.groups import find_groups
 from loopid.loading.mjcf import read_mjcf
@@ -19,11 +18,9 @@ from loopid.loading.parts import find_bodies, find_motors, locked_values
 from loopid.loading.reference import written_reference
 from loopid.loading.source import TreeSource
 from loopid.loading.tree import build_tree
+from loopid.loading.tree_file import RobotFiles, find_files
 from loopid.loading.urdf import read_urdf_source
 from loopid.mechanism import Mechanism
-
-DESCRIPTIONS = (".yaml", ".yml")
-MJCF = (".xml", ".mjcf")
 
 
 def load_mechanism(
@@ -66,9 +63,9 @@ def load_mechanism(
     MobilityWarning, SingularityWarning, ClosureWarning, InertiaWarning, ModelWarning
         Of what is loaded nevertheless.
     """
-    file = find_robot_file(path)
-    given = read_description(file) if file.suffix in DESCRIPTIONS else Description()
-    source = _read_tree(file, given, floating_base, free_mimics)
+    files = find_files(path)
+    file, given = files.named, files.given
+    source = _read_tree(files, floating_base, free_mimics)
     description = merged(source.description, given)
     tree = build_tree(file, source, description, lock)
     locked = {*description.fixed, *lock}
@@ -77,11 +74,11 @@ def load_mechanism(
         _require_motors(mechanism)
         # Where no motors are known, none can be kept where it is.
         kept = given.reference if description.name_mot is not None else ()
-        mechanism = close_reference(mechanism, given=kept)
+        closed = close_reference(mechanism, given=kept)
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error
-    warn_of_findings(mechanism, tree, motors_given=description.name_mot is not None)
-    return mechanism
+    warn_of_findings(*closed, tree, motors_given=description.name_mot is not None)
+    return closed.mechanism
 
 
 def _require_motors(mechanism: Mechanism) -> None:
@@ -92,30 +89,15 @@ def _require_motors(mechanism: Mechanism) -> None:
         )
 
 
-def _read_tree(
-    file: Path, given: Description, floating_base: bool, free_mimics: bool
-) -> TreeSource:
-    tree = file if file.suffix not in DESCRIPTIONS else _tree_beside(file, given)
-    floating = floating_base or given.floating_base
-    if tree.suffix not in MJCF:
-        return read_urdf_source(tree, floating, free_mimics)
+def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> TreeSource:
+    floating = floating_base or files.given.floating_base
+    if not files.is_mjcf:
+        return read_urdf_source(files.tree, floating, free_mimics)
     if floating:
-        raise OptionError(f"{tree}: an MJCF says itself whether its base floats: add a freejoint")
-    return read_mjcf(tree)
-
-
-def _tree_beside(file: Path, description: Description) -> Path:
-    named = description.urdf or description.mjcf
-    if named is not None:
-        candidates = [file.parent / named]
-    else:
-        candidates = [file.with_suffix(suffix) for suffix in (".urdf", *MJCF)]
-    for tree in candidates:
-        if tree.is_file():
-            return tree
-    kind = "MJCF" if description.mjcf is not None else "URDF"
-    missing = " ".join(str(candidates[0]).split())
-    raise MissingFileError(f"{file}: its {kind} {missing} is missing")
+        raise OptionError(
+            f"{files.tree}: an MJCF says itself whether its base floats: add a freejoint"
+        )
+    return read_mjcf(files.tree)
 
 
 def _mechanism(

@@ -9,6 +9,7 @@ from loopid.errors import OptionError
 from loopid.kinematics import project
 from loopid.mechanism import Mechanism
 from loopid.mechanism.locking import lock_options
+from loopid.scratch import mapped_rows, row_blocks
 from loopid.trajectories import JointMotion
 
 # Part of a motor's largest share below which it is round-off: the motor does not act there.
@@ -57,8 +58,18 @@ def on_independent(
     if not mechanism.redundant:
         return force, used
     motors = mechanism.velocity_indices(mechanism.actuated)
-    shares = project(mechanism, motion.configurations).G[:, motors]
-    size = np.abs(shares)
-    acting = size > NO_SHARE * size.max(axis=(0, 2), keepdims=True, initial=0.0)
-    spoilt = (acting & ~used[:, :, None]).any(axis=1)
-    return np.einsum("nmi,nm->ni", shares, force), np.asarray(~spoilt, dtype=bool)
+    count = len(force)
+    shares = mapped_rows(
+        lambda rows: project(mechanism, motion.configurations[rows]).G[:, motors], count
+    )
+    largest = np.max(
+        [np.abs(shares[rows]).max(axis=(0, 2), initial=0.0) for rows in row_blocks(count)], axis=0
+    )
+    acting_from = NO_SHARE * largest[:, None]
+
+    def unspoilt(rows: slice) -> BoolArray:
+        acting = np.abs(shares[rows]) > acting_from
+        return np.asarray(~(acting & ~used[rows][:, :, None]).any(axis=1), dtype=bool)
+
+    projected = mapped_rows(lambda rows: np.einsum("nmi,nm->ni", shares[rows], force[rows]), count)
+    return projected, mapped_rows(unspoilt, count)

@@ -7,15 +7,18 @@ linearly: they are off by at most h²/8 times their second derivative by time, h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import LogError
+from loopid.logs.interpolation import interpolated
+from loopid.logs.order_statistics import median
 from loopid.logs.recording import Dropped
 from loopid.logs.stream import LEAST_ROWS, Stream
+from loopid.scratch import mapped_rows, row_blocks, rows_where, spooled, steps
 
 # A step between stamps longer than so many median steps is a gap.
 GAP_PERIODS = 5.0
@@ -51,30 +54,69 @@ def align(streams: Sequence[Stream]) -> Aligned:
         When the streams do not overlap.
     """
     zero = int(streams[0].stamps[0])
-    # Differences of whole nanoseconds are exact, however long ago the epoch.
-    times = [(stream.stamps - zero) / 1e9 for stream in streams]
+    times = [_seconds(stream, zero) for stream in streams]
     spans = _common([_spans(time) for time in times])
-    grids = [_grid(times[0], span) for span in spans]
-    grids = [grid for grid in grids if len(grid) >= LEAST_ROWS]
+    step = _step(times[0])
+    grids = [grid for span in spans if (grid := Grid.inside(times[0], span, step)) is not None]
     if not grids:
         raise LogError(_no_overlap(streams, times))
-    time = np.concatenate(grids)
     values = tuple(
-        np.stack([np.interp(time, t, column) for column in stream.values.T], axis=1)
-        for stream, t in zip(streams, times, strict=True)
+        spooled(interpolated(at, time, stream.values) for grid in grids for at in grid.blocks())
+        for stream, time in zip(streams, times, strict=True)
     )
-    stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
+    numbers = (
+        np.full(len(at), k, dtype=np.int64) for k, grid in enumerate(grids) for at in grid.blocks()
+    )
     bad_rows = [dropped for stream in streams for dropped in stream.dropped(zero)]
-    return Aligned(time, values, stretches, (*bad_rows, *_left_out(times[0], grids)))
+    return Aligned(
+        time=spooled(at for grid in grids for at in grid.blocks()),
+        values=values,
+        stretches=spooled(numbers),
+        dropped=(*bad_rows, *_left_out(times[0], grids, step)),
+    )
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Even times, from a first to a last in so many steps."""
+
+    first: float
+    last: float
+    steps: int
+
+    @classmethod
+    def inside(cls, time: FloatArray, span: FloatArray, step: float) -> Grid | None:
+        """From the first to the last stamp inside a span; None for too few."""
+        start, end = np.searchsorted(time, span[0]), np.searchsorted(time, span[1], "right")
+        if end - start < LEAST_ROWS:
+            return None
+        first, last = float(time[start]), float(time[end - 1])
+        count = max(round((last - first) / step), 1)
+        return cls(first, last, count) if count + 1 >= LEAST_ROWS else None
+
+    def blocks(self) -> Iterator[FloatArray]:
+        """The times, some at a time."""
+        for rows in row_blocks(self.steps + 1):
+            at = np.arange(rows.start, rows.stop) * ((self.last - self.first) / self.steps)
+            at += self.first
+            if rows.stop > self.steps:
+                at[-1] = self.last
+            yield at
+
+
+def _seconds(stream: Stream, zero: int) -> FloatArray:
+    # Differences of whole nanoseconds are exact, however long ago the epoch.
+    return mapped_rows(lambda rows: (stream.stamps[rows] - zero) / 1e9, len(stream))
 
 
 def _step(time: FloatArray) -> float:
-    return float(np.median(np.diff(time)))
+    return median(lambda rows: steps(time, rows), len(time) - 1)
 
 
 def _spans(time: FloatArray) -> FloatArray:
     """First and last times (S, 2) of the parts without gaps."""
-    gaps = np.flatnonzero(np.diff(time) > GAP_PERIODS * _step(time))
+    longest = GAP_PERIODS * _step(time)
+    gaps = rows_where(lambda rows: steps(time, rows) > longest, len(time) - 1)
     return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
 
 
@@ -88,29 +130,19 @@ def _common(spans: Sequence[FloatArray]) -> FloatArray:
     return common
 
 
-def _grid(time: FloatArray, span: FloatArray) -> FloatArray:
-    """Even times from the first to the last stamp inside a span, at about the median rate."""
-    inside = time[(time >= span[0]) & (time <= span[1])]
-    if len(inside) < LEAST_ROWS:
-        return np.empty(0)
-    steps = max(round((inside[-1] - inside[0]) / _step(time)), 1)
-    return np.asarray(np.linspace(inside[0], inside[-1], steps + 1), dtype=np.float64)
-
-
-def _left_out(time: FloatArray, grids: Sequence[FloatArray]) -> tuple[Dropped, ...]:
+def _left_out(time: FloatArray, grids: Sequence[Grid], step: float) -> tuple[Dropped, ...]:
     """Stamps before, between and after the stretches."""
-    step = _step(time)
-    edges = [-np.inf, *(edge for grid in grids for edge in (grid[0], grid[-1])), np.inf]
+    edges = [-np.inf, *(edge for grid in grids for edge in (grid.first, grid.last)), np.inf]
     dropped = []
     for k, (last, following) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        inside = time[(time > last) & (time < following)]
+        start, end = np.searchsorted(time, last, "right"), np.searchsorted(time, following)
         if 0 < k < len(grids):
             missing = max(round((following - last) / step) - 1, 1)
             ends = (float(last), float(following))
             dropped.append(Dropped("gap in the time stamps", missing, *ends))
-        elif len(inside):
-            ends = (float(inside[0]), float(inside[-1]))
-            dropped.append(Dropped("not in all streams", len(inside), *ends))
+        elif start < end:
+            ends = (float(time[start]), float(time[end - 1]))
+            dropped.append(Dropped("not in all streams", int(end - start), *ends))
     return tuple(dropped)
 
 

@@ -11,11 +11,12 @@ import warnings
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, spread_rows
+from loopid.arrays import BoolArray, FloatArray, spread_rows
 from loopid.errors import LogWarning
 from loopid.logs.recording import Recording
 from loopid.mechanism import Mechanism
 from loopid.regressors import force_parts
+from loopid.scratch import picked
 
 # Samples that the checks look at, evenly spread.
 MOST_SAMPLES = 500
@@ -32,10 +33,12 @@ def check_forces(mechanism: Mechanism, recording: Recording) -> None:
     """Warn of forces that are of another size, sign or motor than the robot file lets expect."""
     rows = spread_rows(len(recording), MOST_SAMPLES)
     motion = recording.motion
-    state = (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
-    predicted = force_parts(mechanism, *state).total
-    _check_size(recording.name, recording.force[rows], predicted)
-    left, factors = _fits(recording, rows, predicted)
+    columns = motion.configurations, motion.velocities, motion.accelerations
+    configurations, velocity, acceleration = (picked(column, rows) for column in columns)
+    predicted = force_parts(mechanism, configurations, velocity, acceleration).total
+    force, used = picked(recording.force, rows), picked(recording.used, rows)
+    _check_size(recording.name, force, predicted)
+    left, factors = _fits(velocity, force, used, predicted)
     if not np.isfinite(left).all():
         return
     if not _looks_exchanged(recording, left):
@@ -56,22 +59,21 @@ def _check_size(name: str, measured: FloatArray, predicted: FloatArray) -> None:
 
 
 def _fits(
-    recording: Recording, rows: IntArray, predicted: FloatArray
+    velocity: FloatArray, force: FloatArray, used: BoolArray, predicted: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """What the model of motor i leaves unexplained of force j (dof, dof), and its factors.
 
     The factors (dof, 2) are those of each motor's own prediction and sign of velocity. Motors
     with too few samples have NaN.
     """
-    dof = len(recording.actuators)
+    dof = force.shape[1]
     left, factors = np.full((dof, dof), np.nan), np.full((dof, 2), np.nan)
-    velocity, force = recording.motion.velocities[rows], recording.force[rows]
     for i in range(dof):
-        used = recording.used[rows, i]
-        if used.sum() < LEAST_SAMPLES:
+        present = used[:, i]
+        if present.sum() < LEAST_SAMPLES:
             continue
-        rate, forces = velocity[used, i], force[used]
-        columns = np.stack([predicted[used, i], np.sign(rate), rate], axis=1)
+        rate, forces = velocity[present, i], force[present]
+        columns = np.stack([predicted[present, i], np.sign(rate), rate], axis=1)
         solution = np.linalg.lstsq(columns, forces, rcond=None)[0]
         squares = (forces**2).sum(axis=0)
         unexplained = ((forces - columns @ solution) ** 2).sum(axis=0)

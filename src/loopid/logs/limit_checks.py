@@ -11,6 +11,7 @@ from loopid.errors import LogError, LogWarning
 from loopid.logs.messages import rows_text
 from loopid.logs.stream import MOST_BAD_ROWS, Channel, Stream
 from loopid.mechanism import Mechanism
+from loopid.scratch import row_blocks, rows_where
 
 # Of the range of a joint: how far outside its limits a value may be without a word, and from how
 # far on it is no position of the joint.
@@ -40,16 +41,28 @@ def check_limits(mechanism: Mechanism, stream: Stream) -> Stream:
     for k, channel in enumerate(stream.channels):
         if channel.quantity != "position":
             continue
-        lower, upper = _limits(mechanism, channel.joint)
-        values, width = stream.values[:, k], upper - lower
-        distance = np.maximum(lower - values, values - upper)
-        lost = np.flatnonzero(distance > FAR_OUTSIDE * width)
+        values = stream.values[:, k]
+        lost, near = _outside_rows(values, *_limits(mechanism, channel.joint))
         if len(lost) > MOST_BAD_ROWS * len(values):
             raise LogError(_wrong_unit(mechanism, stream, channel, lost, values))
-        near = np.flatnonzero((distance > OUTSIDE * width) & (distance <= FAR_OUTSIDE * width))
         _warn_outside(mechanism, stream, channel, near, values)
         far = np.union1d(far, lost)
     return stream.without(far, "positions far outside the limits of their joints")
+
+
+def _outside_rows(values: FloatArray, lower: float, upper: float) -> tuple[IntArray, IntArray]:
+    """Rows of values (R,) that are far outside limits, and those that are less so."""
+    width = upper - lower
+    outside = rows_where(
+        lambda rows: _distance(values[rows], lower, upper) > OUTSIDE * width, len(values)
+    )
+    far = _distance(values[outside], lower, upper) > FAR_OUTSIDE * width
+    return outside[far], outside[~far]
+
+
+def _distance(values: FloatArray, lower: float, upper: float) -> FloatArray:
+    """How far values (R,) are outside limits; negative inside."""
+    return np.maximum(lower - values, values - upper)
 
 
 def _limits(mechanism: Mechanism, joint: str) -> tuple[float, float]:
@@ -70,8 +83,7 @@ def _outside(
     mechanism: Mechanism, stream: Stream, channel: Channel, rows: IntArray, values: FloatArray
 ) -> str:
     lower, upper = mechanism.limits(channel.joint)
-    distance = np.maximum(lower - values[rows], values[rows] - upper)
-    worst = values[rows[np.argmax(distance)]]
+    worst = values[rows[np.argmax(_distance(values[rows], lower, upper))]]
     return (
         f"{stream.source}: {channel.joint} is outside its limits [{lower:g}, {upper:g}] in "
         f"{rows_text(stream.rows[rows])} of {len(values)}, at worst {worst:g}"
@@ -86,8 +98,20 @@ def _wrong_unit(
     index = mechanism.velocity_indices([channel.joint])[0]
     units = UNITS_OF_LENGTH if index in mechanism.prismatic else UNITS_OF_ANGLE
     for name, factor in units.items():
-        if ((values * factor >= lower) & (values * factor <= upper)).mean() >= FITTING:
+        if _fitting(values, factor, lower, upper) >= FITTING:
             return f"{outside}; times {name} they would fit: give position_scale in a mapping"
-    if np.ptp(values) <= upper - lower:
+    if _extent(values) <= upper - lower:
         return f"{outside}; with position_offset in a mapping they would fit"
     return f"{outside}; no change of unit brings them inside: are they those of another joint?"
+
+
+def _fitting(values: FloatArray, factor: float, lower: float, upper: float) -> float:
+    """Fraction of the values (R,) that a factor brings inside limits."""
+    scaled = (values[rows] * factor for rows in row_blocks(len(values)))
+    return sum(int(((x >= lower) & (x <= upper)).sum()) for x in scaled) / len(values)
+
+
+def _extent(values: FloatArray) -> float:
+    """Difference between the largest and the smallest of the values (R,)."""
+    ends = [(values[rows].min(), values[rows].max()) for rows in row_blocks(len(values))]
+    return float(max(end[1] for end in ends) - min(end[0] for end in ends))

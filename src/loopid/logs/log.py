@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, finite, frozen, samples
+from loopid.arrays import FloatArray, IntArray, frozen
 from loopid.errors import DataError
 from loopid.logs.recording import Dropped
+from loopid.scratch import finite_rows, kept, rows_where, sample_rows, steps
 
 
 @dataclass(frozen=True)
@@ -45,16 +47,20 @@ class Log:
     idle_speed: float | None = None
 
     def __post_init__(self) -> None:
-        time = finite(self.time, "time")
-        if time.ndim != 1 or len(time) == 0 or (np.diff(time) <= 0).any():
+        time = finite_rows(self.time, "time")
+        count = len(time) - 1 if time.ndim == 1 else -1
+        if count < 0 or len(rows_where(lambda rows: steps(time, rows) <= 0, count)):
             raise DataError("the time of a log must be a row of increasing numbers")
-        if np.shape(self.stretches) != time.shape or (np.diff(self.stretches) < 0).any():
+        numbers = np.asarray(self.stretches)
+        if numbers.shape != time.shape or len(
+            rows_where(lambda rows: steps(numbers, rows) < 0, count)
+        ):
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
-        object.__setattr__(self, "time", frozen(time))
-        object.__setattr__(self, "stretches", frozen(self.stretches, np.int64))
+        object.__setattr__(self, "time", kept(time))
+        object.__setattr__(self, "stretches", kept(numbers, np.int64))
         for name in ("position", "force"):
-            values = samples(getattr(self, name), len(self.joints), name, len(time))
-            object.__setattr__(self, name, frozen(values))
+            values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
+            object.__setattr__(self, name, kept(values))
         if self.saturation is not None:
             object.__setattr__(self, "saturation", frozen(self.saturation))
 
@@ -63,9 +69,8 @@ class Log:
 
     def parts(self) -> list[slice]:
         """The samples of each stretch, in order."""
-        starts = np.flatnonzero(np.diff(self.stretches, prepend=self.stretches[0] - 1))
-        ends = [*starts[1:].tolist(), len(self)]
-        return [slice(a, b) for a, b in zip(starts.tolist(), ends, strict=True)]
+        changes = 1 + rows_where(lambda rows: steps(self.stretches, rows) > 0, len(self) - 1)
+        return [slice(a, b) for a, b in pairwise([0, *changes.tolist(), len(self)])]
 
     def rate(self, part: slice) -> float:
         """Samples per second of a stretch; 0 for a single sample."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from loopid.arrays import BoolArray, FloatArray
+from loopid.logs.order_statistics import percentile
 from loopid.logs.recording import Dropped
 from loopid.mechanism import Mechanism
+from loopid.scratch import row_blocks
 from loopid.trajectories import LowPass
 
 # Standing: at most this fraction of the 99th percentile of a motor's own speed,
@@ -23,14 +26,27 @@ SATURATION_TOLERANCE = 0.01
 REACH = 1.0
 
 
+class Extent(NamedTuple):
+    """How many samples are flagged, and the times of the first and the last of them."""
+
+    number: int
+    first: float
+    last: float
+
+
 def idle_speeds(mechanism: Mechanism, velocity: FloatArray) -> FloatArray:
     """Speeds (dof,) at or below which motors with velocities (N, dof) count as standing."""
-    usual = np.percentile(np.abs(velocity), 99, axis=0)
+    columns = range(velocity.shape[1])
+    usual = np.array([percentile(partial(_sizes, velocity, k), len(velocity), 99) for k in columns])
     straight = np.isin(mechanism.velocity_indices(mechanism.actuated), mechanism.prismatic)
     fastest = np.empty_like(usual)
     for kind in (straight, ~straight):
         fastest[kind] = usual[kind].max(initial=0.0)
     return np.maximum(IDLE_FRACTION * usual, DITHER_FRACTION * fastest)
+
+
+def _sizes(values: FloatArray, k: int, rows: slice) -> FloatArray:
+    return np.abs(values[rows, k])
 
 
 def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
@@ -40,7 +56,8 @@ def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     exporters write that there is none.
     """
     limits = mechanism.model.upperEffortLimit[mechanism.velocity_indices(mechanism.actuated)]
-    exceeded = np.abs(force).max(axis=0) > limits * (1.0 + SATURATION_TOLERANCE)
+    largest = np.max([np.abs(force[rows]).max(axis=0) for rows in row_blocks(len(force))], axis=0)
+    exceeded = largest > limits * (1.0 + SATURATION_TOLERANCE)
     return np.where((limits > 0) & ~exceeded, limits, np.inf)
 
 
@@ -53,6 +70,8 @@ def filter_reach(lowpass: LowPass | None, rate: float) -> int:
 
 def saturated(force: FloatArray, saturation: FloatArray, reach: int) -> BoolArray:
     """Where (N, dof) raw forces, or others within reach of a filter, are saturated."""
+    from scipy.ndimage import binary_dilation  # here, as it takes a while to import
+
     flags = np.abs(force) >= saturation * (1.0 - SATURATION_TOLERANCE)
     around = np.ones((2 * reach + 1, 1), dtype=bool)
     return np.asarray(binary_dilation(flags, around), dtype=bool)
@@ -62,7 +81,18 @@ def describe(reasons: Sequence[str], flags: BoolArray, time: FloatArray) -> tupl
     """For each column of flags (N, k) what is left out, where anything is."""
     found = []
     for reason, column in zip(reasons, flags.T, strict=True):
-        times = time[column]
-        if len(times):
-            found.append(Dropped(reason, len(times), float(times[0]), float(times[-1])))
+        count, first, last = extent(column, time)
+        if count:
+            found.append(Dropped(reason, count, first, last))
     return tuple(found)
+
+
+def extent(flags: BoolArray, time: FloatArray) -> Extent:
+    """How many samples (N,) are flagged, and when (N,)."""
+    count, first, last = 0, np.nan, np.nan
+    for rows in row_blocks(len(flags)):
+        at = np.flatnonzero(flags[rows]) + rows.start
+        if len(at):
+            first, last = (time[at[0]] if not count else first), time[at[-1]]
+            count += len(at)
+    return Extent(count, float(first), float(last))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from loopid.logs.recording import Dropped, Recording
 from loopid.logs.smoothing import Smooth, default_lowpass, smooth
 from loopid.mechanism import Mechanism
 from loopid.progress import Progress
+from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import LowPass
 
 
@@ -83,8 +85,9 @@ def prepare_recording(
     limits = _saturation(mechanism, log, saturation)
     signals, ends = smooth(log, chosen, limits, decimate, trim)
     columns = [log.joints.index(name) for name in mechanism.independent]
-    position = signals.position[:, columns]
+    position = mapped_rows(lambda rows: signals.position[rows][:, columns], len(signals.time))
     path = follow(mechanism, log.name, signals.time, position, start, progress)
+    stretches = _stretches(signals.stretches, path.kept)
     signals = signals.select(path.kept)
     used, unused = _usable(log, signals, _idle_speeds(mechanism, log, signals, idle_speed))
     motion = signals.motion(path.configurations, path.singularity, columns)
@@ -95,7 +98,7 @@ def prepare_recording(
         motion=motion,
         force=force,
         used=used,
-        stretches=_stretches(signals.stretches, path.kept),
+        stretches=stretches,
         dropped=(*log.dropped, *ends, *path.dropped, *unused),
         cutoff=None if chosen is None else chosen.cutoff,
     )
@@ -122,19 +125,30 @@ def _idle_speeds(
 
 def _usable(log: Log, signals: Smooth, speeds: FloatArray) -> tuple[BoolArray, tuple[Dropped, ...]]:
     """Which forces (N, dof) say something, and what is left out."""
-    idle, full = np.abs(signals.velocity) <= speeds, signals.saturated
-    if (idle | full).all():
+    time, full = signals.time, signals.saturated
+    idle = mapped_rows(lambda rows: np.abs(signals.velocity[rows]) <= speeds, len(time))
+    used = mapped_rows(lambda rows: ~(idle[rows] | full[rows]), len(time))
+    if not any(used[rows].any() for rows in row_blocks(len(time))):
         raise LogError(f"{log.name}: no force can be used, as all motors stand or are saturated")
     stands = [f"{joint} stands still" for joint in log.joints]
     saturates = [f"{joint} is saturated" for joint in log.joints]
-    time = signals.time
-    return ~(idle | full), describe(stands, idle, time) + describe(saturates, full, time)
+    return used, describe(stands, idle, time) + describe(saturates, full, time)
 
 
 def _stretches(numbers: IntArray, kept: BoolArray) -> IntArray:
-    """Numbers from 0 of the stretches (K,) that samples which are left out divide further."""
-    breaks = (np.diff(np.flatnonzero(kept)) > 1) | (np.diff(numbers) > 0)
-    return np.concatenate([[0], np.cumsum(breaks)]).astype(np.int64)
+    """Numbers from 0 (K,) of the stretches (N,) that samples which are left out divide further."""
+
+    def blocks() -> Iterator[IntArray]:
+        last = -1
+        for rows in row_blocks(len(kept)):
+            around = slice(max(rows.start - 1, 0), rows.stop)
+            follows = kept[around][:-1] & (np.diff(numbers[around]) == 0)
+            follows = follows if rows.start else np.append(False, follows)
+            count = last + np.cumsum(kept[rows] & ~follows)
+            last = int(count[-1])
+            yield count[kept[rows]]
+
+    return spooled(blocks())
 
 
 def _per_motor(log: Log, what: str, given: float | FloatArray) -> FloatArray:

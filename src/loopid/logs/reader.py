@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from loopid.logs.table import Table
@@ -35,8 +35,8 @@ class LogReader(ABC):
         """
 
     @abstractmethod
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Table:
-        """Some columns of a stream.
+    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        """Some columns of a stream, some rows at a time.
 
         Raises
         ------

@@ -24,6 +24,7 @@ from loopid.logs.sources import by_joint, read_streams
 from loopid.logs.stream import Stream
 from loopid.logs.text_lines import stream_name
 from loopid.mechanism import Mechanism
+from loopid.scratch import mapped_rows
 
 
 def read_log(
@@ -95,9 +96,12 @@ def _gathered(
 ) -> FloatArray:
     """One column a joint (N, dof), from whichever stream it is in."""
     found = {
-        channel.joint: column
+        channel.joint: table[:, k]
         for stream, table in zip(streams, values, strict=True)
-        for channel, column in zip(stream.channels, table.T, strict=True)
+        for k, channel in enumerate(stream.channels)
         if channel.quantity == quantity
     }
-    return np.stack([found[joint] for joint in joints], axis=1)
+    columns = [found[joint] for joint in joints]
+    return mapped_rows(
+        lambda rows: np.stack([column[rows] for column in columns], axis=1), len(columns[0])
+    )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
+from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import DataError, OptionError
+from loopid.scratch import kept, sample_rows
 from loopid.trajectories import JointMotion
 
 
@@ -69,12 +70,12 @@ class Recording:
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
-        force = samples(self.force, dof, "force", count)
+        force = sample_rows(self.force, dof, "force", count)
         if np.shape(self.used) != force.shape or np.shape(self.stretches) != (count,):
             raise DataError(f"used must have shape {force.shape} and stretches ({count},)")
-        object.__setattr__(self, "force", frozen(force))
-        object.__setattr__(self, "used", frozen(self.used, np.bool_))
-        object.__setattr__(self, "stretches", frozen(self.stretches, np.int64))
+        object.__setattr__(self, "force", kept(force))
+        object.__setattr__(self, "used", kept(self.used, np.bool_))
+        object.__setattr__(self, "stretches", kept(self.stretches, np.int64))
 
     @classmethod
     def of_motion(
@@ -101,20 +102,19 @@ class Recording:
         if not 0 < fraction < 1:
             raise OptionError(f"the fraction to split at must be between 0 and 1, not {fraction}")
         time = self.motion.time
-        early = time <= time[0] + fraction * (time[-1] - time[0])
-        if early.all():
+        early = int(np.searchsorted(time, time[0] + fraction * (time[-1] - time[0]), "right"))
+        if early == len(self):
             raise DataError(f"recording {self.name} has {len(self)} samples: too few to split")
-        return self.select(early), self.select(~early)
+        return self.select(slice(early)), self.select(slice(early, len(self)))
 
-    def select(self, rows: BoolArray) -> Recording:
-        """Some of the samples (N,), in order."""
-        return Recording(
-            name=self.name,
-            actuators=self.actuators,
-            motion=self.motion.select(rows),
+    def select(self, rows: BoolArray | slice) -> Recording:
+        """Some of the samples, by a mask (N,) or as a slice, in order."""
+        columns = fields(JointMotion)
+        motion = JointMotion(*(getattr(self.motion, column.name)[rows] for column in columns))
+        return replace(
+            self,
+            motion=motion,
             force=self.force[rows],
             used=self.used[rows],
             stretches=self.stretches[rows],
-            dropped=self.dropped,
-            cutoff=self.cutoff,
         )

@@ -11,7 +11,8 @@ from loopid.logs.columns import find_motor_columns, refuse_other_joints
 from loopid.logs.mapping import LogMapping
 from loopid.logs.npz_reader import NpzReader
 from loopid.logs.reader import LogReader
-from loopid.logs.stream import Channel, Stream, make_stream
+from loopid.logs.stream import Channel, Stream
+from loopid.logs.stream_making import make_stream
 from loopid.logs.text_readers import FolderReader, TextReader
 from loopid.logs.time_columns import find_time
 
@@ -55,8 +56,8 @@ def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> li
     streams = []
     for stream, of_stream in channels.items():
         names = [*times[stream].names, *(channel.column for channel in of_stream)]
-        table = reader.read(path, stream, names)
-        streams.append(make_stream(table, times[stream], tuple(of_stream)))
+        tables = reader.read(path, stream, names)
+        streams.append(make_stream(tables, times[stream], tuple(of_stream)))
     return streams
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from loopid.arrays import IntArray
 from loopid.errors import LogError
 from loopid.logs.messages import rows_text
+from loopid.logs.order_statistics import median
+from loopid.scratch import rows_where, steps
 
 # Median steps (s) that a log may have: others mean that the unit of the time is another.
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.2
@@ -21,15 +21,15 @@ def check_stamps(source: str, rows: IntArray, stamps: IntArray) -> None:
     LogError
         Naming the rows, or the factor that would fit.
     """
-    steps = np.diff(stamps)
-    wrong = np.flatnonzero(steps <= 0)
+    count = len(stamps) - 1
+    wrong = rows_where(lambda block: steps(stamps, block) <= 0, count)
     if len(wrong):
-        same = int((steps == 0).sum())
+        same = int((stamps[wrong + 1] == stamps[wrong]).sum())
         raise LogError(
             f"{source}: time must increase from row to row, but goes back {len(wrong) - same} "
             f"times and stands still {same} times, in {rows_text(rows[wrong + 1])}"
         )
-    step = float(np.median(steps)) / 1e9
+    step = median(lambda block: steps(stamps, block), count) / 1e9
     if not _fits(step):
         factors = [f"{factor:g}" for factor in OTHER_UNITS if _fits(step * factor)]
         advice = f"; times {' or '.join(factors)} it would fit" if factors else ""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning
+from loopid.logs.interpolation import surrounding
 from loopid.logs.messages import rows_text
 from loopid.logs.recording import Dropped
-from loopid.logs.stamp_checks import check_stamps
-from loopid.logs.table import NO_STAMP, Table
-from loopid.logs.time_columns import TimeColumn
+from loopid.scratch import mapped_rows
 
 # Fraction of the rows that may be left out before a log is refused.
 MOST_BAD_ROWS = 0.1
@@ -58,8 +58,11 @@ class Stream:
     values: FloatArray
     left_out: tuple[tuple[str, IntArray], ...] = ()
 
+    def __len__(self) -> int:
+        return len(self.rows)
+
     def without(self, bad: IntArray, reason: str) -> Stream:
-        """The stream without some rows (indices), which a warning names.
+        """The stream without some rows (ascending indices), which a warning names.
 
         Raises
         ------
@@ -68,24 +71,38 @@ class Stream:
         """
         if len(bad) == 0:
             return self
-        rows = self.rows[bad]
-        refuse_or_warn(self.source, rows, len(self.rows), reason)
-        kept = np.setdiff1d(np.arange(len(self.rows)), bad)
+        numbers = self.rows[bad]
+        refuse_or_warn(self.source, numbers, len(self), reason)
+
+        def left(column: NDArray[Any]) -> NDArray[Any]:
+            return mapped_rows(lambda rows: column[rows][~_among(bad, rows)], len(self))
+
         return replace(
             self,
-            rows=self.rows[kept],
-            stamps=self.stamps[kept],
-            values=self.values[kept],
-            left_out=(*self.left_out, (reason, rows)),
+            rows=left(self.rows),
+            stamps=left(self.stamps),
+            values=left(self.values),
+            left_out=(*self.left_out, (reason, numbers)),
         )
 
     def dropped(self, zero: int) -> tuple[Dropped, ...]:
         """What was left out, at times from a stamp on; rows without a time lie between others."""
         found = []
-        for reason, rows in self.left_out:
-            times = np.interp(rows, self.rows, (self.stamps - zero) / 1e9)
-            found.append(Dropped(reason, len(rows), float(times[0]), float(times[-1])))
+        for reason, numbers in self.left_out:
+            ends = np.array([numbers[0], numbers[-1]], dtype=np.int64)
+            window = surrounding(ends, self.rows)
+            stamps = (self.stamps[window] - zero) / 1e9
+            times = np.interp(ends, self.rows[window], stamps)
+            found.append(Dropped(reason, len(numbers), float(times[0]), float(times[1])))
         return tuple(found)
+
+
+def _among(numbers: IntArray, rows: slice) -> BoolArray:
+    """Which of a block of rows are among ascending numbers."""
+    first, last = np.searchsorted(numbers, [rows.start, rows.stop])
+    flags = np.zeros(rows.stop - rows.start, dtype=bool)
+    flags[numbers[first:last] - rows.start] = True
+    return flags
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None:
@@ -94,36 +111,3 @@ def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None
     if len(rows) > MOST_BAD_ROWS * count:
         raise LogError(f"{sentence} (at most {MOST_BAD_ROWS:.0%} may be left out)")
     warnings.warn(f"{sentence}: left out", LogWarning, stacklevel=2)
-
-
-def make_stream(table: Table, time: TimeColumn, channels: tuple[Channel, ...]) -> Stream:
-    """Turn cells into numbers.
-
-    Raises
-    ------
-    LogError
-        When there are too few rows, too many bad ones, or impossible times.
-    """
-    columns = [c.scale * table.numbers(c.column) + c.offset for c in channels]
-    values, stamps = np.stack(columns, axis=1), time.stamps(table)
-    flags = {c.column: np.isnan(x) for c, x in zip(channels, columns, strict=True)}
-    flags[time.name] = stamps == NO_STAMP
-    bad = np.any(list(flags.values()), axis=0)
-    count = len(table.rows) + len(table.garbled)
-    left_out = []
-    for reason, rows in (
-        (f"no number in {', '.join(n for n, f in flags.items() if f.any())}", table.rows[bad]),
-        ("another number of cells than in the header", table.garbled),
-    ):
-        if len(rows):
-            refuse_or_warn(table.source, rows, count, reason)
-            left_out.append((reason, rows))
-    if table.cut_off is not None:
-        left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
-    if (~bad).sum() < LEAST_ROWS:
-        raise LogError(
-            f"{table.source} has {(~bad).sum()} rows of numbers: it takes at least {LEAST_ROWS}"
-        )
-    rows, stamps = table.rows[~bad], stamps[~bad]
-    check_stamps(table.source, rows, stamps)
-    return Stream(table.source, channels, rows, stamps, values[~bad], tuple(left_out))

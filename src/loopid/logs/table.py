@@ -1,4 +1,4 @@
-"""The raw columns of one table of a log, before anything is understood."""
+"""Raw columns of some rows of a log, before anything is understood."""
 
 from __future__ import annotations
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import zlib
+from collections.abc import Generator
 from pathlib import Path
 
 from loopid.errors import LogError, MissingFileError
@@ -12,6 +14,7 @@ TEXT_ENDINGS = (".csv", ".txt", ".tsv")
 PACKED = ".gz"
 # Of separators that split a header into equally many cells, the first is taken.
 SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", None)
+QUOTATION_MARKS = "\"'"
 
 
 def is_text_name(path: Path) -> bool:
@@ -28,7 +31,7 @@ def stream_name(path: Path) -> str:
     return name
 
 
-def read_lines(path: Path) -> list[str]:
+def read_lines(path: Path) -> Generator[str]:
     """Lines without their ends; the last is empty when the file ends with a whole line.
 
     Raises
@@ -37,16 +40,23 @@ def read_lines(path: Path) -> list[str]:
         When there is no such file, or it cannot be unpacked.
     """
     try:
-        content = path.read_bytes()
-        if content.startswith(b"\x1f\x8b"):
-            content = gzip.decompress(content)
+        with path.open("rb") as packed, _text(packed) as lines:
+            line = ""
+            for line in lines:
+                yield line.removesuffix("\n").removesuffix("\r")
+            if not line or line.endswith("\n"):
+                yield ""
     except FileNotFoundError as error:
         raise MissingFileError(f"there is no log {path}") from error
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{path} cannot be read: {error}") from error
-    # Bytes that are no text garble their own row only.
-    lines = content.decode("utf-8-sig", errors="replace").split("\n")
-    return [line.removesuffix("\r") for line in lines]
+
+
+def _text(packed: io.BufferedReader) -> io.TextIOWrapper:
+    """Unpacked text; bytes that are no text garble their own row only."""
+    is_packed = packed.peek(2).startswith(b"\x1f\x8b")
+    content = gzip.GzipFile(fileobj=packed) if is_packed else packed
+    return io.TextIOWrapper(content, encoding="utf-8-sig", errors="replace", newline="\n")
 
 
 def separator_of(header: str) -> str | None:
@@ -55,12 +65,15 @@ def separator_of(header: str) -> str | None:
 
 
 def split_line(line: str, separator: str | None) -> list[str]:
-    """The cells of a line, without quotation marks and white space around them.
+    """The cells of a line, without quotation marks around them.
 
-    Where commas do not separate, they are decimal points.
+    Where commas do not separate, they are decimal points. White space around numbers stays.
     """
     line = line if separator == "," else line.replace(",", ".")
-    return [cell.strip().strip("\"'").strip() for cell in line.split(separator)]
+    cells = line.split(separator)
+    if not any(mark in line for mark in QUOTATION_MARKS):
+        return cells
+    return [cell.strip().strip(QUOTATION_MARKS).strip() for cell in cells]
 
 
 def is_number(cell: str) -> bool:
@@ -68,5 +81,5 @@ def is_number(cell: str) -> bool:
     try:
         float(cell)
     except ValueError:
-        return cell == ""
+        return cell.strip() == ""
     return True

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from loopid.errors import LogError
 from loopid.logs.reader import LogReader
 from loopid.logs.table import Table
 from loopid.logs.text_lines import is_text_name, stream_name
-from loopid.logs.text_table import read_header, read_table
+from loopid.logs.text_table import read_header, read_tables
 
 
 class TextReader(LogReader):
@@ -23,8 +23,8 @@ class TextReader(LogReader):
     def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
         return {stream_name(path): read_header(path).names}
 
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Table:
-        return read_table(path, names)
+    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        return read_tables(path, names)
 
 
 class FolderReader(LogReader):
@@ -38,8 +38,8 @@ class FolderReader(LogReader):
     def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
         return {stream: _names(file) for stream, file in _files(path).items()}
 
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Table:
-        return read_table(_files(path)[stream], names)
+    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        return read_tables(_files(path)[stream], names)
 
 
 def _files(folder: Path) -> dict[str, Path]:

@@ -163,6 +163,6 @@ def _fit_of(
 ) -> FitResult:
     labels = training.parameters.labels
     columns = [labels.index(label) for label in step.labels]
-    others = [j for j in range(len(labels)) if j not in columns]
-    known = training.regressor[:, :, others] @ reference[others]
-    return quiet_fit(training.with_force(training.force - known).select(columns), estimator)
+    known = reference.copy()
+    known[columns] = 0.0
+    return quiet_fit(training.less(training.predicted(known)).select(columns), estimator)

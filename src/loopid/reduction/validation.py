@@ -9,6 +9,7 @@ from loopid.errors import DataError
 from loopid.identification import FitSamples
 from loopid.identification.autoregression import Autoregression
 from loopid.identification.burg import burg_covariances, run_lengths
+from loopid.scratch import mapped_rows, row_blocks
 
 
 def mean_squared_error(
@@ -37,31 +38,40 @@ def excess_error(
     Of the differences at each time: what both share, as a disturbance that neither explains, does
     not count as doubt. Parameters as of ``mean_squared_error``.
     """
-    series = _squares(samples, values, scale) - _squares(samples, best, scale)
+    own, other = (_squares(samples, phi, scale) for phi in (values, best))
+    series = mapped_rows(lambda rows: own[rows] - other[rows], len(samples))
     return _mean(samples, series, scale)
 
 
 def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
     """Squared scaled residuals of all actuators together (N,)."""
-    counted = samples.used & (scale > 0)
-    squares = (samples.residual(values) * scale) ** 2 * counted
-    return np.asarray(squares.sum(axis=1), dtype=np.float64)
+    residual, counted = samples.residual(values), scale > 0
+
+    def squares(rows: slice) -> FloatArray:
+        present = samples.used[rows] & counted
+        return np.asarray(((residual[rows] * scale) ** 2 * present).sum(axis=1))
+
+    return mapped_rows(squares, len(samples))
 
 
 def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
     """Mean of a series (N,) by forces that count, and its standard error."""
-    counts = (samples.used & (scale > 0)).sum(axis=1)
-    total = float(counts.sum())
+    counted = scale > 0
+    counts = mapped_rows(lambda rows: (samples.used[rows] & counted).sum(axis=1), len(samples))
+    total, sum_ = (
+        float(sum(part[rows].sum() for rows in row_blocks(len(samples))))
+        for part in (counts, series)
+    )
     if not total:
         raise DataError("there is no validation sample of an actuator that was fitted")
-    mean = float(series.sum()) / total
-    return mean, sum_deviation(samples, series - mean * counts, counts > 0) / total
+    mean = sum_ / total
+    errors = mapped_rows(lambda rows: series[rows] - mean * counts[rows], len(samples))
+    present = mapped_rows(lambda rows: counts[rows] > 0, len(samples))
+    return mean, sum_deviation(samples, errors, present) / total
 
 
 def sum_deviation(samples: FitSamples, series: FloatArray, present: BoolArray) -> float:
     """Standard deviation of the sum of a series (N,) where it is present (N,)."""
     runs = run_lengths(present, samples.pieces)
     model = Autoregression.of_covariances(burg_covariances(series, runs))
-    ones = present.astype(np.float64)[:, None]
-    parts = [ones[piece] for piece in samples.pieces]
-    return float(np.sqrt(sum(np.vdot(part, model.covariance_times(part)) for part in parts)))
+    return float(np.sqrt(model.sum_variance(present, samples.pieces)))

@@ -8,8 +8,8 @@ from loopid.arrays import FloatArray
 from loopid.kinematics.motion import ClosedMotion
 from loopid.mechanism import Mechanism
 from loopid.parameters import ParameterSet, model_kinds
+from loopid.regressors.closed_loop import moving_regressor, resting_regressor
 from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.tree import tree_regressor
 
 
 def motion_parameters(
@@ -41,10 +41,10 @@ def motion_regressor(
     FloatArray
         (N, dof, n), columns named by ``motion_parameters``.
     """
-    moving = model_kinds(model) == model_kinds("full")
-    v, a = (motion.velocities, motion.accelerations) if moving else (None, None)
-    tree = tree_regressor(mechanism, motion.configurations, v, a, model)
-    bodies = motion.projected(tree)
+    if model_kinds(model) == model_kinds("full"):
+        bodies = moving_regressor(mechanism, motion)
+    else:
+        bodies = resting_regressor(mechanism, motion.configurations, motion.projection.G)
     if joint_terms is None:
         return bodies
     return np.concatenate([bodies, joint_terms.columns(mechanism, motion)], axis=2)

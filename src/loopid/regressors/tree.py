@@ -44,10 +44,12 @@ def tree_regressor(
     )
     columns = mechanism.columns(model)
     regressor = np.empty((len(q), pinocchio_model.nv, len(columns)))
+    # Choosing columns costs as much as computing them: all of them are taken as they are.
+    everything = np.array_equal(columns, np.arange(10 * (pinocchio_model.njoints - 1)))
     for k, state in enumerate(zip(q, v, a, strict=True)):
         whole = pin.computeJointTorqueRegressor(pinocchio_model, data, *state)
         # For a single coordinate the binding drops the axis of its one row.
-        regressor[k] = whole.reshape(pinocchio_model.nv, -1)[:, columns]
+        regressor[k] = whole if everything else whole.reshape(pinocchio_model.nv, -1)[:, columns]
     if not mechanism.ties:
         return regressor
     return regressor @ tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import ROUND_CEILING, Context
 from typing import Any
 
 from rich.table import Table
@@ -25,7 +26,8 @@ def base_record(
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON.
 
-    ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's.
+    ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
+    no choice has less than that over ``gap``, null where nothing was proven.
     Coefficients that are made of the lengths are named; the lengths in these names are listed.
     """
     names = name_coefficients(base, lengths)
@@ -82,6 +84,7 @@ def _search_record(search: SearchResult) -> dict[str, Any]:
         "criterion": search.criterion,
         "condition_number": _number(search.condition_number),
         "certified": search.certified,
+        "gap": _number(search.gap),
         "candidates": search.candidates,
         "evaluated": search.evaluated,
         "nodes": search.nodes,
@@ -143,11 +146,25 @@ def _conditions(record: dict[str, Any]) -> str:
 def certificate(search: dict[str, Any]) -> str:
     """What is proven about a search's answer, in words."""
     if not search["certified"]:
-        return "none: a better choice may exist"
+        return f"not certified: {_proven_gap(search['gap'])}"
     if search["ties"] is None:
         return "proven best (ties too many to count)"
     others = "the only one" if search["ties"] == 1 else f"one of {search['ties']:,} equally good"
     return f"proven best, {others}"
+
+
+def _proven_gap(gap: float | None) -> str:
+    """How much better another choice could be at most: rounded up, or it would not be proven."""
+    if gap is None:
+        return "a better choice may exist"
+    if gap >= 2:
+        return f"at most {_rounded_up(gap)} times the least possible"
+    return f"at most {_rounded_up(100 * (gap - 1))} % above the least possible"
+
+
+def _rounded_up(value: float) -> str:
+    """Three digits."""
+    return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
 
 
 def _nodes(search: dict[str, Any]) -> str:

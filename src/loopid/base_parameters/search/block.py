@@ -73,9 +73,13 @@ class Block:
     def least_largest(self) -> float:
         """What the largest eigenvalue of every selection reaches at least.
 
-        It exceeds every diagonal entry, and k of them are selected.
+        It exceeds every diagonal entry, and k of them are selected; and leaving n - k rows out
+        lowers it at most to the eigenvalue that follows as many others (Cauchy interlacing).
         """
-        return float(np.sort(np.diag(self.gram))[self.count - 1])
+        entry = np.sort(np.diag(self.gram))[self.count - 1]
+        values = np.linalg.svd(self.vectors, compute_uv=False) ** 2
+        left_out = self.size - self.count
+        return float(max(entry, values[left_out] if left_out < self.count else 0.0))
 
     def start(self) -> IntArray:
         """A good selection: pivoted Cholesky, then swaps that enlarge the volume.

@@ -9,22 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import islice
-from math import prod
+from math import prod, sqrt
 from time import perf_counter
 
 import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.block import Levels
+from loopid.base_parameters.search.engines import BranchEngine
 from loopid.base_parameters.search.parts import Part, separate
 from loopid.base_parameters.search.problem import ChoiceProblem
 from loopid.base_parameters.search.staircase import Optimum, least_ratio
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
-from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError, selections_between
+from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 from loopid.base_parameters.search.ties import MOST_TIES, NOTHING, Readability, most_readable
 from loopid.errors import OptionError
 
 TIME_LIMIT = 10.0  # s
+# Nodes spent on listing the ties of a large block, of which there may be any number.
+MOST_TIE_NODES = 1000
 
 
 class ExactSearch(SearchStrategy):
@@ -46,7 +49,7 @@ class ExactSearch(SearchStrategy):
     def _search(self, problem: ChoiceProblem) -> SearchResult:
         parts = separate(problem)
         budget = Budget(perf_counter() + self.time_limit)
-        optimum = least_ratio([part.block for part in parts], budget)
+        optimum = least_ratio([part.engine for part in parts], budget)
         if optimum.certified:
             choice, ties = _break_ties(parts, optimum, budget)
         else:
@@ -58,6 +61,7 @@ class ExactSearch(SearchStrategy):
             dependent=choice.dependent,
             condition_number=problem.condition_number(dependent),
             certified=optimum.certified,
+            gap=sqrt(optimum.levels.ratio / optimum.least),
             candidates=problem.candidates,
             evaluated=budget.leaves,
             nodes=budget.nodes,
@@ -85,7 +89,9 @@ def _break_ties(
 def _tied_selections(part: Part, levels: Levels, budget: Budget) -> list[IntArray]:
     """All selections of a part that keep to the levels; none where they are too many to list."""
     above, below = levels.smallest * (1 - TIE_TOLERANCE), levels.largest * (1 + TIE_TOLERANCE)
-    selections = selections_between(part.block, above, below, budget)
+    large = isinstance(part.engine, BranchEngine)
+    own = Budget(budget.deadline, most_nodes=MOST_TIE_NODES if large else np.inf)
+    selections = part.engine.between(above, below, own)
     try:
         listed = list(islice(selections, MOST_TIES + 1))
     except OutOfBudgetError:

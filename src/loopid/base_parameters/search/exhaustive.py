@@ -88,6 +88,7 @@ class ExhaustiveSearch(SearchStrategy):
             dependent=chosen.dependent,
             condition_number=problem.condition_number(np.array(chosen.dependent)),
             certified=True,
+            gap=1.0,
             candidates=total,
             evaluated=total,
             ties=best.ties,

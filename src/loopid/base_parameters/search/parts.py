@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.blocks import independent_blocks
 from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.search.block import Block, make_block
+from loopid.base_parameters.search.engines import Engine, engine_for
 from loopid.base_parameters.search.problem import ChoiceProblem
 
 
@@ -33,6 +35,11 @@ class Part:
     null_basis: FloatArray
     block: Block
     selects_dependent: bool
+
+    @cached_property
+    def engine(self) -> Engine:
+        """The search that suits the block."""
+        return engine_for(self.block, null_vectors=self.selects_dependent)
 
     def dependent(self, selections: list[IntArray]) -> IntArray:
         """Positions (c, d) of the dependent columns for selections of representatives.

@@ -9,16 +9,21 @@ is worse. The walk ends when no selection under the ceiling could still improve 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from loopid.arrays import IntArray
-from loopid.base_parameters.search.block import Block, Levels
+from loopid.base_parameters.search.block import Levels
+from loopid.base_parameters.search.bracket import Bracket
+from loopid.base_parameters.search.engines import Engine
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE
-from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError, selections_between
+from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
 Selections = list[IntArray]
+# Efforts spent on raising the floor, and the fraction of the top at which it steps there.
+FLOOR_EFFORTS = 2
+FINEST_FLOOR = 0.02
 
 
 @dataclass
@@ -32,14 +37,19 @@ class Optimum:
         Of all blocks together.
     tied : list of Levels
         All pairs of levels, each proven extreme, whose ratio ties with the best.
-    certified : bool
-        Whether the walk came to its end.
+    least : float
+        No selections have a smaller ratio, up to ties.
     """
 
     selections: Selections
     levels: Levels
-    tied: list[Levels]
-    certified: bool = False
+    tied: list[Levels] = field(default_factory=list)
+    least: float = 1.0
+
+    @property
+    def certified(self) -> bool:
+        """Whether the walk came to its end."""
+        return self.least >= self.levels.ratio
 
     def offer(self, selections: Selections, levels: Levels) -> None:
         """Take note of a solution that is extreme under its ceiling."""
@@ -51,61 +61,83 @@ class Optimum:
             self.selections, self.levels = selections, levels
 
 
-def least_ratio(blocks: Sequence[Block], budget: Budget) -> Optimum:
+def least_ratio(engines: Sequence[Engine], budget: Budget) -> Optimum:
     """Minimise the ratio; the result is certified unless the budget runs out."""
-    start = [block.start() for block in blocks]
-    optimum = Optimum(start, joint_levels(blocks, start), [])
-    floor = max(block.least_largest() for block in blocks)
-    ceiling: float | None = None
+    floor = max(engine.least_largest for engine in engines)
+    start = [engine.start(floor) for engine in engines]
+    optimum = Optimum(start, joint_levels(engines, start))
+    brackets = [
+        Bracket(engine, selection, engine.most_smallest)
+        for engine, selection in zip(engines, start, strict=True)
+    ]
+    ceiling = np.inf
     try:
-        while ceiling is None or ceiling > floor:
-            above = floor / optimum.levels.ratio * (1 - TIE_TOLERANCE)
-            found = _highest_smallest(blocks, optimum.selections, above, ceiling, budget)
-            if found is None:
-                break
-            levels = joint_levels(blocks, found)
+        floor = _raised_floor(engines, optimum, floor, budget)
+        while ceiling > floor:
+            _raise_smallest(brackets, budget)
+            found = [bracket.selection for bracket in brackets]
+            levels = joint_levels(engines, found)
             optimum.offer(found, levels)
             reach = optimum.levels.ratio * levels.smallest * (1 + 2 * TIE_TOLERANCE)
             ceiling = min(levels.largest * (1 - TIE_TOLERANCE), reach)
-        optimum.certified = True
+            above = floor / optimum.levels.ratio * (1 - TIE_TOLERANCE)
+            if ceiling <= floor or not _lower_ceiling(brackets, ceiling, above, budget):
+                break
+        optimum.least = optimum.levels.ratio
     except OutOfBudgetError:
-        pass
+        reached = [bracket.selection for bracket in brackets]
+        optimum.offer(reached, joint_levels(engines, reached))
+        # Under the ceiling the smallest eigenvalue is at most that of the lowest bracket.
+        highest = min(bracket.high for bracket in brackets)
+        optimum.least = min(optimum.levels.ratio, floor / highest)
     return optimum
 
 
-def joint_levels(blocks: Sequence[Block], selections: Selections) -> Levels:
+def _raised_floor(
+    engines: Sequence[Engine], optimum: Optimum, floor: float, budget: Budget
+) -> float:
+    """A level that the largest eigenvalue of all better selections reaches.
+
+    A better selection with a largest eigenvalue below a level u and at least the floor has a
+    smallest one above floor / ratio. Where one block has none such, u is a floor as well.
+    """
+    pairs = zip(engines, optimum.selections, strict=True)
+    highest, _ = max(pairs, key=lambda pair: pair[0].block.levels(pair[1]).largest)
+    top = optimum.levels.largest * (1 - TIE_TOLERANCE)
+    for effort in range(FLOOR_EFFORTS):
+        level = (floor + top) / 2
+        while floor < top:
+            above = floor / optimum.levels.ratio * (1 - TIE_TOLERANCE)
+            try:
+                found = highest.first(above, level, effort, budget)
+            except OutOfBudgetError:
+                budget.check()
+                break
+            if found is not None:
+                return floor
+            floor, level = level, top if top - level < FINEST_FLOOR * top else (level + top) / 2
+    return floor
+
+
+def joint_levels(engines: Sequence[Engine], selections: Selections) -> Levels:
     """Extreme eigenvalues over all blocks."""
-    levels = [block.levels(chosen) for block, chosen in zip(blocks, selections, strict=True)]
+    levels = [engine.block.levels(own) for engine, own in zip(engines, selections, strict=True)]
     return Levels(min(x.smallest for x in levels), max(x.largest for x in levels))
 
 
-def _highest_smallest(
-    blocks: Sequence[Block],
-    hints: Selections,
-    above: float,
-    ceiling: float | None,
-    budget: Budget,
-) -> Selections | None:
-    """Selections whose least smallest eigenvalue is highest, all eigenvalues in a range."""
-    chosen: Selections = []
-    for block, hint in zip(blocks, hints, strict=True):
-        levels = block.levels(hint)
-        fits = levels.smallest > above and (ceiling is None or levels.largest < ceiling)
-        selection = hint if fits else _first(block, above, ceiling, budget)
-        if selection is None:
-            return None
-        chosen.append(selection)
-    smallest = [block.levels(s).smallest for block, s in zip(blocks, chosen, strict=True)]
+def _raise_smallest(brackets: Sequence[Bracket], budget: Budget) -> None:
+    """Raise the least smallest eigenvalue of all blocks together as far as it goes."""
     while True:
         # Only the block with the least smallest eigenvalue limits the others.
-        weakest = int(np.argmin(smallest))
-        threshold = smallest[weakest] * (1 + TIE_TOLERANCE)
-        better = _first(blocks[weakest], threshold, ceiling, budget)
-        if better is None:
-            return chosen
-        chosen[weakest] = better
-        smallest[weakest] = blocks[weakest].levels(better).smallest
+        weakest, *others = sorted(brackets, key=lambda bracket: bracket.low)
+        if weakest.closed:
+            return
+        enough = others[0].low * (1 + TIE_TOLERANCE) if others else np.inf
+        weakest.raise_to(enough, budget)
 
 
-def _first(block: Block, above: float, below: float | None, budget: Budget) -> IntArray | None:
-    return next(selections_between(block, above, below, budget), None)
+def _lower_ceiling(
+    brackets: Sequence[Bracket], ceiling: float, above: float, budget: Budget
+) -> bool:
+    """Bring all blocks below a ceiling; whether there are selections that stay above a level."""
+    return all(bracket.lower(ceiling, above, budget) for bracket in brackets)

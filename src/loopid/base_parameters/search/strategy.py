@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from math import inf
 from time import perf_counter
 from typing import ClassVar
 
@@ -29,6 +30,9 @@ class SearchResult:
         The criterion's value; infinite where nothing was found.
     certified : bool
         Whether no choice is better by more than ``tolerance`` times the value.
+    gap : float
+        No choice has a condition number of less than the value over this, up to ``tolerance``: 1
+        where it is certified, infinite where nothing was proven.
     candidates : int
         Number of combinations there are.
     evaluated : int
@@ -51,6 +55,7 @@ class SearchResult:
     evaluated: int
     nodes: int = 0
     ties: int | None = None
+    gap: float = inf
     tolerance: float = TIE_TOLERANCE
     seconds: float = 0.0
 
@@ -93,4 +98,5 @@ def _no_choice(strategy: SearchStrategy, problem: ChoiceProblem) -> SearchResult
         candidates=1,
         evaluated=1,
         ties=1,
+        gap=1.0,
     )

@@ -6,9 +6,9 @@ largest below u contains no subset C, and leaves out no set T, that break (Cauch
     G_CC - t I > 0,    u I - G_CC > 0,    F - t I - X_Tᵀ X_T > 0.
 
 The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three n x n matrices decide:
-taking a row pivots on it in the first two, leaving one out pivots in the third, and the diagonals
-of the Schur complements say of every free row whether it can still be taken or left. Rows that
-can only be taken, or only be left, are settled at once. Derivation in docs/derivations.md.
+taking rows eliminates them in the first two, leaving rows out eliminates them in the third, and
+the Schur complements on the free rows say of every row, and of every two, whether they can still
+be taken or left. Rows with one option are settled at once. Derivation in docs/derivations.md.
 
 Round-off must not lose a selection: the tree is pruned on a range that is wider by ``SLACK``, and
 the singular values of every selection that is left have the last word.
@@ -17,19 +17,17 @@ the singular values of every selection that is left have the last word.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.search.block import Block
+from loopid.base_parameters.search.conflicts import eliminated, options
 
-# Pivots at most this large are zero: round-off of matrices whose norm is about 1.
-ZERO_PIVOT = 1e-13
 # Selections in the range keep their pivots above this, well clear of round-off.
 SLACK = 1e-12
-FREE, TAKEN, LEFT = 0, 1, -1
 
 
 class OutOfBudgetError(Exception):
@@ -43,30 +41,39 @@ class Budget:
     deadline: float
     nodes: int = 0
     leaves: int = 0
+    most_nodes: float = np.inf
 
     def spend(self) -> None:
         """Count a node."""
         self.nodes += 1
-        if perf_counter() > self.deadline:
+        self.check()
+
+    def check(self) -> None:
+        """Stop where it is used up."""
+        if self.nodes > self.most_nodes or perf_counter() > self.deadline:
             raise OutOfBudgetError
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Node:
-    """Schur complements on the rows settled so far, and which rows those are."""
+    """Rows that are free (f,) and taken, and the Schur complements (f, f) on the free ones."""
 
+    free: IntArray
+    taken: IntArray
     take: FloatArray
     leave: FloatArray
     cap: FloatArray | None
-    state: IntArray = field(repr=False)
 
-    def settle(self, row: int, decision: int) -> _Node:
-        state = self.state.copy()
-        state[row] = decision
-        if decision == LEFT:
-            return _Node(self.take, _pivot(self.leave, row), self.cap, state)
-        cap = None if self.cap is None else _pivot(self.cap, row)
-        return _Node(_pivot(self.take, row), self.leave, cap, state)
+    def settled(self, taken: BoolArray, left: BoolArray) -> _Node | None:
+        """The node with some of the free rows taken and some left; None where that is ruled out."""
+        kept, taking, leaving = np.flatnonzero(~(taken | left)), *map(np.flatnonzero, (taken, left))
+        take = eliminated(self.take, taking, kept)
+        leave = eliminated(self.leave, leaving, kept)
+        cap = None if self.cap is None else eliminated(self.cap, taking, kept)
+        if take is None or leave is None or (self.cap is not None and cap is None):
+            return None
+        chosen = np.concatenate([self.taken, self.free[taking]])
+        return _Node(self.free[kept], chosen, take, leave, cap)
 
 
 def selections_between(
@@ -95,25 +102,17 @@ def selections_between(
     if block.size == block.count:
         yield from _verified(block, np.arange(block.size), above, below)
         return
-    root = _root(block, above - SLACK, None if below is None else below + SLACK)
-    stack = [] if root is None else [root]
-    scales = np.diag(block.gram)
+    stack = [_root(block, above, below)]
     while stack:
         budget.spend()
         node = _settle_forced(stack.pop(), block.count)
         if node is None:
             continue
-        free = np.flatnonzero(node.state == FREE)
-        if len(free) == 0:
+        if len(node.free) == 0:
             budget.leaves += 1
-            yield from _verified(block, np.flatnonzero(node.state == TAKEN), above, below)
+            yield from _verified(block, np.sort(node.taken), above, below)
             continue
-        can_take = node.take[free, free] / scales[free]
-        can_leave = node.leave[free, free]
-        # Branch where least is left of one of the two options; try the roomier one first.
-        tightest = int(np.minimum(can_take, can_leave).argmin())
-        both = [node.settle(int(free[tightest]), decision) for decision in (TAKEN, LEFT)]
-        stack.extend(both if can_leave[tightest] > can_take[tightest] else reversed(both))
+        stack.extend(_branches(node, np.diag(block.gram)[node.free]))
 
 
 def _verified(
@@ -126,46 +125,44 @@ def _verified(
 
 def _root(block: Block, above: float, below: float | None) -> _Node | None:
     X, n = block.vectors, block.size
-    rest = X.T @ X - above * np.eye(block.count)
-    if np.linalg.eigvalsh(rest)[0] <= ZERO_PIVOT:
+    left, values, _ = np.linalg.svd(X, full_matrices=False)
+    # Singular values are known to an absolute error, so small levels need but a small slack.
+    level = above - SLACK * np.sqrt(max(above, 0.0))
+    room = values**2 - level
+    if room.min() <= 0:
         return None
     return _Node(
-        take=block.gram - above * np.eye(n),
-        leave=np.eye(n) - X @ np.linalg.solve(rest, X.T),
-        cap=None if below is None else below * np.eye(n) - block.gram,
-        state=np.zeros(n, dtype=np.int64),
+        free=np.arange(n),
+        taken=np.empty(0, dtype=np.int64),
+        take=block.gram - (above - SLACK) * np.eye(n),
+        leave=(1 + SLACK) * np.eye(n) - (left * (values**2 / room)) @ left.T,
+        cap=None if below is None else (below + SLACK) * np.eye(n) - block.gram,
     )
 
 
-def _settle_forced(node: _Node, count: int) -> _Node | None:
+def _settle_forced(node: _Node | None, count: int) -> _Node | None:
     """Settle the rows that have one option left; None where a row has none."""
-    while True:
-        taken = int((node.state == TAKEN).sum())
-        left = int((node.state == LEFT).sum())
-        places = (count - taken, len(node.state) - count - left)
+    while node is not None:
+        to_take = count - len(node.taken)
+        places = (to_take, len(node.free) - to_take)
         if min(places) < 0:
             return None
-        free = np.flatnonzero(node.state == FREE)
-        takeable, leavable = _options(node, free, places)
+        takes = [node.take] if node.cap is None else [node.take, node.cap]
+        takeable, leavable = options(takes, node.leave, places)
         if not (takeable | leavable).all():
             return None
-        forced = np.flatnonzero(takeable != leavable)
-        if len(forced) == 0:
+        if (takeable & leavable).all():
             return node
-        row = forced[0]
-        node = node.settle(int(free[row]), TAKEN if takeable[row] else LEFT)
+        node = node.settled(~leavable, ~takeable)
+    return None
 
 
-def _options(node: _Node, free: IntArray, places: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-    """Which free rows can be taken, and which left, with the places that remain."""
-    takeable = (node.take[free, free] > ZERO_PIVOT) & (places[0] > 0)
-    if node.cap is not None:
-        takeable &= node.cap[free, free] > ZERO_PIVOT
-    leavable = (node.leave[free, free] > ZERO_PIVOT) & (places[1] > 0)
-    return takeable, leavable
-
-
-def _pivot(matrix: FloatArray, row: int) -> FloatArray:
-    """Schur complement on one more row; that row becomes zero."""
-    column = matrix[:, row]
-    return np.asarray(matrix - np.outer(column, column / column[row]), dtype=np.float64)
+def _branches(node: _Node, scales: FloatArray) -> list[_Node | None]:
+    """Branch where least is left of one of the two options; the roomier one comes last."""
+    can_take, can_leave = np.diag(node.take) / scales, np.diag(node.leave)
+    tightest = int(np.minimum(can_take, can_leave).argmin())
+    nothing = np.zeros(len(node.free), dtype=np.bool_)
+    row = nothing.copy()
+    row[tightest] = True
+    both = [node.settled(row, nothing), node.settled(nothing, row)]
+    return both if can_leave[tightest] > can_take[tightest] else both[::-1]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from loopid.errors import RobotFileError
 from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.urdf.ends import SIDES, ends, named_tags
 from loopid.loading.urdf.markup import Element, label, numbers
 from loopid.loading.urdf.mimics import SEVERAL
+from loopid.loading.urdf.robot import Joint, Robot
 
 
-def read_couplings(root: Element, robot: Any) -> list[tuple[str, ClosureDescription]]:
+def read_couplings(root: Element, robot: Robot) -> list[tuple[str, ClosureDescription]]:
     """Closures of the ``<coupling>`` tags, each with the joint that carries its successor.
 
     From the nearest link that carries both, joints lead to the predecessor and to the successor.
@@ -26,7 +25,7 @@ def read_couplings(root: Element, robot: Any) -> list[tuple[str, ClosureDescript
     return [_read(element, robot) for element in named_tags(root, "coupling")]
 
 
-def _read(element: Element, robot: Any) -> tuple[str, ClosureDescription]:
+def _read(element: Element, robot: Robot) -> tuple[str, ClosureDescription]:
     links = ends(element, [link.name for link in robot.links])
     try:
         to_predecessor, to_successor = _branches(robot, *links)
@@ -47,7 +46,7 @@ def _ratio(coupling: Element) -> float:
     return value
 
 
-def _branches(robot: Any, predecessor: str, successor: str) -> list[list[str]]:
+def _branches(robot: Robot, predecessor: str, successor: str) -> list[list[str]]:
     """Joints that move two links against the nearest link that carries both."""
     paths = [_path(robot, link) for link in (predecessor, successor)]
     shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
@@ -58,7 +57,7 @@ def _branches(robot: Any, predecessor: str, successor: str) -> list[list[str]]:
     ]
 
 
-def _path(robot: Any, link: str) -> list[Any]:
+def _path(robot: Robot, link: str) -> list[Joint]:
     """Joints from the root to a link."""
     carriers = {joint.child: joint for joint in robot.joints}
     path = []
@@ -68,7 +67,7 @@ def _path(robot: Any, link: str) -> list[Any]:
     return path[::-1]
 
 
-def _simple(side: str, link: str, branch: list[Any]) -> list[str]:
+def _simple(side: str, link: str, branch: list[Joint]) -> list[str]:
     moving = [joint for joint in branch if joint.type != "fixed"]
     if not moving:
         raise RobotFileError(f"no joint moves its {side} {link!r} against the other link")

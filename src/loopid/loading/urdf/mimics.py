@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from loopid.errors import RobotFileError
 from loopid.loading.closure_description import ClosureDescription
+from loopid.loading.urdf.robot import Joint, Mimic
 
 SEVERAL = ("floating", "planar")  # types of joints with several coordinates
 
 
-def find_mimics(joints: Iterable[Any]) -> list[tuple[str, ClosureDescription]]:
+def find_mimics(joints: Iterable[Joint]) -> list[tuple[str, ClosureDescription]]:
     """Joints that follow another one, each with its coupling.
 
     A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
@@ -22,18 +22,22 @@ def find_mimics(joints: Iterable[Any]) -> list[tuple[str, ClosureDescription]]:
         Naming joints that follow themselves, or nothing that moves.
     """
     by_name = {joint.name: joint for joint in joints}
-    followers = [joint for joint in by_name.values() if joint.mimic and joint.type != "fixed"]
-    for joint in followers:
-        _check_leader(joint, by_name)
-    leaders = {joint.name: joint.mimic.joint for joint in followers}
+    mimics = {
+        name: joint.mimic
+        for name, joint in by_name.items()
+        if joint.mimic is not None and joint.type != "fixed"
+    }
+    for name, mimic in mimics.items():
+        _check_leader(by_name[name], mimic.joint, by_name)
+    leaders = {name: mimic.joint for name, mimic in mimics.items()}
     for follower in leaders:
         _check_chain(follower, leaders)
-    return [(joint.name, _coupling(joint)) for joint in followers]
+    return [(name, _coupling(name, mimic)) for name, mimic in mimics.items()]
 
 
-def _check_leader(joint: Any, by_name: dict[str, Any]) -> None:
-    leader = by_name.get(joint.mimic.joint)
-    what = f"joint {joint.name} mimics {joint.mimic.joint!r}"
+def _check_leader(joint: Joint, leading: str, by_name: dict[str, Joint]) -> None:
+    leader = by_name.get(leading)
+    what = f"joint {joint.name} mimics {leading!r}"
     if leader is None:
         raise RobotFileError(f"{what}, which is not there: choose among {', '.join(by_name)}")
     if leader.type == "fixed":
@@ -57,11 +61,11 @@ def _check_chain(follower: str, leaders: dict[str, str]) -> None:
             return  # Into a circle of others, which is refused on its own.
 
 
-def _coupling(joint: Any) -> ClosureDescription:
+def _coupling(follower: str, mimic: Mimic) -> ClosureDescription:
     """From follower = multiplier · leader + offset."""
-    coefficients = {joint.name: 1.0, joint.mimic.joint: -joint.mimic.multiplier}
+    coefficients = {follower: 1.0, mimic.joint: -mimic.multiplier}
     return ClosureDescription(
         type="coupling",
         joints={name: value for name, value in coefficients.items() if value != 0},
-        offset=joint.mimic.offset,
+        offset=mimic.offset,
     )

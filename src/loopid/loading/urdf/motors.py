@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from loopid.errors import RobotFileError
 from loopid.loading.urdf.markup import Element, label
+from loopid.loading.urdf.robot import Robot
 
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def find_motors(
-    root: Element, robot: Any, mimics: set[str], coupled: set[str], looped: bool
+    root: Element, robot: Robot, mimics: set[str], coupled: set[str], looped: bool
 ) -> list[str] | None:
     """Joints with motors, in the order of the file; none where the file does not tell.
 
@@ -44,7 +43,7 @@ def _independent(root: Element) -> dict[str, bool]:
     return declared
 
 
-def _named_by_transmissions(root: Element, robot: Any) -> list[str]:
+def _named_by_transmissions(root: Element, robot: Robot) -> list[str]:
     joints, named = [joint.name for joint in robot.joints], []
     for transmission in root.findall("transmission"):
         for joint in transmission.findall("joint"):

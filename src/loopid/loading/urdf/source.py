@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pinocchio as pin
 from lxml import etree
@@ -18,6 +17,7 @@ from loopid.loading.urdf.loops import read_loops
 from loopid.loading.urdf.markup import Element, label, naming, parse_xml, tree_part
 from loopid.loading.urdf.mimics import find_mimics
 from loopid.loading.urdf.motors import find_motors
+from loopid.loading.urdf.robot import Robot
 from loopid.loading.urdf.tree import has_inertia, read_robot, root_link
 
 ROOT_JOINT = "root_joint"
@@ -74,7 +74,7 @@ def _names(couplings: list[tuple[str, ClosureDescription]]) -> set[str]:
     return {follower for follower, _ in couplings}
 
 
-def _check_free_names(robot: Any, floating_base: bool) -> None:
+def _check_free_names(robot: Robot, floating_base: bool) -> None:
     """Refuse joints called like those that Pinocchio adds."""
     taken = ("universe", ROOT_JOINT) if floating_base else ("universe",)
     for joint in robot.joints:

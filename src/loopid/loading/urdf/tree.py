@@ -1,21 +1,19 @@
-"""Read the tree of a URDF with yourdfpy and check everything that Pinocchio takes on trust."""
+"""Check everything of a URDF's tree that Pinocchio takes on trust."""
 
 from __future__ import annotations
 
-import io
 from collections import Counter
-from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from loopid.errors import RobotFileError
 from loopid.loading.urdf.markup import Element
+from loopid.loading.urdf.robot import Link, Robot, parse_robot
 from loopid.loading.urdf.tags import check_tags
 
 
-def read_robot(tree: Element) -> Any:
-    """Links and joints of a URDF, as yourdfpy sees them, after all checks.
+def read_robot(tree: Element) -> Robot:
+    """Links and joints of a URDF, after all checks.
 
     Raises
     ------
@@ -23,7 +21,7 @@ def read_robot(tree: Element) -> Any:
         Naming the link or joint and the offending value.
     """
     check_tags(tree)
-    robot = _parse(tree)
+    robot = parse_robot(tree)
     if not robot.links:
         raise RobotFileError("not a valid URDF: it has no <link>")
     _check_names(robot)
@@ -33,34 +31,26 @@ def read_robot(tree: Element) -> Any:
     return robot
 
 
-def has_inertia(link: Any) -> bool:
+def has_inertia(link: Link) -> bool:
     """Whether a link is a body: an ``<inertial>`` that is all zero counts as none."""
     inertial = link.inertial
     return inertial is not None and bool(inertial.mass != 0 or np.any(inertial.inertia))
 
 
-def root_link(robot: Any) -> str:
+def root_link(robot: Robot) -> str:
     """The link that no joint carries."""
     children = {joint.child for joint in robot.joints}
-    return str(next(link.name for link in robot.links if link.name not in children))
+    return next(link.name for link in robot.links if link.name not in children)
 
 
-def _parse(tree: Element) -> Any:
-    # Imported here: it takes a second, and only loading needs it.
-    from yourdfpy import URDF
-
-    text = io.BytesIO(etree.tostring(tree))
-    return URDF.load(text, build_scene_graph=False, load_meshes=False).robot
-
-
-def _check_names(robot: Any) -> None:
+def _check_names(robot: Robot) -> None:
     for tag, elements in (("link", robot.links), ("joint", robot.joints)):
         for name, count in Counter(element.name for element in elements).items():
             if count > 1:
                 raise RobotFileError(f"<{tag} name={name!r}> appears {count} times")
 
 
-def _check_tree(robot: Any) -> None:
+def _check_tree(robot: Robot) -> None:
     links = {link.name for link in robot.links}
     for joint in robot.joints:
         for end in (joint.parent, joint.child):
@@ -77,7 +67,7 @@ def _check_tree(robot: Any) -> None:
     _check_reachable(robot, roots[0], links)
 
 
-def _check_reachable(robot: Any, root: str, links: set[str]) -> None:
+def _check_reachable(robot: Robot, root: str, links: set[str]) -> None:
     reached, waiting = {root}, [root]
     while waiting:
         parent = waiting.pop()
@@ -89,7 +79,7 @@ def _check_reachable(robot: Any, root: str, links: set[str]) -> None:
         raise RobotFileError(f"links {lost} hang on a cycle of joints, not on root {root}")
 
 
-def _check_mass(link: Any) -> None:
+def _check_mass(link: Link) -> None:
     if link.inertial is not None and link.inertial.mass < 0:
         raise RobotFileError(
             f"link {link.name}: mass must not be negative: {link.inertial.mass:g} kg"

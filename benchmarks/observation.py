@@ -1,0 +1,168 @@
+"""What an observation costs beside a bare loop of Pinocchio's regressor over the same samples.
+
+    python benchmarks/observation.py [--samples N] [--json FILE]
+
+One core; microseconds of processor time per sample, medians over rounds in which all phases take
+turns. The phases add up to the whole, from configurations and motions to the triangular factor:
+
+- kinematics: closures, their Jacobian and its factors (and drift, where the model is full),
+- projection: velocities and accelerations of all coordinates from the independent ones,
+- columns: of all bodies, projected,
+- factor: of the stacked columns.
+
+``tree`` is Pinocchio's regressor with the columns of the bodies picked, for comparison. The last
+table follows measured strokes along a smooth trajectory (assembly), from one sample to the next.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from example_robots import robots_folder
+from loopid import (
+    assemble,
+    closed_motion,
+    dynamic_regressor,
+    gravity_regressor,
+    load_mechanism,
+    project,
+    random_configurations,
+    tree_regressor,
+)
+from loopid.kinematics import constraint_jacobian, measured_coordinates, random_motions
+from loopid.mechanism import Mechanism
+from loopid.triangular import triangular_factor
+from tables import show, write_json
+
+ROUNDS = 15
+TRAJECTORY = 5000
+SWING = 0.01  # characteristic lengths
+BARS = {("3ups_rpu", "gravity"): 2.5, ("3ups_rpu", "full"): 3.0, ("6ups", "full"): 3.0}
+ASSEMBLY_BAR = 2.0
+
+
+def main() -> None:
+    """Print the tables and write them on request."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--samples", type=int, default=1000, help="samples of an observation")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
+    arguments = parser.parse_args()
+    robots = {name: load_mechanism(name) for name in ("3ups_rpu", "6ups")}
+    ur10 = load_mechanism(str(Path(robots_folder()) / "ur_description/urdf/ur10_robot.urdf"))
+    observations = [
+        observation(name, robot, model, arguments.samples)
+        for name, robot in {**robots, "ur10": ur10}.items()
+        for model in ("gravity", "full")
+    ]
+    assemblies = [assembly(name, robot) for name, robot in robots.items()]
+    show("observation, µs per sample", observations)
+    show(f"assembly of {TRAJECTORY:,} samples along a trajectory, µs per sample", assemblies)
+    if arguments.json:
+        write_json(arguments.json, {"observation": observations, "assembly": assemblies})
+
+
+def observation(name: str, robot: Mechanism, model: str, count: int) -> dict[str, Any]:
+    """Costs of the phases of one model's observation."""
+    q = random_configurations(robot, count, seed=0)
+    rates = random_motions(robot, count, seed=0)
+    motion = closed_motion(robot, q, *rates)
+    v, a = motion.velocities, motion.accelerations
+    still = np.zeros_like(v)
+
+    def regressor() -> np.ndarray:
+        if model == "gravity":
+            return gravity_regressor(robot, q)
+        return dynamic_regressor(robot, q, *rates)
+
+    columns = regressor()
+    W = columns.reshape(-1, columns.shape[2])
+    resting = model == "gravity"
+    taken = medians(
+        {
+            "bare": lambda: bare(robot, q, still if resting else v, still if resting else a),
+            "tree": lambda: tree_regressor(
+                robot, q, None if resting else v, None if resting else a, model
+            ),
+            "kinematics": lambda: constraint_jacobian(robot, q),
+            "projected": lambda: project(robot, q) if resting else closed_motion(robot, q, *rates),
+            "regressor": regressor,
+            "factor": lambda: triangular_factor(W),
+        },
+        count,
+    )
+    total = taken["regressor"] + taken["factor"]
+    return {
+        "robot": name,
+        "model": model,
+        "rows_x_columns": f"{columns.shape[1]} x {columns.shape[2]}",
+        "bare": taken["bare"],
+        "tree": taken["tree"],
+        "kinematics": taken["kinematics"],
+        "projection": max(taken["projected"] - taken["kinematics"], 0.0),
+        "columns": max(taken["regressor"] - taken["projected"], 0.0),
+        "factor": taken["factor"],
+        "total": total,
+        "total / bare": total / taken["bare"],
+        "bar": BARS.get((name, model), float("nan")),
+    }
+
+
+def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
+    """Costs of closing the loops for strokes along a smooth trajectory."""
+    strokes = smooth_strokes(robot)
+    found = assemble(robot, strokes)
+    still = np.zeros((len(found), robot.model.nv))
+    taken = medians(
+        {
+            "bare": lambda: bare(robot, found, still, still),
+            "assembly": lambda: assemble(robot, strokes),
+        },
+        len(found),
+        rounds=3,
+    )
+    ratio = taken["assembly"] / taken["bare"]
+    return {"robot": name, **taken, "assembly / bare": ratio, "bar": ASSEMBLY_BAR}
+
+
+def smooth_strokes(robot: Mechanism) -> np.ndarray:
+    """Measured coordinates that swing slowly about the reference (N, m)."""
+    start = measured_coordinates(robot).read(robot.reference[None])[0]
+    phase = 2 * np.pi * np.linspace(0, 1, TRAJECTORY)[:, None]
+    swing = np.sin(phase * np.arange(1, len(start) + 1))
+    return np.asarray(start + SWING * robot.length * swing)
+
+
+def bare(robot: Mechanism, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+    """Pinocchio's regressor of every sample, and nothing else."""
+    model, data = robot.model, robot.model.createData()
+    for k in range(len(q)):
+        pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
+
+
+def medians(
+    phases: dict[str, Callable[[], object]], count: int, rounds: int = ROUNDS
+) -> dict[str, float]:
+    """Processor time per sample of each phase in µs, taken in turn so that drift hits all."""
+    times: dict[str, list[float]] = {name: [] for name in phases}
+    for _ in range(rounds):
+        for name, phase in phases.items():
+            start = process_time()
+            phase()
+            times[name].append((process_time() - start) / count * 1e6)
+    return {name: median(values) for name, values in times.items()}
+
+
+if __name__ == "__main__":
+    main()

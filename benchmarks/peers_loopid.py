@@ -1,0 +1,103 @@
+"""loopid's chain on given states, read and reduced chunk by chunk. Started by peers.py."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from loopid import (
+    ExactSearch,
+    Mechanism,
+    Observation,
+    Parameter,
+    ParameterSet,
+    find_base_parameters,
+    load_mechanism,
+    tree_regressor,
+)
+from loopid.base_parameters import BaseParameters
+from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.triangular import triangular_factor
+from measuring import Phases, States, answer, peak_megabytes
+
+FORCE = ParameterSet((Parameter("measured", "force"),))
+CHUNK = 200  # samples
+
+
+def main() -> None:
+    """Run the chain once and answer with the figures."""
+    imports, phases = peak_megabytes(), Phases()
+    states, limit = States.from_argument(sys.argv[1]), float(sys.argv[2])
+    with phases("load"):
+        # Peers move mimicking joints on their own.
+        mechanism = load_mechanism(states.urdf, free_mimics=True)
+    loaded = peak_megabytes()
+    with phases("triangular factor"):
+        both = Observation.from_parts(
+            chunks(mechanism, states, phases), mechanism.parameters() + FORCE, mechanism.length
+        )
+    with phases("base parameters"):
+        observation = without_force(both, mechanism)
+        base = find_base_parameters(observation, "qr")
+    with phases("least squares"):
+        result = least_squares(both, base)
+    peak = peak_megabytes()
+    answer(
+        {
+            "seconds": phases.seconds,
+            "columns": len(base.parameters),
+            "with_effect": len(base.structure.columns),
+            "rank": len(base),
+            "residual": float(result.quality.residual_rms[0] * np.sqrt(both.rows)),
+            "imports_mb": imports,
+            "loaded_mb": loaded,
+            "peak_mb": peak,
+            "exact": exact_search(observation, limit) if limit else None,
+        }
+    )
+
+
+def chunks(mechanism: Mechanism, states: States, phases: Phases) -> Iterator[np.ndarray]:
+    """Rows [Y | tau] of consecutive samples."""
+    for first in range(0, states.samples, CHUNK):
+        q, v, a, tau = states.read(first, CHUNK)
+        with phases("regressor"):
+            Y = tree_regressor(mechanism, q, v, a)
+        yield np.concatenate([Y, tau[:, :, None]], axis=2)
+
+
+def without_force(both: Observation, mechanism: Mechanism) -> Observation:
+    """The observation of W: the leading block of the factor of [W | tau] is that of W."""
+    parameters = mechanism.parameters()
+    factor = both.factor[: len(parameters), : len(parameters)]
+    return Observation(parameters, factor, both.rows, mechanism.length)
+
+
+def least_squares(both: Observation, base: BaseParameters) -> FitResult:
+    """Ordinary least squares of all rows alike, with standard deviations."""
+    columns = [*base.base, len(base.parameters)]
+    problem = FitProblem(
+        parameters=base.parameters.select(base.base),
+        actuators=("all",),
+        factors=triangular_factor(both.factor[:, columns])[None],
+        samples=np.array([both.rows]),
+        mean_force=np.array([np.nan]),  # would tell R² only
+        least_errors=np.zeros(1),
+    )
+    return OrdinaryLeastSquares().fit(problem)
+
+
+def exact_search(observation: Observation, limit: float) -> dict[str, object]:
+    """The choice that is proven best, from the same factor."""
+    search = find_base_parameters(observation, ExactSearch(time_limit=limit)).search
+    return {
+        "seconds": search.seconds,
+        "certified": search.certified,
+        "condition_number": search.condition_number,
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Selections of a block of null vectors with eigenvalues in a range, by fronts of few states.
+
+Relaxed passes of growing resolution prove that there is none; restricted passes, guided by what
+the relaxed ones know of the rest, find one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from loopid.arrays import IntArray
+from loopid.base_parameters.search.block import Block
+from loopid.base_parameters.search.branches import Branch, branch_decomposition
+from loopid.base_parameters.search.fronts import Front, Range
+from loopid.base_parameters.search.passes import (
+    Fronts,
+    downwards,
+    relaxed,
+    restricted,
+    selection,
+    upwards,
+)
+from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
+
+# States a front may have of each excess, from pass to pass; restricted ones stop growing first.
+RESOLUTIONS = (4, 16, 64, 256, 1024, 4096)
+MOST_RESTRICTED = 64
+MOST_OUTSIDE = 64
+# Fraction by which the range is widened in the passes, so that round-off loses no selection.
+SLACK = 4e-10
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """Bounds of what is outside each set, for all selections with eigenvalues in a range.
+
+    Attributes
+    ----------
+    wanted : Range
+    limit : int
+        States of each excess of the fronts they come from.
+    outside : dict of Front
+    """
+
+    wanted: Range
+    limit: int
+    outside: Fronts
+
+    def replaces(self, other: Knowledge) -> bool:
+        """Whether it holds wherever the other does, and is as fine."""
+        return self.limit >= other.limit and self.wanted.contains(other.wanted)
+
+
+NOTHING = Knowledge(Range(0.0), 0, {})
+
+
+class NarrowSearch:
+    """Search a block through a branch decomposition of its vectors.
+
+    Parameters
+    ----------
+    block : Block
+        Of null vectors: orthonormal, XᵀX = I, once every representative stands there as many times
+        as there are columns it stands for.
+    """
+
+    def __init__(self, block: Block) -> None:
+        sizes = [len(columns) for columns in block.columns]
+        self._representatives = np.repeat(np.arange(block.size), sizes)
+        vectors = block.vectors[self._representatives]
+        self.branches = tuple(branch_decomposition(vectors).walk())
+        self._known: list[Knowledge] = []
+
+    @property
+    def width(self) -> int:
+        """Most directions that a set shares with the rest."""
+        return max(branch.width for branch in self.branches)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether every selection contains a null vector, and has a largest eigenvalue of 1.
+
+        Selected vectors are at least as many as there are dimensions inside a set; a selection
+        without a null vector leaves out as many.
+        """
+        return any(2 * branch.inside > len(branch.rows) for branch in self.branches)
+
+    def first(
+        self, above: float, below: float | None, finest: int, budget: Budget
+    ) -> IntArray | None:
+        """A selection (k,) of representatives in the range, or None if there is none.
+
+        Parameters
+        ----------
+        above : float
+        below : float or None
+        finest : int
+            States of each excess in the last passes.
+        budget : Budget
+
+        Raises
+        ------
+        OutOfBudgetError
+            Where the last passes do not decide.
+        """
+        wanted = Range(above * (1 - SLACK), None if below is None else below * (1 + SLACK))
+        known = self._known_for(wanted)
+        for limit in (limit for limit in RESOLUTIONS if known.limit <= limit <= finest):
+            fronts = self._relaxed_pass(wanted, known, limit, budget)
+            if fronts is None:
+                return None
+            if not all(front.exact for front in fronts.values()):
+                known = self._learn(wanted, fronts, limit, budget)
+                fronts = self._restricted_pass(wanted, known, limit, budget)
+            if fronts is not None:
+                return self._representatives[selection(self.branches, fronts)]
+        raise OutOfBudgetError
+
+    def _known_for(self, wanted: Range) -> Knowledge:
+        """The finest bounds that hold for a range, of the narrowest one among equally fine ones."""
+        valid = [known for known in self._known if known.wanted.contains(wanted)]
+        return max(valid, key=lambda known: (known.limit, known.wanted.above), default=NOTHING)
+
+    def _learn(self, wanted: Range, fronts: Fronts, limit: int, budget: Budget) -> Knowledge:
+        outside = downwards(self.branches, fronts, min(limit, MOST_OUTSIDE), budget)
+        learnt = Knowledge(wanted, limit, outside)
+        # Bounds of the same fineness for a narrower range are of less use than these.
+        self._known = [known for known in self._known if not learnt.replaces(known)]
+        self._known.append(learnt)
+        return learnt
+
+    def _relaxed_pass(
+        self, wanted: Range, known: Knowledge, limit: int, budget: Budget
+    ) -> Fronts | None:
+        thin = partial(_relaxed, limit=limit)
+        return upwards(self.branches, wanted, known.outside, thin, budget)
+
+    def _restricted_pass(
+        self, wanted: Range, known: Knowledge, limit: int, budget: Budget
+    ) -> Fronts | None:
+        thin = partial(_restricted, outside=known.outside, limit=min(limit, MOST_RESTRICTED))
+        return upwards(self.branches, wanted, known.outside, thin, budget)
+
+
+def _relaxed(branch: Branch, front: Front, limit: int) -> Front:
+    return relaxed(front, limit) if branch.width else front
+
+
+def _restricted(branch: Branch, front: Front, outside: Fronts, limit: int) -> Front:
+    return restricted(front, outside[branch], limit, branch.width) if branch.width else front

@@ -1,0 +1,143 @@
+"""Passes over a branch decomposition: fronts of all sets upwards, of all that is outside downwards.
+
+A front may grow too large. *Relaxed*, its states are bounded by a few forms that exceed them: what
+no relaxed pass completes does not exist. *Restricted*, a few of its states stand for all: what a
+restricted pass completes is a selection [Bergman2016].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from loopid.arrays import FloatArray, IntArray
+from loopid.base_parameters.search.branches import Branch
+from loopid.base_parameters.search.fronts import (
+    Front,
+    Range,
+    combine,
+    joined,
+    maxima,
+    merged,
+    single,
+    supported,
+)
+from loopid.base_parameters.search.loewner import groups, upper_bound
+from loopid.base_parameters.search.threshold import Budget
+
+Fronts = dict[Branch, Front]
+Thinning = Callable[[Front, Front | None, int], Front]
+
+
+def upwards(
+    branches: Sequence[Branch],
+    wanted: Range,
+    outside: Fronts,
+    thin: Callable[[Branch, Front], Front],
+    budget: Budget,
+) -> Fronts | None:
+    """Fronts of all sets, children first; None where a set has no state that can be completed.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        All sets, children first.
+    wanted : Range
+    outside : dict of Front
+        Bounds of what is outside a set, where known.
+    thin : callable
+        Makes a front smaller.
+    budget : Budget
+    """
+    fronts: Fronts = {}
+    for branch in branches:
+        if not branch.children:
+            fronts[branch] = single(branch, wanted)
+            continue
+        first, second = (fronts[child] for child in branch.children)
+        front = merged(branch, (first, second), wanted, budget)
+        if branch in outside:
+            front = front.only(supported(front, outside[branch], branch.width))
+        if len(front) == 0:
+            return None
+        fronts[branch] = thin(branch, maxima(front))
+    return fronts
+
+
+def downwards(branches: Sequence[Branch], fronts: Fronts, limit: int, budget: Budget) -> Fronts:
+    """Bounds of what is outside each set, from the root to the vectors."""
+    root = branches[-1]
+    kinds = fronts[root].forms.shape[1]
+    nothing = Front(np.zeros((1, kinds, 0, 0)), np.zeros(1, np.int64), np.zeros((1, 2), np.int64))
+    outside: Fronts = {root: nothing}
+    for branch in reversed(branches):
+        for own, other in ((0, 1), (1, 0)) if branch.children else ():
+            child = branch.children[own]
+            if child.children:
+                pair = (outside[branch], fronts[branch.children[other]])
+                front = _outside(branch, own, pair, budget)
+                front = front.only(supported(front, fronts[child], child.width))
+                outside[child] = relaxed(maxima(front), limit)
+    return outside
+
+
+def _outside(branch: Branch, own: int, fronts: tuple[Front, Front], budget: Budget) -> Front:
+    """States of the rest of a child: the rest of its parent with the other child."""
+    child, sibling = branch.maps[own], branch.maps[1 - own]
+    width, size = child.shape
+    # Coordinates of the child first, then directions in which it has no part.
+    turn, _ = np.linalg.qr(child.T, mode="complete")
+    turn[:, :width] = child.T
+    rest, beside = fronts
+    maps = (np.eye(branch.width, size) @ turn, sibling @ turn)
+    # A set and its rest have excesses that add up to the width of their boundary.
+    excess = width - (branch.width - rest.excess[:, None] - beside.excess + branch.closing)
+    return combine(maps, (rest, beside), excess, width, budget)
+
+
+def relaxed(front: Front, limit: int) -> Front:
+    """At most ``limit`` states of each excess, which exceed all of the front."""
+    parts = []
+    for states in front.by_excess():
+        part = front.only(states)
+        if len(part) > limit:
+            labels = groups(part.forms, limit)
+            forms = [upper_bound(part.forms[labels == label]) for label in np.unique(labels)]
+            unknown = np.full((len(forms), 2), -1)
+            part = Front(np.stack(forms), part.excess[: len(forms)], unknown)
+        parts.append(part)
+    return joined(parts) if parts else front
+
+
+def restricted(front: Front, outside: Front, limit: int, width: int) -> Front:
+    """At most ``limit`` states of each excess: of each group the one that the rest suits best."""
+    kept = []
+    for states in front.by_excess():
+        if len(states) > limit:
+            forms = front.forms[states]
+            room = _room(forms, outside.forms[outside.excess == width - front.excess[states[0]]])
+            labels = groups(forms, limit)
+            members = (np.flatnonzero(labels == label) for label in np.unique(labels))
+            states = states[[own[room[own].argmax()] for own in members]]
+        kept.append(states)
+    return front.only(np.concatenate(kept))
+
+
+def _room(forms: FloatArray, partners: FloatArray) -> FloatArray:
+    """For each form the least eigenvalue with the partner that leaves the largest one."""
+    room = [np.linalg.eigvalsh(forms + partner)[..., 0].min(axis=1) for partner in partners]
+    return np.asarray(np.max(room, axis=0), dtype=np.float64)
+
+
+def selection(branches: Sequence[Branch], fronts: Fronts) -> IntArray:
+    """The vectors selected by the first state of the root, which must be exact, ascending."""
+    chosen, open_ = [], [(branches[-1], 0)]
+    while open_:
+        branch, state = open_.pop()
+        if branch.children:
+            origins = fronts[branch].origins[state]
+            open_.extend(zip(branch.children, origins.tolist(), strict=True))
+        elif state:
+            chosen.append(branch.rows[0])
+    return np.sort(np.array(chosen, dtype=np.int64))

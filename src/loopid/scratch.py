@@ -1,0 +1,146 @@
+"""Rows of any number in a small memory: what is large lies in a temporary file.
+
+A spooled array is an ordinary read-only array whose rows the system fetches from the file when they
+are touched. Work on such arrays goes block by block, and a block that is done leaves the memory.
+"""
+
+from __future__ import annotations
+
+import mmap
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from typing import IO, Any
+from weakref import WeakSet
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from loopid.arrays import BoolArray, IntArray, finite, frozen, samples
+
+# Rows that are in memory at a time.
+BLOCK_ROWS = 4096
+# Single rows that are fetched at a time.
+PICKED_ROWS = 64
+# Bytes of an array from which on it goes to a file.
+SPOOLED_BYTES = 2**20
+
+_mappings: WeakSet[mmap.mmap] = WeakSet()
+
+
+def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
+    """The rows, or so many from 0 on, in blocks; pages of files are let go after each."""
+    whole = slice(0, rows) if isinstance(rows, int) else rows
+    step = BLOCK_ROWS if size is None else size
+    for first in range(whole.start, whole.stop, step):
+        yield slice(first, min(first + step, whole.stop))
+        _release_pages()
+
+
+def spooled(blocks: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    """One read-only array of rows that come block by block, at least one."""
+    spool = Spool()
+    for block in blocks:
+        spool.append(block)
+    return spool.array()
+
+
+def mapped_rows(function: Callable[[slice], NDArray[Any]], count: int) -> NDArray[Any]:
+    """What a function makes of each block of rows, spooled."""
+    return spooled(function(rows) for rows in row_blocks(count))
+
+
+def rows_where(function: Callable[[slice], BoolArray], count: int) -> IntArray:
+    """Numbers of the rows that a function of blocks of rows flags."""
+    found = [np.flatnonzero(function(rows)) + rows.start for rows in row_blocks(count)]
+    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+
+
+def picked(array: NDArray[Any], rows: IntArray) -> NDArray[Any]:
+    """Single rows, a few at a time: the system fetches many around each."""
+    return np.concatenate([array[rows[few]] for few in row_blocks(len(rows), PICKED_ROWS)])
+
+
+def steps(values: NDArray[Any], rows: slice) -> NDArray[Any]:
+    """From each of a block of rows to the next one."""
+    return np.diff(values[rows.start : rows.stop + 1], axis=0)
+
+
+class Spool:
+    """Rows that are appended, and then read as one array."""
+
+    def __init__(self) -> None:
+        self._blocks: list[NDArray[Any]] = []
+        self._bytes = 0
+        self._file: IO[bytes] | None = None
+        self._rows = 0
+
+    def __len__(self) -> int:
+        return self._rows
+
+    def append(self, rows: ArrayLike) -> None:
+        """Add rows (L, ...); all have the shape and type of the first."""
+        block = np.array(rows, order="C")
+        self._rows += len(block)
+        self._bytes += block.nbytes
+        self._blocks.append(block)
+        if self._file is None and self._bytes > SPOOLED_BYTES:
+            self._file = tempfile.TemporaryFile()  # noqa: SIM115
+        if self._file is not None:
+            for waiting in self._blocks:
+                self._file.write(waiting.data if waiting.size else b"")
+            # One empty block stays, for the shape and type.
+            self._blocks = [block[:0].copy()]
+
+    def array(self) -> NDArray[Any]:
+        """All rows, read-only."""
+        if self._file is None:
+            return frozen(np.concatenate(self._blocks), self._blocks[0].dtype)
+        with self._file as file:
+            file.flush()
+            mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        _mappings.add(mapping)
+        sample = self._blocks[0]
+        return np.frombuffer(mapping, sample.dtype).reshape(self._rows, *sample.shape[1:])
+
+
+def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """As ``frozen``, but without copying what lies in a file."""
+    return array if _is_spooled(array, dtype) else frozen(array, dtype)  # type: ignore[return-value]
+
+
+def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
+    """As ``finite``, block by block where the array lies in a file."""
+    if not _is_spooled(array, np.float64):
+        return finite(array, name)
+    values = np.asarray(array)
+    for rows in row_blocks(len(values)):
+        if not np.isfinite(values[rows]).all():
+            finite(values[: rows.stop], name)
+    return values
+
+
+def sample_rows(array: ArrayLike, width: int, name: str, count: int) -> NDArray[np.float64]:
+    """As ``samples``, block by block where the array lies in a file."""
+    if not _is_spooled(array, np.float64):
+        return samples(array, width, name, count)
+    values = finite_rows(array, name)
+    samples(values[:1], width, name)
+    if len(values) != count:
+        samples(values, width, name, count)
+    return values
+
+
+def _is_spooled(array: ArrayLike, dtype: Any) -> bool:
+    base: Any = array
+    while isinstance(base, np.ndarray):
+        base = base.base
+    if isinstance(base, memoryview):
+        base = base.obj
+    return isinstance(base, mmap.mmap) and np.asarray(array).dtype == np.dtype(dtype)
+
+
+def _release_pages() -> None:
+    """Let the pages of all files leave the memory; they come back when they are touched."""
+    if hasattr(mmap, "MADV_DONTNEED"):
+        for mapping in list(_mappings):
+            mapping.madvise(mmap.MADV_DONTNEED)

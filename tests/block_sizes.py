@@ -1,0 +1,21 @@
+"""Rows in memory at a time, as a test asks for: what comes out must not depend on them."""
+
+import pytest
+
+import loopid.logs.order_statistics
+import loopid.logs.text_table
+import loopid.scratch
+
+MODULES = (loopid.scratch, loopid.logs.text_table, loopid.logs.order_statistics)
+
+
+@pytest.fixture
+def set_block_rows(monkeypatch):
+    """Set how many rows a block has, and keep nothing larger in memory."""
+
+    def set_them(rows):
+        for module in MODULES:
+            monkeypatch.setattr(module, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(loopid.scratch, "SPOOLED_BYTES", 0)
+
+    return set_them
