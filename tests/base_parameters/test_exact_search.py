@@ -83,7 +83,7 @@ def test_time_limit_is_kept():
     problem = ChoiceProblem(random_structure(80, 40))
     found = ExactSearch(time_limit=0.2).search(problem)
     assert not found.certified
-    assert 1 < found.gap
+    assert found.gap > 1
     assert found.seconds < 5.0
 
 

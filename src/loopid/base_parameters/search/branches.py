@@ -71,9 +71,9 @@ class Branch:
 
 
 def branch_decomposition(vectors: FloatArray) -> Branch:
-    """A branch decomposition of rows (n, k) with orthonormal columns, as narrow as was found.
+    """A branch decomposition of the rows (n, k) of one block, as narrow as was found.
 
-    Sets are joined greedily. No measure of what to join next is best for every robot, so some are
+    The columns must be orthonormal, and the rows connected by their inner products. Sets are joined greedily. No measure of what to join next is best for every robot, so some are
     tried and the plan that is cheapest to search is carried out.
     """
     _, plan = min((_planned(vectors, measure) for measure in MEASURES), key=lambda found: found[0])
@@ -167,18 +167,17 @@ def _joined(vectors: FloatArray, a: Branch, b: Branch) -> Branch:
     scaled = [child.boundary * np.sqrt(child.weights) for child in (a, b)]
     directions, shares, _ = np.linalg.svd(np.concatenate(scaled, axis=1), full_matrices=False)
     directions = directions[:, shares > NEGLIGIBLE]
-    weights = np.minimum(shares[shares > NEGLIGIBLE] ** 2, 1.0)
-    # 1 - weights is round-off where the coupling to the rest is below 1e-8, so that is measured.
+    weights = shares[shares > NEGLIGIBLE] ** 2
+    # 1 - weights is round-off where the coupling to the rest is small, so that is measured.
     rest = np.delete(vectors, rows, axis=0)
     coupling = np.linalg.norm(rest @ directions, axis=0)
     shared = coupling > NEGLIGIBLE
     order = np.argsort(~shared, kind="stable")
-    directions, weights = directions[:, order], weights[order]
-    width = int(shared.sum())
+    directions, width = directions[:, order], int(shared.sum())
     return Branch(
         rows=rows,
         boundary=directions[:, :width],
-        weights=np.minimum(weights[:width], 1 - coupling[order][:width] ** 2),
+        weights=np.where(weights > 0.5, 1 - coupling**2, weights)[order][:width],
         inside=a.inside + b.inside + len(order) - width,
         children=(a, b),
         maps=(a.boundary.T @ directions, b.boundary.T @ directions),

@@ -11,14 +11,14 @@ import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.block import Block
-from loopid.base_parameters.search.narrow import RESOLUTIONS, NarrowSearch
+from loopid.base_parameters.search.narrow import NarrowSearch
 from loopid.base_parameters.search.swaps import good_selection
-from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError, selections_between
+from loopid.base_parameters.search.threshold import Budget, selections_between
 
 # Selections of a block that are looked at one by one.
 LARGEST_TABLE = 200
 # Larger blocks of null vectors are searched along a branch decomposition, unless that is as wide.
-LARGEST_TREE = 45
+LARGEST_TREE = 36
 WIDEST = 24
 # Nodes of a search tree at the first effort, and how many times more at every further one.
 FIRST_NODES, MORE_NODES = 1024, 4
@@ -122,9 +122,7 @@ class BranchEngine(Engine):
     def first(
         self, above: float, below: float | None, effort: int, budget: Budget
     ) -> IntArray | None:
-        if effort >= len(RESOLUTIONS):
-            raise OutOfBudgetError
-        return self.narrow.first(above, below, RESOLUTIONS[effort], budget)
+        return self.narrow.first(above, below, effort, budget)
 
 
 def engine_for(block: Block, null_vectors: bool) -> Engine:

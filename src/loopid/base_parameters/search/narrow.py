@@ -25,8 +25,9 @@ from loopid.base_parameters.search.passes import (
 )
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
-# States a front may have of each excess, from pass to pass; restricted ones stop growing first.
-RESOLUTIONS = (4, 16, 64, 256, 1024, 4096)
+# States a front may have of each excess: this to the power of the effort. Restricted fronts, and
+# those of what is outside, stop growing.
+FINENESS = 4
 MOST_RESTRICTED = 64
 MOST_OUTSIDE = 64
 # Fraction by which the range is widened in the passes, so that round-off loses no selection.
@@ -89,7 +90,7 @@ class NarrowSearch:
         return any(2 * branch.inside > len(branch.rows) for branch in self.branches)
 
     def first(
-        self, above: float, below: float | None, finest: int, budget: Budget
+        self, above: float, below: float | None, effort: int, budget: Budget
     ) -> IntArray | None:
         """A selection (k,) of representatives in the range, or None if there is none.
 
@@ -97,8 +98,8 @@ class NarrowSearch:
         ----------
         above : float
         below : float or None
-        finest : int
-            States of each excess in the last passes.
+        effort : int
+            From 0; the last passes are finer with more.
         budget : Budget
 
         Raises
@@ -108,7 +109,9 @@ class NarrowSearch:
         """
         wanted = Range(above * (1 - SLACK), None if below is None else below * (1 + SLACK))
         known = self._known_for(wanted)
-        for limit in (limit for limit in RESOLUTIONS if known.limit <= limit <= finest):
+        for limit in (FINENESS ** (power + 1) for power in range(effort + 1)):
+            if limit < known.limit:
+                continue
             fronts = self._relaxed_pass(wanted, known, limit, budget)
             if fronts is None:
                 return None

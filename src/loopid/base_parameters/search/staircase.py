@@ -111,7 +111,6 @@ def _raised_floor(
             try:
                 found = highest.first(above, level, effort, budget)
             except OutOfBudgetError:
-                budget.check()
                 break
             if found is not None:
                 return floor
