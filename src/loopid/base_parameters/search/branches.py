@@ -87,9 +87,11 @@ def branch_decomposition(vectors: FloatArray) -> Branch:
 Measure = Callable[[int, int, int], float]
 MEASURES: tuple[Measure, ...] = (
     lambda w, a, b: w - max(a, b),
+    lambda w, a, b: w - max(a, b) - 0.25 * min(a, b),
     lambda w, a, b: w - a - b,
-    lambda w, a, b: 2 * w - a - b,
+    lambda w, a, b: 1.25 * w - a - b,
     lambda w, a, b: 1.5 * w - a - b,
+    lambda w, a, b: 2 * w - a - b,
 )
 # Fronts grow about this much with each direction of the boundary.
 GROWTH = 3.0
