@@ -149,6 +149,7 @@ def case(knee, truth, good_text, tmp_path_factory):
 @example(spoil=[(lose, 0.0, 1)])
 @example(spoil=[(lose, 0.5, 3)])
 @example(spoil=[(cut, 0.999)])
+@example(spoil=[(scale, FORCES, -1.0), (cut, 0.0625)])
 def test_spoilt_tables(case, spoil):
     lines = case.text.splitlines()
     for change, *arguments in spoil:

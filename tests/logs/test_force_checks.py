@@ -80,10 +80,21 @@ def test_a_close_call_is_none(knee, simulated, monkeypatch):
         check_forces(knee, mixed)
 
 
-def test_few_samples_prove_nothing(knee, simulated):
+def test_few_samples_prove_nothing_and_that_is_said(knee, simulated):
     rows = np.zeros(len(simulated), dtype=bool)
     rows[100:125] = True
-    check_forces(knee, exchanged(simulated.select(rows), (0, 3)))
+    few = exchanged(simulated.select(rows), (0, 3))
+    with pytest.warns(LogWarning, match=r"25 samples are too few to compare the forces of leg1_st"):
+        check_forces(knee, few)
+
+
+def test_a_motor_that_stands_hides_no_wrong_sign(knee, simulated):
+    used, force = simulated.used.copy(), simulated.force.copy()
+    used[:, 0] = False
+    check_forces(knee, replace(simulated, used=used))
+    force[:, 2] *= -1
+    with pytest.warns(LogWarning, match="leg3_stroke points the other way"):
+        check_forces(knee, replace(simulated, used=used, force=force))
 
 
 @pytest.mark.parametrize("pair", PAIRS)

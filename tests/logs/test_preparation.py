@@ -217,7 +217,8 @@ def test_near_a_singularity_samples_are_left_out(knee, log, truth, monkeypatch):
         prepare_recording(knee, log)
 
 
-def test_progress_ends_complete(knee, log):
+def test_progress_ends_complete(knee, log, monkeypatch):
+    monkeypatch.setattr("loopid.logs.following.BLOCK", 512)
     told = []
     prepare_recording(
         knee, log, decimate=False, progress=lambda done, all_: told.append((done, all_))

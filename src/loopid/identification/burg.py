@@ -55,7 +55,8 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
             break
         window, past = products[k, : k + 1, : k + 1], polynomial[1:]
         # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-        ahead, behind = np.append(polynomial, 0.0), np.append(0.0, polynomial[::-1])
+        ahead = np.append(polynomial, 0.0)
+        behind = ahead[::-1]
         common = ahead @ window @ behind + rows[k] * white * (past @ past[::-1])
         energy = ahead @ window @ ahead + behind @ window @ behind
         energy += 2 * rows[k] * white * (polynomial @ polynomial)

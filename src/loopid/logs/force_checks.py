@@ -11,7 +11,7 @@ import warnings
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, spread_rows
+from loopid.arrays import BoolArray, FloatArray, IntArray, spread_rows
 from loopid.errors import LogWarning
 from loopid.logs.recording import Recording
 from loopid.mechanism import Mechanism
@@ -39,10 +39,20 @@ def check_forces(mechanism: Mechanism, recording: Recording) -> None:
     force, used = picked(recording.force, rows), picked(recording.used, rows)
     _check_size(recording.name, force, predicted)
     left, factors = _fits(velocity, force, used, predicted)
-    if not np.isfinite(left).all():
-        return
-    if not _looks_exchanged(recording, left):
+    _tell_unchecked(recording, used.sum(axis=0))
+    if not (np.isfinite(left).all() and _looks_exchanged(recording, left)):
         _check_signs(recording, left, factors)
+
+
+def _tell_unchecked(recording: Recording, count: IntArray) -> None:
+    """Warn of motors with samples (dof,), but too few; those with none have no say at all."""
+    few = np.flatnonzero((count > 0) & (count < LEAST_SAMPLES))
+    if len(few):
+        names = ", ".join(recording.actuators[k] for k in few)
+        _warn(
+            f"{recording.name}: {count[few].min()} samples are too few to compare the forces of "
+            f"{names} with the robot file (at least {LEAST_SAMPLES} are asked for)"
+        )
 
 
 def _check_size(name: str, measured: FloatArray, predicted: FloatArray) -> None:

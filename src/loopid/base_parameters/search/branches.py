@@ -73,8 +73,9 @@ class Branch:
 def branch_decomposition(vectors: FloatArray) -> Branch:
     """A branch decomposition of the rows (n, k) of one block, as narrow as was found.
 
-    The columns must be orthonormal, and the rows connected by their inner products. Sets are joined greedily. No measure of what to join next is best for every robot, so some are
-    tried and the plan that is cheapest to search is carried out.
+    The columns must be orthonormal, and the rows connected by their inner products. Sets are
+    joined greedily. No measure of what to join next is best for every robot, so some are tried
+    and the plan that is cheapest to search is carried out.
     """
     _, plan = min((_planned(vectors, measure) for measure in MEASURES), key=lambda found: found[0])
     branches = {row: _single(vectors, row) for row in range(len(vectors))}

@@ -15,12 +15,8 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.search.branches import Branch
-from loopid.base_parameters.search.loewner import (
-    ZERO_PIVOT,
-    eliminate,
-    maximal,
-    positive_definite,
-)
+from loopid.base_parameters.search.conflicts import ZERO_PIVOT
+from loopid.base_parameters.search.loewner import eliminate, maximal, positive_definite
 from loopid.base_parameters.search.threshold import Budget
 
 # Numbers in the forms of a batch of pairs: few enough to stay in a fast cache.

@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.base_parameters.search.conflicts import ZERO_PIVOT
 
-# A pivot at most this large is not positive: round-off of matrices whose norm is about 1.
-ZERO_PIVOT = 1e-13
 # A matrix that exceeds another but for this much, relative to norms of about 1, counts as larger.
 EQUAL = 1e-13
 COMPARED = 64  # forms that are compared with all others at a time
