@@ -1,6 +1,7 @@
 """Triangular factors keep all inner products, whatever columns rows have and how they come."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -55,3 +56,12 @@ def test_blocks_longer_than_the_cache_are_joined():
     np.testing.assert_allclose(
         reduced.factor().T @ reduced.factor(), expected, rtol=1e-10, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("row", [0, 30, 899])
+def test_a_column_counts_wherever_it_is_not_zero(row):
+    W = np.random.default_rng(0).standard_normal((900, 7))
+    W[:, 3] = 0.0
+    W[row, 3] = 2.0
+    R = triangular_factor(W)
+    np.testing.assert_allclose(R.T @ R, W.T @ W, atol=1e-12 * np.abs(W.T @ W).max())

@@ -15,9 +15,10 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import DataError
 from loopid.threads import one_blas_thread
 
-# Rows that are reduced at a time, and columns whose reflections are applied together.
-ROWS = 1000
-PANEL = 16
+# Rows that are reduced at a time, and columns whose reflections are applied together: so many, or
+# a part of all.
+ROWS = 400
+PANEL, PANEL_PART = 8, 16
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
@@ -26,7 +27,7 @@ def triangular_factor(matrix: FloatArray) -> FloatArray:
     factors = np.zeros((*stack, width, width))
     with one_blas_thread():
         for k in np.ndindex(*stack):
-            kept = np.flatnonzero(matrix[k].any(axis=0))
+            kept = np.flatnonzero(_touched(matrix[k]))
             factors[k][np.ix_(kept, kept)] = _updated(_zeros(len(kept)), matrix[k], kept)
     return factors
 
@@ -61,8 +62,8 @@ class RowFactors:
             self._columns.append(np.empty(0, dtype=np.int64))
             self._factors.append(_zeros(0))
         with one_blas_thread():
-            for row, touched in enumerate(np.asarray(samples.any(axis=0))):
-                self._widen(row, touched)
+            for row in range(dof):
+                self._widen(row, _touched(samples[:, row]))
                 self._factors[row] = _updated(
                     self._factors[row], samples[:, row], self._columns[row]
                 )
@@ -87,6 +88,13 @@ class RowFactors:
         return triangular_factor(stacked[stacked.any(axis=1)])
 
 
+def _touched(matrix: FloatArray) -> BoolArray:
+    """Which columns (n,) of a matrix (m, n) are not zero; most show it in the first rows."""
+    touched = np.asarray(matrix[: matrix.shape[1]].any(axis=0), dtype=bool)
+    touched[~touched] = matrix[:, ~touched].any(axis=0)
+    return touched
+
+
 def _zeros(width: int) -> FloatArray:
     """The factor of no rows, as LAPACK stores it."""
     return np.zeros((width, width), order="F")
@@ -97,7 +105,8 @@ def _updated(factor: FloatArray, matrix: FloatArray, columns: IntArray) -> Float
     width = len(columns)
     if width == 0 or len(matrix) == 0:
         return factor
-    step, panel = min(max(ROWS, width), len(matrix)), min(PANEL, width)
+    step = min(max(ROWS, width), len(matrix))
+    panel = min(max(PANEL, width // PANEL_PART), width)
     for start, end in pairwise([*range(0, len(matrix), step), len(matrix)]):
         part = np.asfortranarray(matrix[start:end, columns])
         factor, _, _, failed = dtpqrt(0, panel, factor, part, overwrite_a=True, overwrite_b=True)

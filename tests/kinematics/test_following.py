@@ -8,8 +8,8 @@ from loopid.kinematics import coarse_to_fine, draws, links, measured_coordinates
 from loopid.kinematics.chain import Chain
 from loopid.kinematics.coarse_to_fine import solved_nodes
 from loopid.kinematics.links import Linked, linked
-from loopid.kinematics.newton import orientation
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE, PathOptions
+from loopid.kinematics.step_solves import orientation
 
 YAW_BEYOND = 0.6  # of the knee's platform: past a singularity
 
@@ -52,7 +52,7 @@ def test_the_error_of_predictions_falls_with_the_fourth_power(measured, monkeypa
     monkeypatch.setattr(coarse_to_fine, "NODE_STEP", 10.0)
     for spacing in (64, 32, 16):
         monkeypatch.setattr(coarse_to_fine, "WIDEST", spacing)
-        monkeypatch.setattr(coarse_to_fine, "REFINEMENT", spacing)
+        monkeypatch.setattr(coarse_to_fine, "NARROWEST", spacing)
         nodes = solved_nodes(measured, start, values, CLOSURE_TOLERANCE)
         np.testing.assert_array_equal(np.diff(nodes.rows), spacing)
         errors.append(np.abs(measured.steps(exact, nodes.at(np.arange(513), values))).max())

@@ -91,8 +91,8 @@ def far_out(robot):
 
 def spiked(robot):
     values = swinging(robot)
-    values[[0, 17, 18], 0] += 9.0
-    values[22:26, -1] += 9.0
+    values[[0, 17], 0] += 9.0
+    values[22:24, -1] += 9.0
     return values
 
 
@@ -140,7 +140,7 @@ def test_a_trajectory_is_followed_as_if_sample_by_sample(robot, kind):
 @pytest.mark.parametrize(
     "sizes",
     [{"WIDEST": 1}, {"REFINEMENT": 2, "NODE_STEP": 10.0}, {"WINDOW": 16, "LEAST_WINDOW": 3},
-     {"BATCH": 7}],
+     {"BATCH": 7}, {"NARROWEST": 1, "ERROR": 0.0}],
     ids=str,
 )  # fmt: skip
 @pytest.mark.parametrize("kind", [noisy, far_out])

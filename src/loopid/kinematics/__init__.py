@@ -6,8 +6,9 @@ from loopid.kinematics.constraint import (
     constraint_jacobian,
     constraint_residual,
 )
+from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.measured import measured_coordinates, scaled_constraint
+from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.mobility import Mobility, mobility
 from loopid.kinematics.motion import ClosedMotion, closed_motion
 from loopid.kinematics.path_following import Assembly

@@ -11,8 +11,8 @@ from loopid.arrays import FloatArray
 
 # Numbers in the largest array of a block, small enough for the cache, and samples of a block,
 # enough of them to spread the cost of calling NumPy.
-NUMBERS = 400_000
-FEWEST, MOST = 50, 500
+NUMBERS = 800_000
+FEWEST, MOST = 50, 1000
 
 
 def blocks(count: int, width: int = 1) -> Iterator[slice]:

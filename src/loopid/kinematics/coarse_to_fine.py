@@ -10,11 +10,14 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.equations import MeasuredCoordinates
 from loopid.kinematics.interpolation import Nodes
-from loopid.kinematics.newton import Correction, correct
+from loopid.kinematics.newton import SHORT, Correction, correct
 from loopid.kinematics.path_following import PathOptions, follow_paths
 
-WIDEST = 64  # samples between the first nodes
+WIDEST = 512  # samples between the first nodes
+NARROWEST = 8  # and between the last ones at least
 REFINEMENT = 8
+# What is interpolated nine times in ten may be this far off: one Newton step corrects it then.
+ERROR = 0.25 * SHORT
 SPEED_SPACING = 16  # samples between those whose speed is looked at
 NODE_STEP = 0.4  # rad or characteristic lengths between them
 # Part of the way below which a node is given up: nothing depends on it but time.
@@ -30,11 +33,25 @@ def solved_nodes(
     rows = _spread(len(targets), spacing)
     starts = np.repeat(start[None], len(rows), axis=0)
     q = follow_paths(measured, starts, targets[rows], options).configurations
-    nodes = _nodes(measured, rows, q, targets)
-    while spacing > REFINEMENT:
-        spacing //= REFINEMENT
-        nodes = _refined(measured, nodes, _spread(len(targets), spacing), targets, options)
+    nodes, enough = _nodes(measured, rows, q, targets), NARROWEST
+    while spacing > enough:
+        wide, spacing = spacing, max(spacing // REFINEMENT, enough)
+        rows = _spread(len(targets), spacing)
+        guess = nodes.at(rows, targets[rows])
+        nodes = _refined(measured, nodes, rows, guess, targets, options)
+        enough = max(NARROWEST, _spacing(measured, guess, nodes.configurations, wide))
     return nodes
+
+
+def _spacing(measured: MeasuredCoordinates, guess: FloatArray, q: FloatArray, spacing: int) -> int:
+    """Samples between nodes that make the error of interpolation small enough.
+
+    It falls with the fourth power of the spacing, and is known at one.
+    """
+    known = ~np.isnan(guess + q).any(axis=1)
+    error = np.abs(measured.steps(guess[known], q[known])).max(axis=1, initial=0.0)
+    usual = float(np.quantile(error, 0.9)) if len(error) else np.inf
+    return spacing if usual <= ERROR else int(spacing * (ERROR / usual) ** 0.25)
 
 
 def _first_spacing(measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray) -> int:
@@ -79,11 +96,12 @@ def _refined(
     measured: MeasuredCoordinates,
     coarse: Nodes,
     rows: IntArray,
+    guess: FloatArray,
     targets: FloatArray,
     options: PathOptions,
 ) -> Nodes:
-    """More nodes: from predictions, or along the way from the coarse one before."""
-    fine = _nodes(measured, rows, coarse.at(rows, targets[rows]), targets)
+    """More nodes: from predictions (n, nq), or along the way from the coarse one before."""
+    fine = _nodes(measured, rows, guess, targets)
     before = np.searchsorted(coarse.rows, rows, side="right") - 1
     unsolved = np.isnan(fine.configurations).any(axis=1)
     k = np.flatnonzero(unsolved & ~np.isnan(coarse.configurations[before]).any(axis=1))

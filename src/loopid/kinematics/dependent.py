@@ -39,12 +39,15 @@ class DependentColumns:
         (rows, n, N).
     inverses : FloatArray or None
         (n, rows, N).
+    signs : FloatArray
+        (N,), of the determinants of those that are inverted.
     doubtful : IntArray
         Samples that are not proven to have a singularity measure above the bound asked for.
     """
 
     matrices: FloatArray
     inverses: FloatArray | None
+    signs: FloatArray
     doubtful: IntArray
 
     @classmethod
@@ -64,14 +67,14 @@ class DependentColumns:
         """
         _, width, count = matrices.shape
         if elimination is None or count < FEW:
-            return cls(matrices, None, np.arange(count) if width else np.empty(0, dtype=np.int64))
+            return cls(matrices, None, np.zeros(count), np.arange(count if width else 0))
         inverses, signs = elimination.inverses(matrices)
         # Frobenius norms bound the largest singular values of A and of its inverse.
         condition = _square_norm(matrices) * _square_norm(inverses)
         error = inversion_error(matrices, inverses)
         with np.errstate(invalid="ignore"):
             proven = (error < LARGEST_ERROR) & (condition * (bound * (1 + 1e-3)) ** 2 < 1.0)
-        return cls(matrices, inverses, np.flatnonzero(~proven))
+        return cls(matrices, inverses, signs, np.flatnonzero(~proven))
 
     @cached_property
     def factors(self) -> Factorisation:

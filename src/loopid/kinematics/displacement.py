@@ -10,11 +10,9 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.kinematics.closing import constraint_gap, polish
-from loopid.kinematics.constraint import constraint_jacobian
 from loopid.kinematics.frames import integrate
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.projection import partition, velocity_map
-from loopid.kinematics.scaling import coordinate_scales, scaled_jacobian
+from loopid.kinematics.projected_blocks import BlockProjection, Partition
+from loopid.kinematics.scaling import coordinate_scales
 from loopid.mechanism import Mechanism
 
 LONGEST_STEP = 0.3  # rad or characteristic lengths
@@ -32,14 +30,12 @@ def displaced(
     gap : FloatArray
         (N,), largest closure residual left, in m: large where the way met a singularity.
     """
-    chosen, dependent = partition(mechanism)
-    longest = float(np.abs(steps / coordinate_scales(mechanism)[chosen]).max(initial=0.0))
+    split = Partition(mechanism)
+    longest = float(np.abs(steps / coordinate_scales(mechanism)[split.chosen]).max(initial=0.0))
     parts = int(np.ceil(longest / LONGEST_STEP))
     q, gap = configurations, constraint_gap(mechanism, configurations)
     for _ in range(parts):
-        jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, q))
-        factors = Factorisation.of(jacobian[:, :, dependent])
-        G = velocity_map(mechanism, factors, jacobian, chosen, dependent)
-        q = integrate(mechanism, q, np.einsum("nij,nj->ni", G, steps / parts))
-        q, gap = polish(mechanism, q, dependent)
+        G = BlockProjection.at(mechanism, q, split).G
+        q = integrate(mechanism, q, np.einsum("ijn,nj->ni", G, steps / parts))
+        q, gap = polish(mechanism, q, split.dependent)
     return q, gap

@@ -12,8 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.kinematics.constraint import constraint_residual, constraint_values
-from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_jacobian
+from loopid.kinematics.constraint import constraint_residual
+from loopid.kinematics.elimination import Elimination
+from loopid.kinematics.loops import loop_pose
+from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_by_samples
 from loopid.mechanism import Mechanism
 
 
@@ -35,6 +37,11 @@ class MeasuredCoordinates(ABC):
         self.mechanism = mechanism
         self.unknown = unknown
         self.width = width
+
+    @property
+    def elimination(self) -> Elimination | None:
+        """How the equations are solved for the unknown coordinates, where there is a usual way."""
+        return None
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:
@@ -83,10 +90,13 @@ def difference(mechanism: Mechanism, origin: FloatArray, target: FloatArray) -> 
 
 
 def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Closure residual (N, rows) in m and Jacobian (N, rows, nv) in m per unit step."""
-    values = constraint_values(mechanism, q)
-    residual = values.residual * row_scales(mechanism)
-    return residual, scaled_jacobian(mechanism, values.jacobian)
+    """Closure residual (N, rows) in m and Jacobian (N, rows, nv) in m per unit step.
+
+    Both lie in memory with the samples last.
+    """
+    pose = loop_pose(mechanism, q)
+    residual = row_scales(mechanism)[:, None] * pose.residual()
+    return residual.T, np.moveaxis(scaled_by_samples(mechanism, pose.jacobian()), 2, 0)
 
 
 def scaled_residual(mechanism: Mechanism, q: FloatArray) -> FloatArray:

@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from loopid.arrays import FloatArray, samples
 from loopid.kinematics.blocks import in_blocks
-from loopid.kinematics.frame_poses import FramePoses, frame_motions, frame_set
+from loopid.kinematics.frame_poses import FramePoses, frame_motions
+from loopid.kinematics.frame_sets import frame_set
 from loopid.kinematics.tree import tree_motion, tree_pose
 from loopid.mechanism import Mechanism
 

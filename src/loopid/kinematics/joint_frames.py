@@ -61,7 +61,7 @@ def _turned(layout: JointLayout, q: FloatArray) -> FloatArray:
     weights[layout.circular, 0] = q.T[cosines + 1]
     weights[layout.circular, 1] = 1.0 - q.T[cosines]
     weights[:, 2] = 1.0
-    rotation = (layout.turns @ weights).reshape(-1, 3, 3, len(q))
+    rotation = (layout.turns @ weights).reshape(len(weights), 3, 3, len(q))
     return rotation.transpose(1, 2, 0, 3)
 
 

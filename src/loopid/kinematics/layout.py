@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.per_mechanism import per_mechanism
+from loopid.kinematics.spans import Span, span
 from loopid.mechanism import Mechanism
 
 
@@ -49,7 +50,7 @@ class JointLayout:
     """
 
     joint_ids: IntArray
-    levels: tuple[tuple[slice, IntArray], ...]
+    levels: tuple[tuple[slice, Span], ...]
     coordinates: IntArray
     owners: IntArray
     starts: IntArray
@@ -106,14 +107,14 @@ def _breadth_first(model: pin.Model) -> list[int]:
     return sorted(range(1, model.njoints), key=lambda k: (depths[k], k))
 
 
-def _levels(model: pin.Model, ids: list[int]) -> tuple[tuple[slice, IntArray], ...]:
+def _levels(model: pin.Model, ids: list[int]) -> tuple[tuple[slice, Span], ...]:
     place = {joint: k for k, joint in enumerate(ids)}
     depths = np.array([len(model.supports[k]) for k in ids])
     levels = []
     for depth in np.unique(depths)[1:]:
         first, last = np.searchsorted(depths, [depth, depth + 1])
         parents = np.array([place[model.parents[k]] for k in ids[first:last]], dtype=np.int64)
-        levels.append((slice(int(first), int(last)), parents))
+        levels.append((slice(int(first), int(last)), span(parents)))
     return tuple(levels)
 
 
@@ -143,6 +144,7 @@ def _axis(joint: pin.JointModel, kind: str) -> FloatArray:
 
 
 def _turns(P: FloatArray, axes: FloatArray) -> FloatArray:
+    """P [a], P [a]² and P (J, 9, 3) of placements (3, 3, J) and axes (3, J)."""
     x, y, z = axes
     zero = np.zeros_like(x)
     cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])

@@ -11,14 +11,12 @@ from loopid.kinematics.equations import MeasuredCoordinates
 from loopid.kinematics.interpolation import Nodes
 from loopid.kinematics.newton import (
     CONTRACTION,
-    LONGEST_STEP,
     SHORT,
     Correction,
     correct,
-    orientation,
-    same_side,
 )
 from loopid.kinematics.path_following import BATCH, PathOptions, closes
+from loopid.kinematics.step_solves import LONGEST_STEP, same_side
 
 
 class Linked(NamedTuple):
@@ -75,12 +73,12 @@ def _continues(measured: MeasuredCoordinates, found: Correction) -> BoolArray:
     rest = np.abs(measured.steps(q[:-1], q[1:]) - tangent).max(axis=1, initial=0.0)
     length = np.abs(tangent).max(axis=1, initial=0.0)
     contracts = (length <= LONGEST_STEP) & (rest <= CONTRACTION * length + SHORT)
-    return np.asarray(contracts & _turns_not(found.jacobian), dtype=bool)
+    return np.asarray(contracts & _turns_not(found), dtype=bool)
 
 
-def _turns_not(jacobian: FloatArray) -> BoolArray:
+def _turns_not(found: Correction) -> BoolArray:
     """Whether neighbours are on the same side of singularities."""
+    jacobian, sign = found.jacobian, found.sign
     if jacobian.shape[1] == jacobian.shape[2]:
-        sign = orientation(jacobian)
         return np.asarray(sign[:-1] * sign[1:] > 0, dtype=bool)
     return same_side(jacobian[:-1], jacobian[1:])

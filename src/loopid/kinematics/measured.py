@@ -11,7 +11,7 @@ from loopid.kinematics.measured_joints import JointCoordinates
 from loopid.kinematics.measured_platform import PlatformCoordinates
 from loopid.mechanism import Mechanism
 
-__all__ = ["MeasuredCoordinates", "measured_coordinates", "scaled_constraint"]
+__all__ = ["MeasuredCoordinates", "measured_coordinates"]
 
 
 def measured_coordinates(

@@ -8,6 +8,8 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
+from loopid.kinematics.dependent import elimination_for
+from loopid.kinematics.elimination import Elimination
 from loopid.kinematics.equations import (
     Linearisation,
     MeasuredCoordinates,
@@ -37,6 +39,10 @@ class JointCoordinates(MeasuredCoordinates):
         self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
         # A continuous joint is stored as the cosine and sine of its angle.
         self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)
+
+    @property
+    def elimination(self) -> Elimination | None:
+        return elimination_for(self.mechanism, self.unknown)
 
     def read(self, q: FloatArray) -> FloatArray:
         values = q[:, self.first]

@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray
 from loopid.kinematics.frame_poses import FramePoses
+from loopid.kinematics.spans import Span
 
 
 @dataclass(frozen=True)
@@ -23,17 +24,20 @@ class FramePair:
     Attributes
     ----------
     a, b : int
-    columns : IntArray
-        (c,), velocity indices of the coordinates that move either frame.
-    at_a, at_b : IntArray
+    columns : Span
+        Velocity indices of the c coordinates that move either frame.
+    count : int
+        Their number c.
+    at_a, at_b : Span
         Where among these are those that move a, and those that move b.
     """
 
     a: int
     b: int
-    columns: IntArray
-    at_a: IntArray
-    at_b: IntArray
+    columns: Span
+    count: int
+    at_a: Span
+    at_b: Span
 
 
 @dataclass(frozen=True)
@@ -68,24 +72,28 @@ class PairPose:
     @cached_property
     def shift(self) -> FloatArray:
         """(3, c, N), rate of the distance per unit of each coordinate."""
-        return self._columns(self.poses.linear_columns, b=1.0, a=-1.0)
+        return self._relative(self.poses.linear_columns)
 
     @cached_property
     def turn(self) -> FloatArray:
         """(3, c, N), angular velocity of b less that of a."""
-        return self._columns(self.poses.angular_columns, b=1.0, a=-1.0)
+        return self._relative(self.poses.angular_columns)
 
     @cached_property
     def turn_a(self) -> FloatArray:
         """(3, c, N), angular velocity of a."""
-        return self._columns(self.poses.angular_columns, b=0.0, a=1.0)
+        columns = self.poses.angular_columns
+        turn = np.zeros((3, self.pair.count, columns.shape[2]))
+        turn[:, self.pair.at_a] = columns[:, self.poses.frames.spans[self.pair.a]]
+        return turn
 
-    def _columns(self, columns: FloatArray, b: float, a: float) -> FloatArray:
+    def _relative(self, columns: FloatArray) -> FloatArray:
+        """What moves b less what moves a, of the columns (3, P, N) of all frames."""
         pair, spans = self.pair, self.poses.frames.spans
-        sums = np.zeros((3, len(pair.columns), columns.shape[2]))
-        sums[:, pair.at_b] = b * columns[:, spans[pair.b]]
-        sums[:, pair.at_a] += a * columns[:, spans[pair.a]]
-        return sums
+        relative = np.zeros((3, pair.count, columns.shape[2]))
+        relative[:, pair.at_b] = columns[:, spans[pair.b]]
+        relative[:, pair.at_a] -= columns[:, spans[pair.a]]
+        return relative
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,16 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.kinematics.equations import MeasuredCoordinates
 from loopid.kinematics.newton import (
     CONTRACTION,
-    LONGEST_STEP,
     NEWTON_STEPS,
     SHORT,
     contracts,
     newton_step,
-    same_side,
 )
+from loopid.kinematics.step_solves import LONGEST_STEP, same_side
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
 SHORTEST_PATH_STEP = 2.0**-12
-BATCH = 768  # samples solved together: few enough that their matrices stay in the cache
+BATCH = 1536  # samples solved together: more would crowd the cache
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ class _Paths:
     def advance(self) -> None:
         """One step of Newton's method; samples that arrive or fail by it set out again."""
         k = self.underway
-        self.q[k], length, jacobian, _ = newton_step(self.measured, self.q[k], self.goal[k])
+        self.q[k], length, jacobian, *_ = newton_step(self.measured, self.q[k], self.goal[k])
         good = contracts(length, self.longest[k])
         self.longest[k] = CONTRACTION * length
         self.left[k] -= 1

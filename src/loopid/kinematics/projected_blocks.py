@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,21 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.errors import MobilityError, SingularityError, SingularityWarning
+from loopid.errors import MobilityError
 from loopid.kinematics.blocks import in_blocks
 from loopid.kinematics.dependent import DependentColumns, elimination_for
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.loops import LoopPose, loop_pose
-from loopid.kinematics.scaling import (
-    coordinate_scales,
-    row_scales,
-    scaled_by_samples,
-)
+from loopid.kinematics.refusals import NEAR_SINGULARITY, refuse_dependent, refuse_singular
+from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_by_samples
 from loopid.kinematics.tree import TreeMotion, tree_motion
 from loopid.mechanism import Mechanism
-
-# Below this singularity measure forces in the loops exceed the motors' some thousandfold.
-NEAR_SINGULARITY = 1e-3
 
 
 class Partition:
@@ -88,12 +81,12 @@ class BlockProjection:
     @cached_property
     def G(self) -> FloatArray:  # noqa: N802
         """(nv, dof, N), all velocities from the independent ones."""
-        scales = coordinate_scales(self.mechanism)[:, None, None]
+        scales = coordinate_scales(self.mechanism)
         chosen, dependent = self.partition.chosen, self.partition.dependent
         G = np.zeros((len(scales), len(chosen), self.jacobian.shape[2]))
         G[chosen, np.arange(len(chosen))] = 1.0
         steps = self.columns.solve(self.jacobian[:, chosen])
-        G[dependent] = steps * -scales[dependent] / scales[chosen, 0]
+        G[dependent] = steps * -(scales[dependent, None] / scales[chosen])[:, :, None]
         return G
 
     def moving(self, rates: FloatArray) -> BlockMotion:
@@ -130,49 +123,6 @@ def in_projected_blocks(
         return values(block, rows)
 
     arrays = in_blocks(len(q), block_values, width)
-    _refuse_singular(doubts, len(partition.dependent))
-    _refuse_dependent(jacobians[0], len(partition.chosen))
+    refuse_singular(doubts, len(partition.dependent))
+    refuse_dependent(jacobians[0], len(partition.chosen))
     return arrays
-
-
-def measure_of(factors: Factorisation, width: int) -> FloatArray:
-    """Singularity measure (N,) of dependent columns of a width, see ``Projection``."""
-    count, values = factors.values.shape
-    if width == 0:
-        return np.ones(count)
-    if values < width:
-        return np.zeros(count)
-    largest = np.maximum(factors.values[:, 0], np.finfo(float).tiny)
-    return np.asarray(factors.values[:, width - 1] / largest, dtype=np.float64)
-
-
-def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -> None:
-    """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
-    k = np.concatenate([doubtful for doubtful, _ in doubts])
-    rank = np.concatenate([factors.rank for _, factors in doubts])
-    measure = np.concatenate([measure_of(factors, width) for _, factors in doubts])
-    lost = np.flatnonzero(rank < width)
-    if len(lost):
-        raise SingularityError(
-            f"sample {k[lost[0]]} is singular: the independent joints determine "
-            f"{rank[lost[0]]} of {width} dependent coordinates "
-            f"(singularity measure {measure[lost[0]]:.1e}; {len(lost)} such samples)"
-        )
-    near = np.flatnonzero(measure < NEAR_SINGULARITY)
-    if len(near):
-        warnings.warn(
-            f"{len(near)} samples are near a singularity, first sample {k[near[0]]} "
-            f"(measure {measure[near[0]]:.1e}, warned of below {NEAR_SINGULARITY:g})",
-            SingularityWarning,
-            stacklevel=4,
-        )
-
-
-def _refuse_dependent(jacobian: FloatArray, count: int) -> None:
-    """Refuse more independent joints than the first sample has degrees of freedom."""
-    rank = Factorisation.of(np.moveaxis(jacobian, 2, 0)).rank.max(initial=0)
-    freedom = jacobian.shape[1] - int(rank)
-    if count > freedom:
-        raise MobilityError(
-            f"{count} independent joints are too many for {freedom} degrees of freedom"
-        )

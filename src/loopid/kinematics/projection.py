@@ -9,19 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from loopid.arrays import FloatArray, IntArray, samples
 from loopid.kinematics.constraint import constraint_jacobian
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.projected_blocks import (
-    NEAR_SINGULARITY,
-    BlockProjection,
-    Partition,
-    in_projected_blocks,
-    measure_of,
-)
-from loopid.kinematics.scaling import coordinate_scales, scaled_jacobian
+from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
+from loopid.kinematics.refusals import NEAR_SINGULARITY, measure_of
+from loopid.kinematics.scaling import scaled_jacobian
 from loopid.mechanism import Mechanism
 
 __all__ = [
@@ -30,7 +23,6 @@ __all__ = [
     "partition",
     "project",
     "singularity_measure",
-    "velocity_map",
 ]
 
 
@@ -122,19 +114,3 @@ def partition(
     """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
     parts = Partition(mechanism, independent)
     return parts.chosen, parts.dependent
-
-
-def velocity_map(
-    mechanism: Mechanism,
-    factors: Factorisation,
-    jacobian: FloatArray,
-    chosen: IntArray,
-    dependent: IntArray,
-) -> FloatArray:
-    """G (N, nv, dof) from the factors of the dependent columns of scaled Jacobians."""
-    scales = coordinate_scales(mechanism)
-    G = np.zeros((len(jacobian), mechanism.model.nv, len(chosen)))
-    G[:, chosen, np.arange(len(chosen))] = 1.0
-    steps = -factors.solve(jacobian[:, :, chosen])
-    G[:, dependent] = scales[dependent, None] * steps / scales[chosen]
-    return G

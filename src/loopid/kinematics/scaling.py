@@ -52,10 +52,11 @@ def scaled_by_samples(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     scales = row_scales(mechanism)[:, None] * coordinate_scales(mechanism)
     scaled = np.asarray(scales[:, :, None] * jacobian, dtype=np.float64)
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
-    largest = np.maximum(
-        scaled.max(axis=(0, 1), initial=0.0), -scaled.min(axis=(0, 1), initial=0.0)
-    )
-    nothing = largest < ROUND_OFF * mechanism.length
-    if nothing.any():
-        scaled[:, :, nothing] = 0.0
+    nothing = np.arange(scaled.shape[2])
+    for row in scaled:
+        if not len(nothing):
+            break
+        largest = np.abs(row[:, nothing]).max(axis=0, initial=0.0)
+        nothing = nothing[largest < ROUND_OFF * mechanism.length]
+    scaled[:, :, nothing] = 0.0
     return scaled

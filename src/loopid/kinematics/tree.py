@@ -88,8 +88,8 @@ def tree_pose(mechanism: Mechanism, q: FloatArray) -> TreePose:
 
 def joint_twists(pose: TreePose, motions: FloatArray) -> FloatArray:
     """Twists (6, J, c, N) of all joints in c motions (nv, c, N) of the tree's coordinates."""
-    coordinates = pose.layout.coordinates
-    own = np.moveaxis(by_place(6, *motions.shape[1:2], len(coordinates), motions.shape[2]), 1, 2)
+    coordinates, (_, count, samples) = pose.layout.coordinates, motions.shape
+    own = np.moveaxis(by_place(6, count, len(coordinates), samples), 1, 2)
     np.multiply(pose.axes[:, :, None], motions[coordinates], out=own)
     return _carried(pose.layout, _by_joint(pose.layout, own))
 

@@ -15,11 +15,11 @@ def by_place(components: int, columns: int, places: int, count: int) -> FloatArr
     return np.empty((places, columns, components, count)).transpose(2, 1, 0, 3)
 
 
-def cross(one: FloatArray, two: FloatArray) -> FloatArray:
+def cross(one: FloatArray, two: FloatArray, out: FloatArray | None = None) -> FloatArray:
     """Vector products of arrays (3, ...)."""
     a, b, c = one
     x, y, z = two
-    product = np.empty((3, *np.broadcast_shapes(a.shape, x.shape)))
+    product = np.empty((3, *np.broadcast_shapes(a.shape, x.shape))) if out is None else out
     np.multiply(b, z, out=product[0])
     np.multiply(c, x, out=product[1])
     np.multiply(a, y, out=product[2])

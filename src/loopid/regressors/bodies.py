@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.tree import TreeMotion, TreePose, joint_twists
 from loopid.kinematics.vectors import by_place, cross, rotated_back
 
@@ -24,13 +24,13 @@ from loopid.kinematics.vectors import by_place, cross, rotated_back
 COLUMNS = "ikn,idn->kdn"
 
 
-def resting_columns(pose: TreePose, places: list[int], G: FloatArray) -> FloatArray:
+def resting_columns(pose: TreePose, places: IntArray, G: FloatArray) -> FloatArray:
     """Columns of masses and first moments at rest.
 
     Parameters
     ----------
     pose : TreePose
-    places : list of int
+    places : IntArray
         Of the joints that carry the bodies in the joint layout.
     G : FloatArray
         (nv, dof, N).
@@ -45,8 +45,8 @@ def resting_columns(pose: TreePose, places: list[int], G: FloatArray) -> FloatAr
     R = pose.rotation[:, :, places]
     weight = np.broadcast_to(up[:, None, None], (3, *R.shape[2:]))
     moment = by_place(3, 4, *R.shape[2:])
-    moment[:, 0] = cross(_arms(pose, places), weight)
-    moment[:, 1:] = cross(R, up[:, None, None, None])
+    cross(_arms(pose, places), weight, out=moment[:, 0])
+    cross(R, up[:, None, None, None], out=moment[:, 1:])
     columns = np.empty((len(places), 4, *G.shape[1:]))
     for body, place in enumerate(places):
         np.einsum(COLUMNS, moment[:, :, body], V[:3, place], out=columns[body])
@@ -55,7 +55,7 @@ def resting_columns(pose: TreePose, places: list[int], G: FloatArray) -> FloatAr
 
 
 def moving_columns(
-    pose: TreePose, places: list[int], G: FloatArray, motion: TreeMotion, accelerations: FloatArray
+    pose: TreePose, places: IntArray, G: FloatArray, motion: TreeMotion, accelerations: FloatArray
 ) -> FloatArray:
     """Columns (bodies, 10, dof, N) of all parameters, in a motion with accelerations (nv, N)."""
     V = joint_twists(pose, np.concatenate([accelerations[:, None], G], axis=1))
@@ -65,27 +65,31 @@ def moving_columns(
     velocity = twist[3:] + cross(omega, arms)
     a = acceleration[3:] + cross(alpha, arms) + cross(omega, velocity)
     a -= pose.model.gravity.linear[:, None, None]
-    force = _forces(R, omega, alpha, a)
-    moment = _moments(R, omega, alpha, a)
-    moment[:, :4] += cross(arms[:, None], force)
+    wrench = _wrenches(R, arms, omega, alpha, a)
+    moment = _inertial_moments(R, rotated_back(R, omega), rotated_back(R, alpha))
     columns = np.empty((len(places), 10, *G.shape[1:]))
     for body, place in enumerate(places):
-        np.einsum(COLUMNS, moment[:, :, body], V[:3, place, 1:], out=columns[body])
-        columns[body, :4] += np.einsum(COLUMNS, force[:, :, body], V[3:, place, 1:])
+        np.einsum(COLUMNS, wrench[:, :, body], V[:, place, 1:], out=columns[body, :4])
+        np.einsum(COLUMNS, moment[:, :, body], V[:3, place, 1:], out=columns[body, 4:])
     return columns
 
 
-def _arms(pose: TreePose, places: list[int]) -> FloatArray:
+def _arms(pose: TreePose, places: IntArray) -> FloatArray:
     """From the pole to the bodies' origins, (3, bodies, N)."""
     return pose.origin[:, places] - pose.pole[:, None]
 
 
-def _forces(R: FloatArray, omega: FloatArray, alpha: FloatArray, a: FloatArray) -> FloatArray:
-    """Forces (3, 4, bodies, N) per unit of the mass and of the first moments."""
-    force = by_place(3, 4, *a.shape[1:])
+def _wrenches(
+    R: FloatArray, arms: FloatArray, omega: FloatArray, alpha: FloatArray, a: FloatArray
+) -> FloatArray:
+    """Moments about the pole above forces (6, 4, bodies, N), of masses and first moments."""
+    wrench = by_place(6, 4, *a.shape[1:])
+    moment, force = wrench[:3], wrench[3:]
     force[:, 0] = a
     np.einsum("ij...,jk...->ik...", _rate_of_points(omega, alpha), R, out=force[:, 1:])
-    return force
+    cross(arms[:, None], force, out=moment)
+    moment[:, 1:] += cross(R, a[:, None])
+    return wrench
 
 
 def _rate_of_points(omega: FloatArray, alpha: FloatArray) -> FloatArray:
@@ -97,18 +101,11 @@ def _rate_of_points(omega: FloatArray, alpha: FloatArray) -> FloatArray:
     )
 
 
-def _moments(R: FloatArray, omega: FloatArray, alpha: FloatArray, a: FloatArray) -> FloatArray:
-    """Moments (3, 10, bodies, N) about the body's origin per unit of all parameters."""
-    moment = by_place(3, 10, *a.shape[1:])
-    moment[:, 0] = 0.0
-    moment[:, 1:4] = cross(R, a[:, None])
-    inertial = _inertial_moments(rotated_back(R, omega), rotated_back(R, alpha))
-    np.einsum("ij...,jk...->ik...", R, inertial, out=moment[:, 4:])
-    return moment
+def _inertial_moments(R: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
+    """I α + ω x I ω (3, 6, bodies, N) per unit of Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
 
-
-def _inertial_moments(omega: FloatArray, alpha: FloatArray) -> FloatArray:
-    """I α + ω x I ω (3, 6, ...) per unit of Ixx, Ixy, Iyy, Ixz, Iyz, Izz, along the body's axes."""
+    Angular velocities and accelerations (3, bodies, N) are along the body's axes.
+    """
     (x, y, z), (p, q, r) = omega, alpha
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
     entries = (
@@ -120,4 +117,6 @@ def _inertial_moments(omega: FloatArray, alpha: FloatArray) -> FloatArray:
     for moment, row in zip(moments, entries, strict=True):
         for column, entry in zip(moment, row, strict=True):
             column[...] = entry
-    return moments
+    turned = by_place(3, 6, *x.shape)
+    np.einsum("ij...,jk...->ik...", R, moments, out=turned)
+    return turned

@@ -126,10 +126,10 @@ def _width(mechanism: Mechanism, model: str) -> int:
     return len(mechanism.columns(model)) * len(mechanism.independent)
 
 
-def _places(mechanism: Mechanism) -> list[int]:
+def _places(mechanism: Mechanism) -> IntArray:
     """Where the joints that carry the bodies are in the joint layout."""
     ids = joint_layout(mechanism).joint_ids.tolist()
-    return [ids.index(body.joint_id) for body in mechanism.bodies]
+    return np.array([ids.index(body.joint_id) for body in mechanism.bodies], dtype=np.int64)
 
 
 def _tied(mechanism: Mechanism, columns: FloatArray) -> FloatArray:
