@@ -96,6 +96,9 @@ def _tied_selections(part: Part, levels: Levels, budget: Budget) -> list[IntArra
         listed = list(islice(selections, MOST_TIES + 1))
     except OutOfBudgetError:
         return []
+    finally:
+        budget.nodes += own.nodes
+        budget.leaves += own.leaves
     return listed if len(listed) <= MOST_TIES else []
 
 
