@@ -15,7 +15,8 @@ from loopid.base_parameters.search.engines import Engine
 from loopid.base_parameters.search.strategy import TIE_TOLERANCE
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
-FINENESS = 1e-3  # relative distance of thresholds that are worth a test of their own
+FINENESS = 1e-2  # relative distance of thresholds that are worth a test of their own
+NEAR = 1.05  # ends this close call for a threshold just above the lower one
 
 
 @dataclass
@@ -89,7 +90,9 @@ class Bracket:
         undecided: float | None = None
         while self.low < enough and not self.closed:
             if undecided is None:
-                threshold = self.low * (1 + TIE_TOLERANCE)
+                # Far below the upper end a threshold takes much effort, and proves little.
+                near = effort == 0 or self.high <= self.low * NEAR
+                threshold = self.low * (1 + TIE_TOLERANCE) if near else sqrt(self.low * self.high)
             elif self.high > undecided * (1 + FINENESS):
                 threshold = sqrt(undecided * self.high)
             else:
