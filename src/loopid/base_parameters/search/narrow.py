@@ -25,11 +25,10 @@ from loopid.base_parameters.search.passes import (
 )
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
-# States a front may have of each excess: this to the power of the effort. Restricted fronts, and
-# those of what is outside, stop growing.
+# States a front may have of each excess: this to the power of the effort. Restricted fronts stop
+# growing.
 FINENESS = 4
 MOST_RESTRICTED = 64
-MOST_OUTSIDE = 64
 # Fraction by which the range is widened in the passes, so that round-off loses no selection.
 SLACK = 4e-10
 
@@ -128,7 +127,7 @@ class NarrowSearch:
         return max(valid, key=lambda known: (known.limit, known.wanted.above), default=NOTHING)
 
     def _learn(self, wanted: Range, fronts: Fronts, limit: int, budget: Budget) -> Knowledge:
-        outside = downwards(self.branches, fronts, min(limit, MOST_OUTSIDE), budget)
+        outside = downwards(self.branches, fronts, limit, budget)
         learnt = Knowledge(wanted, limit, outside)
         # Bounds of the same fineness for a narrower range are of less use than these.
         self._known = [known for known in self._known if not learnt.replaces(known)]
