@@ -8,7 +8,6 @@ the loop closures come first, then one row a coupling of joints.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from loopid.arrays import FloatArray, samples
 from loopid.kinematics.blocks import in_blocks
@@ -17,27 +16,14 @@ from loopid.kinematics.tree import tree_motion
 from loopid.mechanism import Mechanism
 
 
-@dataclass(frozen=True)
-class ConstraintValues:
-    """Residual (N, rows) and Jacobian (N, rows, nv) of all closures."""
-
-    residual: FloatArray
-    jacobian: FloatArray
-
-
-def constraint_values(mechanism: Mechanism, configurations: FloatArray) -> ConstraintValues:
-    """Residual and Jacobian at configurations (N, nq)."""
-    return ConstraintValues(*_in_blocks(mechanism, configurations, _residual_and_jacobian))
-
-
 def constraint_residual(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Residual (N, rows) of all closures: m or rad."""
-    return _in_blocks(mechanism, configurations, lambda pose: (pose.residual(),))[0]
+    return _in_blocks(mechanism, configurations, lambda pose: pose.residual())
 
 
 def constraint_jacobian(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Jacobian A (N, rows, nv): the exact derivative of the residual."""
-    return _in_blocks(mechanism, configurations, lambda pose: (pose.jacobian(),))[0]
+    return _in_blocks(mechanism, configurations, lambda pose: pose.jacobian())
 
 
 def constraint_drift(
@@ -62,14 +48,8 @@ def constraint_drift(
     return in_blocks(len(q), drift)[0]
 
 
-def _residual_and_jacobian(pose: LoopPose) -> tuple[FloatArray, ...]:
-    return pose.residual(), pose.jacobian()
-
-
 def _in_blocks(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    values: Callable[[LoopPose], tuple[FloatArray, ...]],
-) -> tuple[FloatArray, ...]:
+    mechanism: Mechanism, configurations: FloatArray, value: Callable[[LoopPose], FloatArray]
+) -> FloatArray:
     q = samples(configurations, mechanism.model.nq, "configurations")
-    return in_blocks(len(q), lambda k: values(loop_pose(mechanism, q[k])))
+    return in_blocks(len(q), lambda k: (value(loop_pose(mechanism, q[k])),))[0]
