@@ -40,11 +40,10 @@ class Bracket:
     selection: IntArray
     high: float
     below: float | None = None
-
     low: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.low = self.engine.block.levels(self.selection).smallest
+        self._select(self.selection)
 
     @property
     def closed(self) -> bool:
@@ -81,9 +80,12 @@ class Bracket:
                 budget.check()
                 continue
             if found is not None:
-                self.selection, self.low = found, self.engine.block.levels(found).smallest
+                self._select(found)
             return found is not None
         return False
+
+    def _select(self, selection: IntArray) -> None:
+        self.selection, self.low = selection, self.engine.block.levels(selection).smallest
 
     def _bisected(self, enough: float, effort: int, budget: Budget) -> bool:
         """Move both ends with a given effort; whether that settles it."""
@@ -112,6 +114,6 @@ class Bracket:
             return False
         if found is None:
             self.high = threshold
-            return True
-        self.selection, self.low = found, self.engine.block.levels(found).smallest
+        else:
+            self._select(found)
         return True

@@ -25,8 +25,8 @@ from loopid.base_parameters.search.passes import (
 )
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
-# States a front may have of each excess: this to the power of the effort. Restricted fronts stop
-# growing.
+# States a front may have of each excess: this to the power of the effort plus one. Restricted
+# fronts stop growing.
 FINENESS = 4
 MOST_RESTRICTED = 64
 # Fraction by which the range is widened in the passes, so that round-off loses no selection.
@@ -129,7 +129,7 @@ class NarrowSearch:
     def _learn(self, wanted: Range, fronts: Fronts, limit: int, budget: Budget) -> Knowledge:
         outside = downwards(self.branches, fronts, limit, budget)
         learnt = Knowledge(wanted, limit, outside)
-        # Bounds of the same fineness for a narrower range are of less use than these.
+        # Coarser bounds that hold for part of this range only are of no more use.
         self._known = [known for known in self._known if not learnt.replaces(known)]
         self._known.append(learnt)
         return learnt

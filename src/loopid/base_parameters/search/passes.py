@@ -27,7 +27,6 @@ from loopid.base_parameters.search.loewner import groups, upper_bound
 from loopid.base_parameters.search.threshold import Budget
 
 Fronts = dict[Branch, Front]
-Thinning = Callable[[Front, Front | None, int], Front]
 
 
 def upwards(
