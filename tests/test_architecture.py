@@ -29,8 +29,10 @@ STREET = (
     "simulation",
     "base_parameters",
     "identification",
+    "consistency",
     "reduction",
     "experiment",
+    "export",
     "paper",
     "report",
     "cli",
@@ -38,7 +40,9 @@ STREET = (
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
 MODEL = {"pinocchio", "mechanism", "kinematics", "loading", "regressors"}
-NEVER = dict.fromkeys(("base_parameters", "identification", "reduction"), MODEL)
+NEVER = dict.fromkeys(
+    ("base_parameters", "identification", "consistency", "reduction"), MODEL
+)
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

@@ -53,6 +53,10 @@ class RankError(LoopidError, ArithmeticError):
     """A rank cannot be told from round-off."""
 
 
+class FeasibilityError(LoopidError, ValueError):
+    """No bodies of positive density have the parameters that are asked for."""
+
+
 class SearchError(LoopidError, RuntimeError):
     """A search is refused, or found no valid choice."""
 
