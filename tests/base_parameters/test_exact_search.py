@@ -111,3 +111,16 @@ def test_columns_that_no_null_vector_touches_stay_base_parameters():
         found = ExactSearch().search(problem)
         assert not {2, 5} & set(found.dependent)
         assert found.condition_number == pytest.approx(brute_force(problem).least)
+
+
+@pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
+@pytest.mark.parametrize("others", [0, 1])
+def test_columns_that_are_null_vectors_alone_become_dependent(criterion, others):
+    rng = np.random.default_rng(others)
+    Z = np.zeros((6, 1 + others))
+    Z[2, 0] = 1.0
+    Z[3:, 1:] = rng.normal(size=(3, others))
+    result = ExactSearch().search(ChoiceProblem(structure(Z), criterion))
+    assert result.certified
+    assert 2 in result.dependent
+    assert len(result.dependent) == 1 + others

@@ -16,6 +16,7 @@ from loopid.base_parameters.search.strategy import TIE_TOLERANCE
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
 FINENESS = 1e-2  # relative distance of thresholds that are worth a test of their own
+FIRST_STEP, LONGER = 1e-6, 30.0  # of relative steps up from a selection, and how they grow
 NEAR = 1.05  # ends this close call for a threshold just above the lower one
 
 
@@ -115,5 +116,19 @@ class Bracket:
         if found is None:
             self.high = threshold
         else:
-            self._select(found)
+            self._climb(found, budget)
         return True
+
+    def _climb(self, found: IntArray, budget: Budget) -> None:
+        """Take a selection, and better ones while guesses hit, by steps that grow."""
+        step, guess = FIRST_STEP, found
+        while guess is not None:
+            self._select(self._polished(guess))
+            guess = self.engine.guess(self.low * (1 + step), self.below, budget)
+            step *= LONGER
+
+    def _polished(self, selection: IntArray) -> IntArray:
+        """The selection after swaps that raise its smallest eigenvalue, if it stays below."""
+        walked = self.engine.polished(selection)
+        fits = self.below is None or self.engine.block.levels(walked).largest < self.below
+        return walked if fits else selection

@@ -15,7 +15,7 @@ from heapq import heapify, heappop, heappush
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, IntArray
 
 # Shares and couplings (square roots of eigenvalues, at most 1) below this are round-off.
 NEGLIGIBLE = 1e-10
@@ -114,9 +114,9 @@ def _planned(vectors: FloatArray, measure: Measure) -> tuple[float, list[tuple[i
     """Cost and pairs to join, in turn; the i-th pair makes set n + i."""
     sets = {row: _Sketch(vector[:, None], 1) for row, vector in enumerate(vectors)}
     beside = _neighbours(vectors)
-    queue = [
-        (*_urgency(measure, sets[a], sets[b]), a, b) for a in beside for b in beside[a] if a < b
-    ]
+    queue: list[tuple[float, int, int, int]] = []
+    for row in sets:
+        queue += _urgencies(measure, sets, row, [other for other in beside[row] if other < row])
     heapify(queue)
     cost = 0.0
     plan: list[tuple[int, int]] = []
@@ -132,7 +132,8 @@ def _planned(vectors: FloatArray, measure: Measure) -> tuple[float, list[tuple[i
         beside[new] = (beside.pop(a) | beside.pop(b)) - {a, b}
         for other in beside[new]:
             beside[other] = (beside[other] - {a, b}) | {new}
-            heappush(queue, (*_urgency(measure, sets[other], sets[new]), other, new))
+        for entry in _urgencies(measure, sets, new, sorted(beside[new])):
+            heappush(queue, entry)
     return cost, plan
 
 
@@ -142,21 +143,37 @@ def _neighbours(vectors: FloatArray) -> dict[int, set[int]]:
     return {row: set(np.flatnonzero(others).tolist()) for row, others in enumerate(connected)}
 
 
-def _urgency(measure: Measure, first: _Sketch, second: _Sketch) -> tuple[float, int]:
-    values = np.linalg.eigvalsh(_gram(first, second))
-    width = int(((values > PLANNED) & (values < 1 - PLANNED)).sum())
-    return measure(width, first.width, second.width), first.size + second.size
+def _urgencies(
+    measure: Measure, sets: dict[int, _Sketch], new: int, others: list[int]
+) -> list[tuple[float, int, int, int]]:
+    """Entries of the queue for joining a set with each of others."""
+    entries = []
+    for width in {sets[other].width for other in others}:
+        alike = [other for other in others if sets[other].width == width]
+        stack = np.stack([sets[other].scaled for other in alike])
+        shared = _shared_widths(sets[new].scaled, stack)
+        for other, together in zip(alike, shared.tolist(), strict=True):
+            urgency = measure(together, sets[new].width, width)
+            entries.append((urgency, sets[other].size + sets[new].size, other, new))
+    return entries
 
 
-def _gram(first: _Sketch, second: _Sketch) -> FloatArray:
-    both = np.concatenate([first.scaled, second.scaled], axis=1)
-    return np.asarray(both.T @ both, dtype=np.float64)
+def _shared_widths(scaled: FloatArray, others: FloatArray) -> IntArray:
+    """Widths (N,) of a set (k, w) joined with each of others (N, k, v)."""
+    cross = scaled.T @ others
+    grams = np.zeros((len(others), *np.add(cross.shape[1:], cross.shape[:0:-1])))
+    own = scaled.shape[1]
+    grams[:, :own, :own] = scaled.T @ scaled
+    grams[:, own:, own:] = np.swapaxes(others, 1, 2) @ others
+    grams[:, :own, own:], grams[:, own:, :own] = cross, np.swapaxes(cross, 1, 2)
+    values = np.linalg.eigvalsh(grams)
+    return np.asarray(((values > PLANNED) & (values < 1 - PLANNED)).sum(axis=1))
 
 
 def _shared(first: _Sketch, second: _Sketch) -> FloatArray:
-    values, turns = np.linalg.eigh(_gram(first, second))
-    shared = (values > PLANNED) & (values < 1 - PLANNED)
     both = np.concatenate([first.scaled, second.scaled], axis=1)
+    values, turns = np.linalg.eigh(both.T @ both)
+    shared = (values > PLANNED) & (values < 1 - PLANNED)
     return np.asarray(both @ turns[:, shared], dtype=np.float64)
 
 

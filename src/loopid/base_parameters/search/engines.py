@@ -12,7 +12,7 @@ import numpy as np
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.block import Block
 from loopid.base_parameters.search.narrow import NarrowSearch
-from loopid.base_parameters.search.swaps import good_selection
+from loopid.base_parameters.search.swaps import FRACTIONS, good_selection, walked
 from loopid.base_parameters.search.threshold import Budget, selections_between
 
 # Selections of a block that are looked at one by one.
@@ -42,6 +42,14 @@ class Engine(ABC):
     def start(self, least_largest: float) -> IntArray:
         """A good selection; largest eigenvalues below the given one are no better than it."""
         return good_selection(self.block, least_largest=least_largest)
+
+    def polished(self, selection: IntArray) -> IntArray:
+        """The selection (k,), or one with a higher smallest eigenvalue a few swaps away."""
+        return walked(self.block, selection, FRACTIONS[-1])
+
+    def guess(self, above: float, below: float | None, budget: Budget) -> IntArray | None:
+        """A selection in the range if one is found at little cost; None proves nothing."""
+        return None
 
     def between(self, above: float, below: float | None, budget: Budget) -> Iterator[IntArray]:
         """All selections (k,) of representatives in the range.
@@ -123,6 +131,9 @@ class BranchEngine(Engine):
         self, above: float, below: float | None, effort: int, budget: Budget
     ) -> IntArray | None:
         return self.narrow.first(above, below, effort, budget)
+
+    def guess(self, above: float, below: float | None, budget: Budget) -> IntArray | None:
+        return self.narrow.guess(above, below, budget)
 
 
 def engine_for(block: Block, null_vectors: bool) -> Engine:

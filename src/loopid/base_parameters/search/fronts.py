@@ -16,11 +16,11 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.search.branches import Branch
 from loopid.base_parameters.search.conflicts import ZERO_PIVOT
-from loopid.base_parameters.search.loewner import eliminate, maximal, positive_definite
+from loopid.base_parameters.search.loewner import maximal, positive_definite, room, sums
 from loopid.base_parameters.search.threshold import Budget
 
-# Numbers in the forms of a batch of pairs: few enough to stay in a fast cache.
-BATCH = 1 << 18
+# Pairs between two looks at the budget.
+MOST_PAIRS = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -124,15 +124,14 @@ def combine(
         Pairs with an excess outside 0 ... width cannot be completed.
     """
     first, second = (E.T @ front.forms @ E for E, front in zip(maps, fronts, strict=True))
-    a, b = np.nonzero((excess >= 0) & (excess <= width))
-    size = max(1, BATCH // max(1, int(np.prod(first.shape[1:]))))
-    parts = [Front(np.empty((0, first.shape[1], width, width)), a[:0], np.empty((0, 2), np.int64))]
-    for start in range(0, len(a), size):
+    size = max(1, MOST_PAIRS // max(1, len(second)))
+    parts = []
+    for start in range(0, max(1, len(first)), size):
         budget.spend()
-        i, j = a[start : start + size], b[start : start + size]
-        forms, kept = eliminate(first[i] + second[j], first.shape[-1] - width)
-        pairs = np.stack([i[kept], j[kept]], axis=1)
-        parts.append(Front(forms, excess[i[kept], j[kept]], pairs))
+        some = slice(start, start + size)
+        forms, pairs = sums(first[some], second, excess[some], width)
+        pairs[:, 0] += start
+        parts.append(Front(forms, excess[pairs[:, 0], pairs[:, 1]], pairs))
     return joined(parts)
 
 
@@ -168,13 +167,7 @@ def supported(front: Front, outside: Front, width: int) -> BoolArray:
     found = np.zeros(len(front), dtype=np.bool_)
     for states in front.by_excess():
         partners = outside.forms[outside.excess == width - front.excess[states[0]]]
-        size = max(1, BATCH // max(1, front.forms[states].size))
-        for start in range(0, len(partners), size):
-            some = partners[start : start + size]
-            open_ = states[~found[states]]
-            sums = front.forms[open_, None] + some
-            complete = positive_definite(sums.reshape(len(open_) * len(some), *some.shape[1:]))
-            found[open_] = complete.reshape(len(open_), len(some)).any(axis=1)
+        found[states] = room(front.forms[states], partners, enough=ZERO_PIVOT) > ZERO_PIVOT
     return found
 
 

@@ -106,7 +106,7 @@ class NarrowSearch:
         OutOfBudgetError
             Where the last passes do not decide.
         """
-        wanted = Range(above * (1 - SLACK), None if below is None else below * (1 + SLACK))
+        wanted = _widened(above, below)
         known = self._known_for(wanted)
         for limit in (FINENESS ** (power + 1) for power in range(effort + 1)):
             if limit < known.limit:
@@ -116,10 +116,20 @@ class NarrowSearch:
                 return None
             if not all(front.exact for front in fronts.values()):
                 known = self._learn(wanted, fronts, limit, budget)
-                fronts = self._restricted_pass(wanted, known, limit, budget)
+                fronts = self._restricted_pass(wanted, known, budget)
             if fronts is not None:
-                return self._representatives[selection(self.branches, fronts)]
+                return self._selected(fronts)
         raise OutOfBudgetError
+
+    def guess(self, above: float, below: float | None, budget: Budget) -> IntArray | None:
+        """A selection (k,) in the range that what is known already leads to, or None."""
+        wanted = _widened(above, below)
+        known = self._known_for(wanted)
+        fronts = self._restricted_pass(wanted, known, budget) if known.outside else None
+        return None if fronts is None else self._selected(fronts)
+
+    def _selected(self, fronts: Fronts) -> IntArray:
+        return self._representatives[selection(self.branches, fronts)]
 
     def _known_for(self, wanted: Range) -> Knowledge:
         """The finest bounds that hold for a range, of the narrowest one among equally fine ones."""
@@ -140,11 +150,14 @@ class NarrowSearch:
         thin = partial(_relaxed, limit=limit)
         return upwards(self.branches, wanted, known.outside, thin, budget)
 
-    def _restricted_pass(
-        self, wanted: Range, known: Knowledge, limit: int, budget: Budget
-    ) -> Fronts | None:
-        thin = partial(_restricted, outside=known.outside, limit=min(limit, MOST_RESTRICTED))
+    def _restricted_pass(self, wanted: Range, known: Knowledge, budget: Budget) -> Fronts | None:
+        limit = min(known.limit, MOST_RESTRICTED)
+        thin = partial(_restricted, outside=known.outside, limit=limit)
         return upwards(self.branches, wanted, known.outside, thin, budget)
+
+
+def _widened(above: float, below: float | None) -> Range:
+    return Range(above * (1 - SLACK), None if below is None else below * (1 + SLACK))
 
 
 def _relaxed(branch: Branch, front: Front, limit: int) -> Front:

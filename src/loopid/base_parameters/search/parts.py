@@ -61,13 +61,13 @@ class Part:
 
 
 def separate(problem: ChoiceProblem) -> tuple[Part, ...]:
-    """Split a problem into parts; columns without a dependent one among them need no choice."""
+    """Split a problem into parts; columns without a null vector among them need no choice."""
     V2 = problem.structure.null_basis
     if problem.criterion == "regressor":
         everything = np.arange(problem.size)
         block = make_block(problem.vectors, everything)
         return (Part(everything, V2, block, selects_dependent=False),)
-    blocks = (columns for columns in independent_blocks(V2) if len(columns) > 1)
+    blocks = (columns for columns in independent_blocks(V2) if np.linalg.norm(V2[columns]) > 0.5)
     return tuple(_null_space_part(V2, columns) for columns in blocks)
 
 

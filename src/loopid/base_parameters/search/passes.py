@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import IntArray
 from loopid.base_parameters.search.branches import Branch
 from loopid.base_parameters.search.fronts import (
     Front,
@@ -23,7 +23,7 @@ from loopid.base_parameters.search.fronts import (
     single,
     supported,
 )
-from loopid.base_parameters.search.loewner import groups, upper_bound
+from loopid.base_parameters.search.loewner import groups, room, upper_bound
 from loopid.base_parameters.search.threshold import Budget
 
 Fronts = dict[Branch, Front]
@@ -115,18 +115,13 @@ def restricted(front: Front, outside: Front, limit: int, width: int) -> Front:
     for states in front.by_excess():
         if len(states) > limit:
             forms = front.forms[states]
-            room = _room(forms, outside.forms[outside.excess == width - front.excess[states[0]]])
+            partners = outside.forms[outside.excess == width - front.excess[states[0]]]
+            spare = room(forms, partners)
             labels = groups(forms, limit)
             members = (np.flatnonzero(labels == label) for label in np.unique(labels))
-            states = states[[own[room[own].argmax()] for own in members]]
+            states = states[[own[spare[own].argmax()] for own in members]]
         kept.append(states)
     return front.only(np.concatenate(kept))
-
-
-def _room(forms: FloatArray, partners: FloatArray) -> FloatArray:
-    """For each form the least eigenvalue with the partner that leaves the largest one."""
-    room = [np.linalg.eigvalsh(forms + partner)[..., 0].min(axis=1) for partner in partners]
-    return np.asarray(np.max(room, axis=0), dtype=np.float64)
 
 
 def selection(branches: Sequence[Branch], fronts: Fronts) -> IntArray:
