@@ -9,6 +9,7 @@ from chains import chain_block, chains, levels_of_all
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from loopid.base_parameters.search import fronts as fronts_module
 from loopid.base_parameters.search.branches import branch_decomposition
 from loopid.base_parameters.search.fronts import Front, Range, merged, single, supported
 from loopid.base_parameters.search.narrow import NarrowSearch
@@ -20,6 +21,10 @@ FINE = 8  # efforts after which the fronts of small blocks are whole
 
 def budget():
     return Budget(perf_counter() + 1e9)
+
+
+def unchanged(front):
+    return front
 
 
 def form(vectors, branch, weights):
@@ -50,7 +55,7 @@ def test_states_are_forms_minimised_over_what_is_inside(vectors, above, below):
             fronts[branch], members[branch] = single(branch, wanted), [(0,), (1,)]
         else:
             pair = tuple(fronts[child] for child in branch.children)
-            fronts[branch] = merged(branch, pair, wanted, budget())
+            fronts[branch] = merged(branch, pair, wanted, (unchanged, unchanged), budget())
             both = [members[child] for child in branch.children]
             members[branch] = [both[0][i] + both[1][j] for i, j in fronts[branch].origins]
         for state, taken in enumerate(members[branch]):
@@ -72,7 +77,7 @@ def test_only_what_cannot_be_completed_is_dropped(vectors, above):
             fronts[branch], members[branch] = single(branch, wanted), [(0,), (1,)]
             continue
         pair = tuple(fronts[child] for child in branch.children)
-        fronts[branch] = merged(branch, pair, wanted, budget())
+        fronts[branch] = merged(branch, pair, wanted, (unchanged, unchanged), budget())
         both = [members[child] for child in branch.children]
         members[branch] = [both[0][i] + both[1][j] for i, j in fronts[branch].origins]
     n, k = vectors.shape
@@ -84,6 +89,17 @@ def test_only_what_cannot_be_completed_is_dropped(vectors, above):
             continue
         for branch, states in members.items():
             assert tuple(choice[row] for row in branch.rows) in states
+
+
+@pytest.fixture(params=["at once", "in pieces"], autouse=True, scope="module")
+def crowd(request):
+    """Fronts that are thinned as they grow, and so large that none are compared."""
+    few = (5, 2, 3) if request.param == "in pieces" else (1 << 21, 1 << 15, 1 << 17)
+    names = ("MOST_PAIRS", "MOST_COMPARED", "MOST_WAITING")
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in zip(names, few, strict=True):
+            patch.setattr(fronts_module, name, value)
+        yield
 
 
 @given(vectors=chains(), effort=st.integers(0, 3), data=st.data())
@@ -151,7 +167,7 @@ def test_relaxed_fronts_exceed_and_restricted_ones_are_part_of_the_whole(vectors
             same = loose.forms[loose.excess == front.excess[state]]
             gaps = np.linalg.eigvalsh(same - front.forms[state])
             assert (gaps.reshape(len(same), -1).min(axis=1) >= -1e-9).any()
-        front = front.only(supported(front, outside[branch], branch.width))
+        front = front.only(supported(front, outside[branch], branch.width, budget()))
         some = restricted(front, outside[branch], limit, branch.width)
         whole_forms = [state.tobytes() for state in front.forms]
         assert all(state.tobytes() in whole_forms for state in some.forms)

@@ -121,7 +121,8 @@ class Bracket:
 
     def _climb(self, found: IntArray, budget: Budget) -> None:
         """Take a selection, and better ones while guesses hit, by steps that grow."""
-        step, guess = FIRST_STEP, found
+        guess: IntArray | None = found
+        step = FIRST_STEP
         while guess is not None:
             self._select(self._polished(guess))
             guess = self.engine.guess(self.low * (1 + step), self.below, budget)

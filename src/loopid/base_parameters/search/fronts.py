@@ -9,6 +9,7 @@ another one of the same count exceeds it. Derivation in docs/derivations.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +20,14 @@ from loopid.base_parameters.search.conflicts import ZERO_PIVOT
 from loopid.base_parameters.search.loewner import maximal, positive_definite, room, sums
 from loopid.base_parameters.search.threshold import Budget
 
-# Pairs between two looks at the budget.
-MOST_PAIRS = 1 << 22
+# Pairs of states between two looks at the budget.
+MOST_PAIRS = 1 << 21
+# States of one excess, among which those that others exceed are looked for.
+MOST_COMPARED = 1 << 15
+# States that wait to be thinned; larger fronts are thinned as they grow.
+MOST_WAITING = 1 << 17
+
+Change = Callable[["Front"], "Front"]
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,7 @@ def combine(
     fronts: tuple[Front, Front],
     excess: IntArray,
     width: int,
+    changes: tuple[Change, Change],
     budget: Budget,
 ) -> Front:
     """Every pair of states of two sets, where it is positive definite inside both together.
@@ -122,27 +130,43 @@ def combine(
         (N_a, N_b), the excess of every pair.
     width : int
         Pairs with an excess outside 0 ... width cannot be completed.
+    changes : tuple of callable
+        What leaves away states that cannot be completed, and what thins a front.
+    budget : Budget
     """
+    possible, thinned = changes
     first, second = (E.T @ front.forms @ E for E, front in zip(maps, fronts, strict=True))
     size = max(1, MOST_PAIRS // max(1, len(second)))
-    parts = []
+    waiting: list[Front] = []
     for start in range(0, max(1, len(first)), size):
         budget.spend()
         some = slice(start, start + size)
         forms, pairs = sums(first[some], second, excess[some], width)
         pairs[:, 0] += start
-        parts.append(Front(forms, excess[pairs[:, 0], pairs[:, 1]], pairs))
-    return joined(parts)
+        waiting.append(possible(Front(forms, excess[pairs[:, 0], pairs[:, 1]], pairs)))
+        if sum(map(len, waiting)) > MOST_WAITING:
+            waiting = [thinned(joined(waiting))]
+    whole = joined(waiting)
+    return thinned(whole) if len(whole) else whole
 
 
-def merged(branch: Branch, fronts: tuple[Front, Front], wanted: Range, budget: Budget) -> Front:
+def merged(
+    branch: Branch,
+    fronts: tuple[Front, Front],
+    wanted: Range,
+    changes: tuple[Change, Change],
+    budget: Budget,
+) -> Front:
     """States of a set from those of its two children; all that cannot be completed are dropped."""
     a, b = fronts
     excess = a.excess[:, None] + b.excess - branch.closing
     first, second = branch.maps
-    front = combine((first, second), fronts, excess, branch.width, budget)
-    front = front.only(_completable(branch, front, wanted))
-    return front.only(_consistent(front))
+
+    def possible(front: Front) -> Front:
+        front = front.only(_completable(branch, front, wanted))
+        return changes[0](front.only(_consistent(front)))
+
+    return combine((first, second), fronts, excess, branch.width, (possible, changes[1]), budget)
 
 
 def _completable(branch: Branch, front: Front, wanted: Range) -> BoolArray:
@@ -162,16 +186,23 @@ def _consistent(front: Front) -> BoolArray:
     return np.asarray((values > -ZERO_PIVOT).sum(axis=1) >= front.excess)
 
 
-def supported(front: Front, outside: Front, width: int) -> BoolArray:
+def supported(front: Front, outside: Front, width: int, budget: Budget) -> BoolArray:
     """Which states some state of the rest completes."""
     found = np.zeros(len(front), dtype=np.bool_)
     for states in front.by_excess():
         partners = outside.forms[outside.excess == width - front.excess[states[0]]]
-        found[states] = room(front.forms[states], partners, enough=ZERO_PIVOT) > ZERO_PIVOT
+        size = max(1, MOST_PAIRS // max(1, len(partners)))
+        for start in range(0, len(states), size):
+            budget.spend()
+            some = states[start : start + size]
+            found[some] = room(front.forms[some], partners, enough=ZERO_PIVOT) > ZERO_PIVOT
     return found
 
 
 def maxima(front: Front) -> Front:
-    """The states that no other of the same excess exceeds."""
-    kept = [states[maximal(front.forms[states])] for states in front.by_excess()]
+    """The states that no other of the same excess exceeds, or all where they are very many."""
+    kept = [
+        states[maximal(front.forms[states])] if len(states) <= MOST_COMPARED else states
+        for states in front.by_excess()
+    ]
     return front.only(np.concatenate(kept)) if kept else front

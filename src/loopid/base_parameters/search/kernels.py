@@ -166,5 +166,5 @@ def groups(points: FloatArray, count: int) -> IntArray:
                     break
             if own < distance[i]:
                 labels[i], distance[i] = label, own
-        centre = distance.argmax()
+        centre = int(distance.argmax())
     return labels

@@ -8,12 +8,14 @@ restricted pass completes is a selection [Bergman2016].
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.branches import Branch
 from loopid.base_parameters.search.fronts import (
+    Change,
     Front,
     Range,
     combine,
@@ -51,17 +53,28 @@ def upwards(
     """
     fronts: Fronts = {}
     for branch in branches:
-        if not branch.children:
-            fronts[branch] = single(branch, wanted)
-            continue
-        first, second = (fronts[child] for child in branch.children)
-        front = merged(branch, (first, second), wanted, budget)
-        if branch in outside:
-            front = front.only(supported(front, outside[branch], branch.width))
+        if branch.children:
+            first, second = (fronts[child] for child in branch.children)
+            possible = _supported_by(outside.get(branch), branch.width, budget)
+            changes = possible, partial(_thinned, branch, thin)
+            front = merged(branch, (first, second), wanted, changes, budget)
+        else:
+            front = single(branch, wanted)
         if len(front) == 0:
             return None
-        fronts[branch] = thin(branch, maxima(front))
+        fronts[branch] = front
     return fronts
+
+
+def _supported_by(rest: Front | None, width: int, budget: Budget) -> Change:
+    """What leaves away the states that no state of the rest completes."""
+    if rest is None:
+        return lambda front: front
+    return lambda front: front.only(supported(front, rest, width, budget))
+
+
+def _thinned(branch: Branch, thin: Callable[[Branch, Front], Front], front: Front) -> Front:
+    return thin(branch, maxima(front))
 
 
 def downwards(branches: Sequence[Branch], fronts: Fronts, limit: int, budget: Budget) -> Fronts:
@@ -75,13 +88,19 @@ def downwards(branches: Sequence[Branch], fronts: Fronts, limit: int, budget: Bu
             child = branch.children[own]
             if child.children:
                 pair = (outside[branch], fronts[branch.children[other]])
-                front = _outside(branch, own, pair, budget)
-                front = front.only(supported(front, fronts[child], child.width))
-                outside[child] = relaxed(maxima(front), limit)
+                possible = _supported_by(fronts[child], child.width, budget)
+                changes = possible, lambda front: relaxed(maxima(front), limit)
+                outside[child] = _outside(branch, own, pair, changes, budget)
     return outside
 
 
-def _outside(branch: Branch, own: int, fronts: tuple[Front, Front], budget: Budget) -> Front:
+def _outside(
+    branch: Branch,
+    own: int,
+    fronts: tuple[Front, Front],
+    changes: tuple[Change, Change],
+    budget: Budget,
+) -> Front:
     """States of the rest of a child: the rest of its parent with the other child."""
     child, sibling = branch.maps[own], branch.maps[1 - own]
     width, size = child.shape
@@ -92,7 +111,7 @@ def _outside(branch: Branch, own: int, fronts: tuple[Front, Front], budget: Budg
     maps = (np.eye(branch.width, size) @ turn, sibling @ turn)
     # A set and its rest have excesses that add up to the width of their boundary.
     excess = width - (branch.width - rest.excess[:, None] - beside.excess + branch.closing)
-    return combine(maps, (rest, beside), excess, width, budget)
+    return combine(maps, (rest, beside), excess, width, changes, budget)
 
 
 def relaxed(front: Front, limit: int) -> Front:
