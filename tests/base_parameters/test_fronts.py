@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from loopid.base_parameters.search import fronts as fronts_module
+from loopid.base_parameters.search import passes as passes_module
 from loopid.base_parameters.search.branches import branch_decomposition
 from loopid.base_parameters.search.fronts import Front, Range, merged, single, supported
 from loopid.base_parameters.search.narrow import NarrowSearch
@@ -94,11 +95,11 @@ def test_only_what_cannot_be_completed_is_dropped(vectors, above):
 @pytest.fixture(params=["at once", "in pieces"], autouse=True, scope="module")
 def crowd(request):
     """Fronts that are thinned as they grow, and so large that none are compared."""
-    few = (5, 2, 3) if request.param == "in pieces" else (1 << 21, 1 << 15, 1 << 17)
-    names = ("MOST_PAIRS", "MOST_COMPARED", "MOST_WAITING")
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in zip(names, few, strict=True):
-            patch.setattr(fronts_module, name, value)
+        if request.param == "in pieces":
+            patch.setattr(fronts_module, "MOST_PAIRS", 5)
+            patch.setattr(fronts_module, "MOST_WAITING", 3)
+            patch.setattr(passes_module, "COMPARED", 1)
         yield
 
 
@@ -175,6 +176,7 @@ def test_relaxed_fronts_exceed_and_restricted_ones_are_part_of_the_whole(vectors
 
 
 def test_states_of_bounds_are_not_taken_for_selections():
-    front = Front(np.zeros((5, 1, 1, 1)), np.zeros(5, np.int64), np.zeros((5, 2), np.int64))
+    forms = np.array([np.diag([k, -k]) for k in range(5)])[:, None].astype(float)
+    front = Front(forms, np.zeros(5, np.int64), np.zeros((5, 2), np.int64))
     assert front.exact
     assert not relaxed(front, 2).exact

@@ -22,8 +22,6 @@ from loopid.base_parameters.search.threshold import Budget
 
 # Pairs of states between two looks at the budget.
 MOST_PAIRS = 1 << 21
-# States of one excess, among which those that others exceed are looked for.
-MOST_COMPARED = 1 << 15
 # States that wait to be thinned; larger fronts are thinned as they grow.
 MOST_WAITING = 1 << 17
 
@@ -199,10 +197,14 @@ def supported(front: Front, outside: Front, width: int, budget: Budget) -> BoolA
     return found
 
 
-def maxima(front: Front) -> Front:
-    """The states that no other of the same excess exceeds, or all where they are very many."""
+def maxima(front: Front, most: int) -> Front:
+    """The states that no other of the same excess exceeds; all where there are more than so many.
+
+    States without a boundary are all alike, so that one is enough.
+    """
+    compared = most if front.forms.shape[-1] else len(front)
     kept = [
-        states[maximal(front.forms[states])] if len(states) <= MOST_COMPARED else states
+        states[maximal(front.forms[states])] if len(states) <= compared else states
         for states in front.by_excess()
     ]
     return front.only(np.concatenate(kept)) if kept else front

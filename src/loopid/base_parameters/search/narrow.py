@@ -161,8 +161,8 @@ def _widened(above: float, below: float | None) -> Range:
 
 
 def _relaxed(branch: Branch, front: Front, limit: int) -> Front:
-    return relaxed(front, limit) if branch.width else front
+    return relaxed(front, limit)
 
 
 def _restricted(branch: Branch, front: Front, outside: Fronts, limit: int) -> Front:
-    return restricted(front, outside[branch], limit, branch.width) if branch.width else front
+    return restricted(front, outside[branch], limit, branch.width)

@@ -25,10 +25,12 @@ from loopid.base_parameters.search.fronts import (
     single,
     supported,
 )
-from loopid.base_parameters.search.loewner import groups, room, upper_bound
+from loopid.base_parameters.search.loewner import groups, maximal, room, upper_bound
 from loopid.base_parameters.search.threshold import Budget
 
 Fronts = dict[Branch, Front]
+# States of one excess, times the limit, among which those that others exceed are looked for.
+COMPARED = 16
 
 
 def upwards(
@@ -56,7 +58,7 @@ def upwards(
         if branch.children:
             first, second = (fronts[child] for child in branch.children)
             possible = _supported_by(outside.get(branch), branch.width, budget)
-            changes = possible, partial(_thinned, branch, thin)
+            changes = possible, partial(thin, branch)
             front = merged(branch, (first, second), wanted, changes, budget)
         else:
             front = single(branch, wanted)
@@ -73,10 +75,6 @@ def _supported_by(rest: Front | None, width: int, budget: Budget) -> Change:
     return lambda front: front.only(supported(front, rest, width, budget))
 
 
-def _thinned(branch: Branch, thin: Callable[[Branch, Front], Front], front: Front) -> Front:
-    return thin(branch, maxima(front))
-
-
 def downwards(branches: Sequence[Branch], fronts: Fronts, limit: int, budget: Budget) -> Fronts:
     """Bounds of what is outside each set, from the root to the vectors."""
     root = branches[-1]
@@ -89,7 +87,7 @@ def downwards(branches: Sequence[Branch], fronts: Fronts, limit: int, budget: Bu
             if child.children:
                 pair = (outside[branch], fronts[branch.children[other]])
                 possible = _supported_by(fronts[child], child.width, budget)
-                changes = possible, lambda front: relaxed(maxima(front), limit)
+                changes = possible, partial(relaxed, limit=limit)
                 outside[child] = _outside(branch, own, pair, changes, budget)
     return outside
 
@@ -116,21 +114,22 @@ def _outside(
 
 def relaxed(front: Front, limit: int) -> Front:
     """At most ``limit`` states of each excess, which exceed all of the front."""
-    parts = []
+    front, parts = maxima(front, COMPARED * limit), []
     for states in front.by_excess():
         part = front.only(states)
         if len(part) > limit:
             labels = groups(part.forms, limit)
-            forms = [upper_bound(part.forms[labels == label]) for label in np.unique(labels)]
+            bounds = [upper_bound(part.forms[labels == label]) for label in np.unique(labels)]
+            forms = np.stack(bounds)[maximal(np.stack(bounds))]
             unknown = np.full((len(forms), 2), -1)
-            part = Front(np.stack(forms), part.excess[: len(forms)], unknown)
+            part = Front(forms, part.excess[: len(forms)], unknown)
         parts.append(part)
-    return joined(parts) if parts else front
+    return joined(parts)
 
 
 def restricted(front: Front, outside: Front, limit: int, width: int) -> Front:
     """At most ``limit`` states of each excess: of each group the one that the rest suits best."""
-    kept = []
+    front, kept = maxima(front, COMPARED * limit), []
     for states in front.by_excess():
         if len(states) > limit:
             forms = front.forms[states]
