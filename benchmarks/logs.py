@@ -1,7 +1,7 @@
 """Memory and time of an identification by the length of the log, from the file to the intervals.
 
-    python benchmarks/logs.py [--samples N ...] [--jobs N ...] [--formats csv npz] [--every]
-                              [--json FILE]
+    python benchmarks/logs.py [--samples N ...] [--jobs N ...] [--formats csv npz parquet h5 bag
+                              db3 mcap] [--every] [--json FILE]
 
 A simulated run of the 3UPS+RPU, with friction and noise, is written as a log. A process of its own
 reads it, identifies base parameters and friction with their intervals, and tells how much memory
@@ -15,17 +15,24 @@ from __future__ import annotations
 import argparse
 import json
 import resource
+import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
+import h5py
 import numpy as np
+import polars
 from numpy.lib import format as npy
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
 
 from loopid import (
     JointTerms,
@@ -52,7 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--samples", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--jobs", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--formats", nargs="+", default=["csv", "npz"])
+    parser.add_argument("--formats", nargs="+", default=["csv", "npz"], choices=list(WRITERS))
     parser.add_argument("--every", action="store_true", help="fit all samples, not every fourth")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     parser.add_argument("--measure", metavar="LOG", help=argparse.SUPPRESS)
@@ -69,7 +76,7 @@ def main() -> None:
                 write_log(mechanism, count, path)
                 for jobs in arguments.jobs:
                     rows.append(in_process(str(path), jobs, arguments.every) | {"log": ending})
-                path.unlink()
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
     show(f"identification of {mechanism.name} from logs", rows)
     if arguments.json:
         write_json(arguments.json, {"logs": rows})
@@ -116,8 +123,8 @@ def peak_megabytes() -> float:
 
 def write_log(mechanism: Mechanism, count: int, path: Path) -> None:
     """A log of so many samples: a trajectory over and over, with new noise."""
-    names = [f"{joint}.{what}" for what in ("position", "force") for joint in mechanism.actuated]
-    write = write_csv if path.suffix == ".csv" else write_npz
+    names = [f"{joint}.{what}" for what in ("position", "effort") for joint in mechanism.actuated]
+    write = WRITERS[path.suffix[1:]]
     write(path, ["time", *names], count, tables(mechanism, count))
 
 
@@ -145,18 +152,78 @@ def write_csv(path: Path, names: list[str], count: int, blocks: Iterator[np.ndar
 
 def write_npz(path: Path, names: list[str], count: int, blocks: Iterator[np.ndarray]) -> None:
     """One array a column, by way of a matrix on the disk."""
-    whole = np.lib.format.open_memmap(
-        path.with_suffix(".npy"), "w+", np.float64, (len(names), count)
-    )
-    done = 0
-    for block in blocks:
-        whole[:, done : done + len(block)] = block.T
-        done += len(block)
+    whole = on_disk(path, len(names), count, blocks)
     with zipfile.ZipFile(path, "w") as archive:
         for name, column in zip(names, whole, strict=True):
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                 npy.write_array(file, np.asarray(column))
     path.with_suffix(".npy").unlink()
+
+
+def on_disk(path: Path, width: int, count: int, blocks: Iterator[np.ndarray]) -> np.ndarray:
+    """All columns (k, N), in a file beside the log."""
+    whole = np.lib.format.open_memmap(path.with_suffix(".npy"), "w+", np.float64, (width, count))
+    done = 0
+    for block in blocks:
+        whole[:, done : done + len(block)] = block.T
+        done += len(block)
+    return whole
+
+
+def write_parquet(path: Path, names: list[str], count: int, blocks: Iterator[np.ndarray]) -> None:
+    """One table."""
+    whole = on_disk(path, len(names), count, blocks)
+    polars.DataFrame(dict(zip(names, whole, strict=True))).write_parquet(path)
+    path.with_suffix(".npy").unlink()
+
+
+def write_hdf5(path: Path, names: list[str], count: int, blocks: Iterator[np.ndarray]) -> None:
+    """A matrix with named columns, packed."""
+    with h5py.File(path, "w") as file:
+        table = file.create_dataset("log", (count, len(names)), float, compression="gzip")
+        table.attrs["columns"] = names
+        done = 0
+        for block in blocks:
+            table[done : done + len(block)] = block
+            done += len(block)
+
+
+def write_bag(path: Path, names: list[str], count: int, blocks: Iterator[np.ndarray]) -> None:
+    """A message a row."""
+    store = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
+    kind = "sensor_msgs/msg/JointState"
+    state, header = store.types[kind], store.types["std_msgs/msg/Header"]
+    stamp = store.types["builtin_interfaces/msg/Time"]
+    joints = [name.rsplit(".", 1)[0] for name in names[1:5]]
+    first = (0,) if path.suffix == ".bag" else ()
+    serialize = store.serialize_ros1 if path.suffix == ".bag" else store.serialize_cdr
+    with bag_writer(path) as writer:
+        topic = writer.add_connection("/joint_states", kind, typestore=store)
+        for block in blocks:
+            for row in block:
+                time = round(row[0] * 1e9)
+                head = header(*first, stamp(*divmod(time, 10**9)), "")
+                message = state(head, joints, row[1:5], np.empty(0), row[5:])
+                writer.write(topic, time, serialize(message, kind))
+
+
+def bag_writer(path: Path) -> Any:
+    """A bag of ROS 1, or of ROS 2 as its ending says."""
+    if path.suffix == ".bag":
+        return Ros1Writer(path)
+    storage = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+    return Ros2Writer(path, version=9, storage_plugin=storage)
+
+
+WRITERS: dict[str, Callable[[Path, list[str], int, Iterator[np.ndarray]], None]] = {
+    "csv": write_csv,
+    "npz": write_npz,
+    "parquet": write_parquet,
+    "h5": write_hdf5,
+    "bag": write_bag,
+    "db3": write_bag,
+    "mcap": write_bag,
+}
 
 
 if __name__ == "__main__":

@@ -2,11 +2,11 @@
 
 import pytest
 
-import loopid.logs.order_statistics
 import loopid.logs.text_table
+import loopid.order_statistics
 import loopid.scratch
 
-MODULES = (loopid.scratch, loopid.logs.text_table, loopid.logs.order_statistics)
+MODULES = (loopid.scratch, loopid.logs.text_table, loopid.order_statistics)
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ def autoregressive(rng, shape, coefficient, lead=500):
 
 def named_samples(W, force, used=None, stretches=None):
     names = ParameterSet.from_labels([f"link{j}.m" for j in range(W.shape[2])])
-    return FitSamples.of(names, "abcd"[: W.shape[1]], W, force, used, stretches)
+    return FitSamples.of(names, tuple("abcd"[: W.shape[1]]), W, force, used, stretches)
 
 
 @pytest.fixture(scope="session")

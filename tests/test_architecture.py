@@ -9,6 +9,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 STREET = (
     "errors",
     "arrays",
+    "arguments",
     "progress",
     "seeds",
     "threads",
@@ -16,8 +17,10 @@ STREET = (
     "scratch",
     "files",
     "triangular",
+    "order_statistics",
     "parameters",
     "lengths",
+    "regions",
     "observation",
     "mechanism",
     "kinematics",

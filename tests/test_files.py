@@ -66,9 +66,15 @@ def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(tmp_path, monkey
     assert contents(tmp_path) == old
 
 
-def test_text_that_cannot_be_encoded_leaves_no_draft(tmp_path):
-    with pytest.raises(UnicodeEncodeError):
-        write_files(tmp_path, {"good.txt": "good", "bad.txt": "\ud800"})
+def test_text_that_cannot_be_encoded_is_escaped(tmp_path):
+    write_files(tmp_path, {"good.txt": "good", "odd.txt": "log \udcff.csv"})
+    assert contents(tmp_path) == {"good.txt": b"good", "odd.txt": b"log \\udcff.csv"}
+
+
+@pytest.mark.parametrize("name", ["a\0b.md", "x" * 300 + ".md"])
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
+    with pytest.raises(OutputError, match="cannot write to"):
+        write_file(tmp_path / name, "text")
     assert contents(tmp_path) == {}
 
 

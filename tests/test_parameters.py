@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from loopid.errors import OptionError
+from loopid.errors import OptionError, one_line
 from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet, model_kinds
 
 links = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=8)
@@ -40,7 +40,7 @@ def test_select_follows_the_order_of_the_columns(chosen, data):
 def test_a_repeated_parameter_is_refused_by_name(chosen):
     with pytest.raises(OptionError, match="repeated") as failure:
         ParameterSet((*chosen, chosen[0]))
-    assert str(failure.value).endswith(f": {chosen[0].label}")
+    assert str(failure.value).endswith(f": {one_line(chosen[0].label)}")
 
 
 @given(st.lists(links, unique=True, max_size=4), st.sampled_from(["gravity", "full"]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,10 @@ from loopid.errors import DataError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+# What NumPy's kinds of other than real numbers are called.
+KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
+# Of any number that is taken: no product of a few such numbers overflows.
+LARGEST = 1e100
 
 
 def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
@@ -22,15 +27,48 @@ def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
 
 
 def finite(array: ArrayLike, name: str) -> FloatArray:
-    """The array as floats, refused when it holds NaN or infinity."""
-    try:
-        values = np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DataError(f"{name} must be numbers: {error}") from error
-    if not np.isfinite(values).all():
-        first = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise DataError(f"{name} must be finite, but entry {first} is {values[first]}")
+    """The array as floats, refused when it holds NaN, infinity or what is no real number.
+
+    Numbers beyond ``LARGEST`` are refused too, whose products overflow.
+    """
+    values = _real(array, name)
+    if not all_measurable(values):
+        first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
+        bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
+        raise DataError(f"{name} must be finite{bound}, but entry {first} is {values[first]}")
     return values
+
+
+def all_measurable(values: FloatArray) -> bool:
+    """Whether no entry is NaN, infinite or beyond ``LARGEST``."""
+    return not values.size or bool(values.max() <= LARGEST and values.min() >= -LARGEST)
+
+
+def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
+    """The array as it is, of whatever type, refused when its rows differ in length."""
+    try:
+        return np.asarray(array)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} must be an array: its rows differ in length") from error
+
+
+def _real(array: ArrayLike, name: str) -> FloatArray:
+    """The array as floats: NumPy would read text and dates, and drop masks and imaginary parts."""
+    given = rectangular(array, name)
+    if given.dtype.kind == "O":
+        strange = [x for x in given.flat if not isinstance(x, Real)]
+        kind = type(strange[0]).__name__ if strange else ""
+    else:
+        kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
+    if kind:
+        raise DataError(f"{name} must be numbers, not {kind}")
+    if np.ma.is_masked(array):
+        raise DataError(f"{name} must be whole, but some of its entries are masked")
+    try:
+        with np.errstate(over="ignore"):
+            return given.astype(np.float64, copy=False)
+    except OverflowError as error:
+        raise DataError(f"{name} must be finite: {error}") from error
 
 
 def spread_rows(count: int, most: int) -> IntArray:

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import SingularityError
 from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
@@ -27,6 +28,7 @@ LEAST_INERTIA = 1e-14
 UNBALANCED = 1e-6
 
 
+@checked
 def forward_dynamics(
     mechanism: Mechanism,
     configurations: FloatArray,

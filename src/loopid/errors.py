@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 
+def one_line(text: str) -> str:
+    """The text with escapes for what would break its line or its encoding, as in odd file names."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class LoopidError(Exception):
     """Root of every error that loopid raises on purpose."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class OptionError(LoopidError, ValueError):
@@ -27,6 +35,10 @@ class MissingExtraError(LoopidError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f"{package} is not installed: pip install 'loopid[{extra}]' brings it")
+        self._given = package, extra
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        return type(self), self._given  # so that a worker can send it
 
 
 class RobotFileError(LoopidError, ValueError):

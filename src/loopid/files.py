@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Mapping
 from errno import EISDIR
 from pathlib import Path
 
 from loopid.errors import OutputError
+
+
+def why_no_file(path: Path) -> str:
+    """What keeps a path from being a file, as the end of a sentence; empty where it is one."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return "does not exist"
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+    except ValueError as error:  # as of names with null characters
+        return f"is no path: {error}"
+    if stat.S_ISDIR(mode):
+        return "is a folder"
+    return "" if stat.S_ISREG(mode) else "is no regular file"
 
 
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:
@@ -40,6 +56,8 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     except OSError as error:
         reason = error.strerror or str(error)
         raise OutputError(f"cannot write to {error.filename or directory}: {reason}") from error
+    except ValueError as error:  # as of names with null characters
+        raise OutputError(f"cannot write to {directory}: {error}") from error
     finally:
         for draft in waiting.values():
             draft.unlink(missing_ok=True)
@@ -55,7 +73,7 @@ def require_folder(folder: str | Path) -> None:
         Naming what is in the way.
     """
     place = Path(folder).absolute()
-    existing = next(path for path in (place, *place.parents) if path.exists())
+    existing = next(path for path in (place, *place.parents) if _exists(path))
     if not existing.is_dir():
         raise OutputError(f"cannot write to {folder}: {existing} is not a folder")
     if not os.access(existing, os.W_OK):
@@ -67,6 +85,10 @@ def write_file(path: str | Path, content: bytes | str) -> None:
     write_files(Path(path).parent, {Path(path).name: content})
 
 
+def _exists(path: Path) -> bool:
+    return why_no_file(path) in ("", "is a folder", "is no regular file")
+
+
 def _refuse_folder(place: Path) -> None:
     # Known beforehand, lest some files be replaced and others not.
     if place.is_dir():
@@ -74,7 +96,8 @@ def _refuse_folder(place: Path) -> None:
 
 
 def _write_beside(place: Path, content: bytes | str) -> Path:
-    data = content.encode() if isinstance(content, str) else content
+    # Names of files need not be text that can be encoded.
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     handle, draft = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
@@ -46,7 +47,14 @@ class Observation:
     matrix: FloatArray | None = None
     natural_size: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not 0 < self.length < np.inf:
+            raise DataError(f"length must be above 0 m, not {self.length}")
+        if not 0 <= self.natural_size < np.inf:
+            raise DataError(f"natural_size must be a number from 0 on, not {self.natural_size}")
+
     @classmethod
+    @checked
     def from_matrix(
         cls,
         matrix: FloatArray,
@@ -72,6 +80,7 @@ class Observation:
         return cls.from_parts([matrix], parameters, length, keep_matrix, natural_size)
 
     @classmethod
+    @checked
     def from_parts(
         cls,
         parts: Iterable[FloatArray],
@@ -97,6 +106,7 @@ class Observation:
         factor = frozen(reduced.factor())
         return cls(parameters, factor, reduced.rows, length, matrix, natural_size)
 
+    @checked
     def merge(self, other: Observation) -> Observation:
         """The rows of both, these first; their matrix, where both keep it.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from loopid.arguments import checked_fields
 from loopid.arrays import IntArray
 from loopid.errors import OptionError
 
@@ -43,6 +44,11 @@ class Parameter:
     unit: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
+        # Not by ``checked_fields``: a robot has hundreds, which are made over and over.
+        if not (isinstance(self.link, str) and isinstance(self.kind, str) and self.kind):
+            raise OptionError(
+                f"a parameter needs a link and a kind, not {self.link!r:.60} and {self.kind!r:.60}"
+            )
         if not self.unit and self.kind in KINDS:
             object.__setattr__(self, "unit", ("kg", "kg m", "kg m²")[self.length_power])
 
@@ -65,6 +71,7 @@ class Parameter:
         return cls(link, kind)
 
 
+@checked_fields
 @dataclass(frozen=True)
 class ParameterSet:
     """An ordered set of parameters: the names of a regressor's columns."""

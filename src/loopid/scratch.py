@@ -15,7 +15,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loopid.arrays import BoolArray, IntArray, finite, frozen, samples
+from loopid.arrays import BoolArray, IntArray, all_measurable, finite, frozen, samples
 
 # Rows that are in memory at a time.
 BLOCK_ROWS = 4096
@@ -114,7 +114,7 @@ def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
         return finite(array, name)
     values = np.asarray(array)
     for rows in row_blocks(len(values)):
-        if not np.isfinite(values[rows]).all():
+        if not all_measurable(values[rows]):
             finite(values[: rows.stop], name)
     return values
 

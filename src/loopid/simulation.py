@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import ClosedMotion, closed_motion
@@ -23,6 +24,7 @@ CHUNK = 2048
 UNBALANCED = 1e-6
 
 
+@checked_fields
 @dataclass(frozen=True)
 class Noise:
     """Errors of measurement, the same for all motors.
@@ -69,6 +71,7 @@ class Measurement:
     exact_force: FloatArray
 
 
+@checked
 def simulate_measurement(
     mechanism: Mechanism,
     motion: JointMotion,

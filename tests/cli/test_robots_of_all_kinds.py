@@ -89,7 +89,7 @@ def test_robots_without_motions_of_their_own_say_who_has_some(run, robot):
     done = run("motions", robot)
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        f"loopid: error: there is no motion file {robot}, and robots with bundled motions are: "
+        f"loopid: error: motion file {robot} does not exist, and robots with bundled motions are: "
         "3ups_rpu\n"
     )
 

@@ -154,5 +154,7 @@ def test_estimators_are_chosen_by_name_or_given(make_regressor, make_samples):
     samples = make_samples(W, W @ TRUTH + 0.1 * rng.normal(size=(200, 2)))
     assert fit(samples, OrdinaryLeastSquares()) == fit(samples, "ols")
     assert fit(samples).estimator == "wls"
-    with pytest.raises(OptionError, match="unknown estimator 'tls': choose one of ols, wls"):
-        fit(samples, "tls")
+    with pytest.raises(
+        OptionError, match="unknown estimator 'lms': choose one of ols, wls, huber, b"
+    ):
+        fit(samples, "lms")

@@ -293,7 +293,16 @@ def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
     [
         ("force", np.ones((5, 4)), "'force_0' has 5 rows, but 'time' has 1601"),
         ("force", np.ones((1601, 4), dtype=complex), "column 'force_0' holds complex128, not num"),
-        ("time", np.arange(1601).astype("M8[s]"), "column 'time' holds datetime64.s., not times"),
+        ("time", np.arange(1601).astype("M8[s]"), "median step between time stamps is 1 s"),
+        (
+            "time",
+            np.arange(1601).astype("M8[D]"),
+            r"no number in time in rows 1, .* of 1601 \(at m",
+        ),
+        ("time", np.arange(1601) > 3, "column 'time' holds bool, not times"),
+        ("force", np.arange(1601).astype("M8[s]"), "no force of leg1_stroke"),
+        ("force", np.zeros((1601, 4), "m8[s]"), "column 'force_0' holds timedelta64.s., not num"),
+        ("time", np.zeros(0), "'time' has 0 rows, but 'position_0' has 1601"),
         ("time", np.zeros(1601), "stands still 1600 times"),
     ],
 )

@@ -156,5 +156,5 @@ def test_missing_logs_are_named(knee, tmp_path):
 
 
 def test_unknown_formats_are_refused_with_the_known_ones(knee, write_text):
-    with pytest.raises(LogError, match=r"log\.bag is of no known format.*\.csv.*\.npz.*folder"):
-        read_log(write_text("", "log.bag"), knee)
+    with pytest.raises(LogError, match=r"log\.xls is of no known format.*\.csv.*\.mcap.*folder"):
+        read_log(write_text("", "log.xls"), knee)

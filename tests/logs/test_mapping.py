@@ -97,7 +97,11 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("idle_speed", "idle", "unknown key 'idle': choose among format, time, position"),
+        (
+            "idle_speed",
+            "idle",
+            "unknown key 'idle': choose among format, topic, group, time, position",
+        ),
         ("unit: ms", "unit: h", r"time\.unit: Input should be 's', 'ms', 'us' or 'ns', not 'h'"),
         ("unit: ms", "uint: ms", r"time: unknown key 'uint': choose among column, unit"),
         ("column: ticks, ", "", "time: give 'column', or both 'seconds' and 'nanoseconds'"),
@@ -117,8 +121,8 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         ("idle_speed: 0.002", "idle_speed: [", r"is not YAML: .* \(line"),
         (
             "format: csv",
-            "format: bag",
-            "format: Input should be 'csv', 'npz' or 'folder', not 'bag",
+            "format: xls",
+            "format: Input should be 'csv', 'npz', 'parquet', 'hdf5', 'bag' or 'folder', not 'xls",
         ),
         ("format: csv", "1: 2", "unknown key 1: choose among format"),
         ("ticks", "tacks", "foreign has no column 'tacks' for the time: choose among ticks, enc1"),
@@ -181,9 +185,9 @@ def test_a_negative_scale_turns_the_force_round(knee, truth, foreign, write_mapp
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 2])
 def test_the_examples_of_the_documentation_are_mappings(knee, write_mapping, number):
     examples = re.findall("```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
     mapping = read_mapping(write_mapping(examples[number]))
-    assert len(examples) == 2
+    assert len(examples) == 3
     assert {"position", "force"} <= mapping.model_fields_set

@@ -11,10 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from loopid import load_mechanism
 from loopid.errors import MissingExtraError
-from loopid.experiment import find_force_model, identify
-from loopid.report import drawing, identify_figures, paper_figures
+from loopid.experiment import data_support, find_force_model, identify
+from loopid.report import drawing, identify_figures, identify_support, paper_figures
 from loopid.report.drawing import COLUMN, MOST_POINTS, RESOLUTION, thinned
 from loopid.report.identify_figures import draw_forces, draw_parameters, draw_reduction
+from loopid.report.identify_support import draw_spectrum
 from loopid.report.paper_figures import (
     draw_action,
     draw_gravity,
@@ -22,12 +23,13 @@ from loopid.report.paper_figures import (
     draw_influence,
     draw_shares,
 )
-from made_runs import ARM, modelled, wander
+from made_runs import ARM, modelled, stand, wander
 
 DRAWERS = {
     "forces": (draw_forces, "identification"),
     "parameters": (draw_parameters, "identification"),
     "reduction": (draw_reduction, "identification"),
+    "spectrum": (draw_spectrum, "support"),
     "figure_2": (draw_shares, "shares"),
     "figure_3": (draw_gravity_and_friction, "shares"),
     "figure_4": (draw_influence, "simulated"),
@@ -37,9 +39,17 @@ DRAWERS = {
 
 
 @pytest.fixture(scope="module")
+def knee_support(knee):
+    """Of a log in which no motor moves."""
+    model, motion = find_force_model(knee), stand(knee, seconds=5.0)
+    return data_support(model, [modelled(model, motion, model.prior)])
+
+
+@pytest.fixture(scope="module")
 def parts(identification, paper):
     return {
         "identification": identification,
+        "support": identification.support,
         "shares": paper.shares,
         "simulated": paper.simulated,
         "actual": paper.actual,
@@ -135,6 +145,19 @@ def test_a_turning_joint_has_its_force_in_newton_metres(identification, knee):
     unit = identify_figures.force_unit
     assert unit(identification, "leg1_stroke") == "N"
     assert unit(identification, "leg4_revolute") == "N m"
+
+
+def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_support):
+    (ax,) = axes_of(monkeypatch, identify_support, draw_spectrum, knee_support)
+    structural, known, doubtful, dark = (line.get_xydata().T for line in ax.lines)
+    excited, sure = knee_support.excited, knee_support.well_determined
+    np.testing.assert_allclose(structural[1], 100 * excited.structural)
+    np.testing.assert_allclose(known[1], 100 * excited.effects[:sure])
+    np.testing.assert_allclose(doubtful[1], 100 * excited.effects[sure : knee_support.rank])
+    assert len(dark[0]) == len(knee_support.dark) > 0
+    assert dark[1].max() < min(known[1].min(), structural[1].min())
+    places = np.concatenate([known[0], doubtful[0], dark[0]])
+    np.testing.assert_array_equal(places, np.arange(1, knee_support.structural_rank + 1))
 
 
 def test_parameters_are_shown_against_the_robot_file(monkeypatch, identification):

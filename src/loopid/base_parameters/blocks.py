@@ -9,7 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray, finite
+from loopid.errors import DataError
 
 # Entries of the null-space projector below this are round-off; entries are at most 1.
 CONNECTED = 1e-9
@@ -29,7 +30,10 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
         Ascending columns of each block, blocks in the order of their first columns. Columns
         that no null vector touches are blocks of their own.
     """
-    projector = null_basis @ null_basis.T
+    basis = finite(null_basis, "null_basis")
+    if basis.ndim != 2:
+        raise DataError(f"null_basis must have shape (n, d), not {basis.shape}")
+    projector = basis @ basis.T
     graph = csr_array(np.abs(projector) > CONNECTED)
     count, labels = connected_components(graph, directed=False)
     return tuple(np.flatnonzero(labels == block) for block in range(count))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.candidates import EQUAL, Candidates, spacing
@@ -30,6 +31,7 @@ MOST = {1: None, 2: 200}
 STAGES = ((1, 1), (1, 0), (2, 1), (2, 0))
 
 
+@checked
 def name_coefficients(
     base: BaseParameters, lengths: Iterable[NamedLength]
 ) -> tuple[dict[str, CoefficientName], ...]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from loopid.arguments import checked
 from loopid.base_parameters.forms import CoefficientName
+from loopid.errors import OptionError
 
 DIGITS = 4
 
 
+@checked
 def expression(
     terms: Mapping[str, float],
     digits: int = DIGITS,
@@ -24,7 +27,14 @@ def expression(
         Significant digits of the coefficients; for reading only.
     names : mapping, optional
         Parameter label to what its coefficient is, from ``name_coefficients``.
+
+    Raises
+    ------
+    OptionError
+        When there are no digits.
     """
+    if digits < 1:
+        raise OptionError(f"digits must be a whole number from 1 on, not {digits}")
     where = ", ".join(equations(terms, names or {}, digits))
     return f"{_sum(terms, digits)}, where {where}" if where else _sum(terms, digits)
 

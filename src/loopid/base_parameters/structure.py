@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, frozen
 from loopid.errors import RankError
 from loopid.observation import Observation
@@ -55,6 +56,7 @@ class Structure:
     row_factor: FloatArray
 
 
+@checked
 def analyse(observation: Observation) -> Structure:
     """Find the structure of an observation.
 

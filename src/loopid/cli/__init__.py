@@ -1,4 +1,4 @@
-"""The command line: ``loopid check``, ``base``, ``identify``, ``motions`` and ``paper``."""
+"""The command line, one file a command."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from loopid.cli.console import show_warning
+from loopid.cli.export import export
 from loopid.cli.identify import identify
 from loopid.cli.motions import motions
 from loopid.cli.paper import paper
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (check, base, motions, identify, paper):
+for command in (check, base, motions, identify, export, paper):
     app.command()(command)
 
 
@@ -32,9 +33,14 @@ def main() -> None:
     try:
         app()
     except LoopidError as error:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(
-            f"loopid: error: {error}", markup=False
-        )
-        sys.exit(2)
+        _refuse(str(error))
+    except MemoryError as error:
+        _refuse(f"there is not enough memory: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _refuse(reason: str) -> None:
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console.print(f"loopid: error: {reason}", markup=False)
+    sys.exit(2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Iterable, Iterator
@@ -13,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from loopid.errors import one_line
 from loopid.files import require_folder
 from loopid.progress import Progress as Reporter
 from loopid.report import require_matplotlib
@@ -44,6 +46,9 @@ def require_output(out: str | None) -> None:
 
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Names of files may not be in the encoding of the terminal, nor even be text.
+        sys.stdout.reconfigure(errors="backslashreplace")
     if as_json:
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return
@@ -61,7 +66,7 @@ def show_warning(
     line: str | None = None,
 ) -> None:
     """One line, without the source line that Python adds."""
-    sys.stderr.write(f"loopid: warning: {message}\n")
+    sys.stderr.write(f"loopid: warning: {one_line(str(message))}\n")
 
 
 @contextmanager

@@ -3,11 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
 
-import typer
-
-from loopid.cli.console import Json, Lock, Out, RobotFile, Tied, progress_bar, require_output, show
+from loopid.cli.console import (
+    Floating,
+    FreeMimics,
+    Json,
+    Lock,
+    Out,
+    RobotFile,
+    Tied,
+    progress_bar,
+    require_output,
+    show,
+)
+from loopid.cli.identify_options import (
+    Consistent,
+    Cutoff,
+    Deviation,
+    EstimatorName,
+    FrictionLog,
+    Jobs,
+    Logs,
+    Mapping,
+    Model,
+    OnDark,
+    Reference,
+    ReferenceMapping,
+    Repair,
+    Terms,
+    Train,
+    Validate,
+)
 from loopid.errors import OptionError
 from loopid.experiment import (
     DEFAULT_FRACTION,
@@ -25,41 +51,29 @@ from loopid.regressors import JointTerms
 from loopid.report import identification_files, identification_record, identification_tables
 from loopid.trajectories import LowPass
 
-Paths = list[str]
-
 
 def identify(
     file: RobotFile,
-    logs: Annotated[
-        Paths, typer.Argument(metavar="LOG...", help="CSV, NPZ, or a folder with a file a stream.")
-    ],
-    mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
-    ] = "gravity",
-    terms: Annotated[
-        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
-    ] = "Fc,Fv",
-    estimator: Annotated[str, typer.Option(help="wls or ols.")] = "wls",
-    cutoff: Annotated[
-        float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
-    ] = None,
-    train: Annotated[
-        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
-    ] = DEFAULT_FRACTION,
-    validate: Annotated[
-        Paths | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
-    ] = None,
-    friction_log: Annotated[
-        Paths | None, typer.Option(metavar="LOG", help="Identify the terms from this log first.")
-    ] = None,
-    jobs: Annotated[
-        int, typer.Option(metavar="N", help="Processes that compute the regressors.")
-    ] = 1,
+    logs: Logs,
+    mapping: Mapping = None,
+    model: Model = "gravity",
+    terms: Terms = "Fc,Fv",
+    estimator: EstimatorName = "wls",
+    on_dark: OnDark = "refuse",
+    prior_deviation: Deviation = None,
+    consistent: Consistent = None,
+    repair: Repair = False,
+    reference: Reference = None,
+    reference_mapping: ReferenceMapping = None,
+    cutoff: Cutoff = None,
+    train: Train = DEFAULT_FRACTION,
+    validate: Validate = None,
+    friction_log: FrictionLog = None,
+    jobs: Jobs = 1,
     out: Out = None,
     lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
     tied: Tied = False,
     as_json: Json = False,
 ) -> None:
@@ -67,21 +81,25 @@ def identify(
     require_output(out)
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
-    mechanism = load_mechanism(file, lock or (), tied=tied)
+    mechanism = load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+    )
     joint_terms = _joint_terms(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
-    def recordings(paths: Sequence[str] | None) -> list[Recording]:
-        return [_recording(mechanism, path, mapping, lowpass) for path in paths or ()]
+    def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
+        return [_recording(mechanism, path, columns, lowpass) for path in paths or ()]
 
     training: Sequence[Recording] = recordings(logs)
     validation: Sequence[Recording] = recordings(validate)
     if not validation:
         training, validation = split_recordings(training, train)
+    references = [each.motion for each in recordings(reference, reference_mapping)]
     with progress_bar("poses") as report:
         force_model = find_force_model(mechanism, model, joint_terms, progress=report)
     friction = recordings(friction_log)
-    found = identify_recordings(force_model, training, validation, estimator, friction, jobs)
+    data = training, validation, estimator, friction, jobs, on_dark, references
+    found = identify_recordings(force_model, *data, prior_deviation, consistent, repair)
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)

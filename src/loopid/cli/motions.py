@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from loopid.cli.console import Json, Lock, RobotFile, progress_bar, show
+from loopid.cli.console import Floating, FreeMimics, Json, Lock, RobotFile, progress_bar, show
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.loading import load_mechanism
 from loopid.report import motions_record, motions_tables
@@ -22,10 +22,14 @@ def motions(
     rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
     margin: Annotated[float, typer.Option(help="Least singularity measure.")] = DEFAULT_MARGIN,
     lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
     as_json: Json = False,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
-    mechanism = load_mechanism(file, lock=lock or ())
+    mechanism = load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics
+    )
     planned = read_motion_program(program or mechanism.name)
     reviews = {}
     with progress_bar("motions") as report:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, finite
+from loopid.errors import DataError
 from loopid.identification import FitSamples, Quality, fit_quality
 from loopid.scratch import row_blocks
 
@@ -133,12 +135,30 @@ def _weighted_squares(
         yield np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
 
 
+@checked
 def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Half the width (N, dof) of the 95 % intervals of predicted forces."""
+    """Half the width (N, dof) of the 95 % intervals of predicted forces.
+
+    As ``prediction_error``.
+    """
     return INTERVAL * prediction_error(regressor, covariance)
 
 
+@checked
 def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Standard errors (N, dof) of the forces that a regressor (N, dof, n) predicts."""
-    variance = np.einsum("nij,jk,nik->ni", regressor, covariance, regressor, optimize=True)
+    """Standard errors (N, dof) of the forces that a regressor (N, dof, n) predicts.
+
+    Raises
+    ------
+    DataError
+        When the covariance is not (n, n), or something is not finite.
+    """
+    # The order of numbers in memory would decide the last bits.
+    W = np.ascontiguousarray(finite(regressor, "regressor"))
+    C = np.ascontiguousarray(finite(covariance, "covariance"))
+    if W.ndim != 3 or C.shape != 2 * W.shape[2:]:
+        raise DataError(
+            f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
+        )
+    variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)

@@ -7,19 +7,19 @@ again, in pairs. What comes out are the factors of all samples together, to roun
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+from loopid.arguments import checked
 from loopid.errors import DataError, MissingExtraError
 from loopid.experiment.force_model import ForceModel
 from loopid.identification import FitProblem
 from loopid.logs import Recording
 
-if TYPE_CHECKING:
-    from dask.delayed import Delayed
-
-Source: TypeAlias = "Recording | Callable[[], Recording] | Delayed"
+# The last are those of Dask, which may not be installed.
+Source: TypeAlias = Recording | Callable[[], Recording] | Any
 
 
+@checked
 def distributed_problem(
     force_model: ForceModel, sources: Iterable[Source], **options: Any
 ) -> FitProblem:

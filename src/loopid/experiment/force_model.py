@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
+from loopid.experiment.repertoire import Repertoire
 from loopid.identification import FitSamples
 from loopid.kinematics import closed_motion
 from loopid.logs import Recording
@@ -75,14 +78,32 @@ class ForceModel:
         unknown = np.zeros(len(self.base.parameters) - len(bodies))
         return self.base.values(np.concatenate([bodies, unknown]))
 
+    @cached_property
+    def repertoire(self) -> Repertoire:
+        """Random states of the mechanism, and the forces of all parameters there."""
+        return Repertoire.of(self.mechanism, len(self.parameters), self.standard_regressor)
+
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
         return spooled(ordered_map(self._regressor_of, _states(motion), n_jobs))
 
     def _regressor_of(self, state: State) -> FloatArray:
-        whole = closed_motion(self.mechanism, *state)
-        columns = motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
-        return self.base.regressor(columns)
+        return self.base.regressor(self.standard_regressor(*state))
+
+    def standard_regressor(
+        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """Forces (N, dof, p) per unit of each standard parameter and joint term.
+
+        Parameters
+        ----------
+        configurations : FloatArray
+            (N, nq), closed.
+        velocities, accelerations : FloatArray
+            (N, dof) of the independent coordinates.
+        """
+        whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
+        return motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
 
     def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
         """The recording as samples of a fit.
@@ -114,6 +135,7 @@ def _states(motion: JointMotion) -> Iterator[State]:
         yield motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
 
 
+@checked
 def find_force_model(
     mechanism: Mechanism,
     model: str = "gravity",

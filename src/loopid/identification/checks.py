@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite, rectangular
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.scratch import finite_rows
@@ -37,9 +37,29 @@ def checked_force(force: FloatArray, regressor: FloatArray) -> FloatArray:
 
 def checked_mask(used: BoolArray | None, force: FloatArray) -> BoolArray:
     """Which forces (N, dof) take part; by default all."""
-    mask = np.ones(force.shape, dtype=bool) if used is None else np.asarray(used)
+    mask = np.ones(force.shape, dtype=bool) if used is None else rectangular(used, "used")
     if mask.shape != force.shape or mask.dtype != bool:
         raise DataError(
             f"used must be booleans of shape {force.shape}, not {mask.dtype} of {mask.shape}"
         )
     return mask
+
+
+def checked_least_errors(least_errors: FloatArray | None, dof: int) -> FloatArray:
+    """Deviations (dof,) below which errors count as round-off; by default 0."""
+    least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
+    if least.shape != (dof,) or (least < 0).any():
+        raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
+    return least
+
+
+def checked_stretches(stretches: IntArray | None, count: int) -> IntArray:
+    """Number of the stretch of each sample (N,); by default all are in one."""
+    parts = np.zeros(count, dtype=np.int64) if stretches is None else stretches
+    numbers = rectangular(parts, "stretches")
+    if numbers.shape != (count,) or numbers.dtype.kind not in "iu":
+        raise DataError(
+            f"stretches must be whole numbers of shape ({count},), not {numbers.dtype} of "
+            f"{numbers.shape}"
+        )
+    return numbers

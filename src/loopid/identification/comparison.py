@@ -8,14 +8,14 @@ import numpy as np
 
 
 class ComparedByFields:
-    """Dataclasses that are equal when all fields are, arrays and NaN included."""
+    """Dataclasses that are equal when all compared fields are, arrays and NaN included."""
 
     __hash__ = None  # type: ignore[assignment]
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        names = [field.name for field in fields(self) if field.compare]  # type: ignore[arg-type]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.errors import CorrelationWarning
 from loopid.identification.error_model import ErrorModel
+from loopid.identification.estimator import WorkingFit
 from loopid.identification.least_squares import exactly_fitted
 from loopid.identification.noise import NoiseModel
 from loopid.identification.result import FitResult
@@ -23,25 +24,31 @@ CORRECTIONS = 6
 CLEARLY_FEWER = 0.5
 
 
-def with_correlated_errors(result: FitResult, samples: FitSamples) -> FitResult:
+def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
     The covariance is (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors; errors of
-    different actuators count as independent.
+    different actuators count as independent. Rows of a prior are in X, their errors in Ω. A
+    posterior stays what it is where errors are independent: it may know of their size beforehand.
     """
+    result, samples = fit.result, fit.samples
     with one_blas_thread():
         width = len(result.parameters)
-        R = samples.problem.weighted(result.weights)[:width, :width]
-        inverse = np.asarray(np.linalg.inv(R), dtype=np.float64)
+        inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
+        known = _known(fit.prior, inverse)
         models = _error_models(result, samples, inverse)
         for _ in range(CORRECTIONS):
-            sums = _total(models)
+            sums = known + _total(models)
             for model in models.values():
                 model.correct(sums)
-        covariance = inverse @ _total(models) @ inverse.T
+        covariance = inverse @ (known + _total(models)) @ inverse.T
     noise = _noise_model(result, models)
-    freedom = float(noise.effective_samples.sum()) - width
-    return replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
+    if fit.prior is not None and not noise.coefficients.any():
+        return replace(fit, result=replace(result, noise=noise))
+    taken = 0 if fit.prior is not None else width
+    freedom = float(noise.effective_samples.sum()) - taken
+    found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
+    return replace(fit, result=found)
 
 
 def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
@@ -60,13 +67,21 @@ def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
     )
 
 
+def _known(prior: FloatArray | None, inverse: FloatArray) -> FloatArray:
+    """What errors of a prior's rows (k, n + 1) add to the sums (n, n)."""
+    width = len(inverse)
+    rows = np.zeros((0, width)) if prior is None else prior[:, :width] @ inverse
+    return np.asarray(rows.T @ rows, dtype=np.float64)
+
+
 def _error_models(
     result: FitResult, samples: FitSamples, inverse: FloatArray
 ) -> dict[int, ErrorModel]:
     """A model for each actuator that has samples, by its number."""
     residual = samples.residual(result.values)
     # Round-off of an exact fit follows itself too, but is no error.
-    exact = exactly_fitted(samples.problem, result.values)
+    squares = samples.problem.residual_squares(result.values)
+    exact = exactly_fitted(samples.problem, squares)
     models = {}
     for i in map(int, np.flatnonzero(samples.problem.samples)):
         weight = float(result.weights[i])
@@ -91,7 +106,7 @@ def _scaled(series: FloatArray, factor: float) -> FloatArray:
 
 
 def _total(models: dict[int, ErrorModel]) -> FloatArray:
-    return np.asarray(sum(model.sums for model in models.values()))
+    return np.asarray(sum(model.sums for model in models.values()), dtype=np.float64)
 
 
 def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:

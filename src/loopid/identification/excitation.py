@@ -17,6 +17,15 @@ LEAST_EXCITATION = 1e-8
 INVOLVED = 0.1
 
 
+def excited_rank(R: FloatArray) -> int:
+    """How many combinations of parameters a triangular factor (n, n) shows at all."""
+    norms = np.linalg.norm(R, axis=0)
+    if not norms.any():
+        return 0
+    values = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
+    return int((values >= LEAST_EXCITATION * values[0]).sum())
+
+
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     """Refuse a triangular factor (n, n) whose columns cannot be told apart.
 

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from loopid.arguments import checked
 from loopid.errors import OptionError
+from loopid.identification.bayes import BayesianRidge
 from loopid.identification.correlation import warn_of_correlation, with_correlated_errors
+from loopid.identification.estimator import Estimator, WorkingFit
 from loopid.identification.excitation import warn_of_unsupported
-from loopid.identification.least_squares import (
-    Estimator,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-)
+from loopid.identification.instrumental import InstrumentalVariables
+from loopid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
 from loopid.identification.result import FitResult
+from loopid.identification.robust import Bisquare, Huber
 from loopid.identification.samples import FitSamples
+from loopid.identification.total_least_squares import TotalLeastSquares
 
 ESTIMATORS: dict[str, type[Estimator]] = {
     "ols": OrdinaryLeastSquares,
     "wls": WeightedLeastSquares,
+    "huber": Huber,
+    "bisquare": Bisquare,
+    "tls": TotalLeastSquares,
+    "iv": InstrumentalVariables,
+    "bayes": BayesianRidge,
 }
 
 
+@checked
 def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     """Estimate parameters, with intervals for errors that follow one another.
 
@@ -26,7 +34,8 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     ----------
     samples : FitSamples
     estimator : str or Estimator
-        ``"wls"``, ``"ols"`` or an estimator.
+        A name of ``ESTIMATORS``, or an estimator with its options. ``"iv"`` needs samples with
+        instruments; ``"bayes"`` a prior, ``BayesianRidge(prior)``.
 
     Returns
     -------
@@ -35,6 +44,8 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
 
     Raises
     ------
+    OptionError
+        When there is no such estimator, or something that it needs is not given.
     DataError, RankError
         As ``Estimator.fit``.
 
@@ -45,16 +56,28 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     ExcitationWarning
         Naming the parameters whose 95 % interval includes zero.
     """
-    independent = chosen_estimator(estimator).fit(samples.problem)
-    result = with_correlated_errors(independent, samples)
-    warn_of_correlation(result, independent)
-    warn_of_unsupported(result)
-    return result
+    fitted, independent = fits(samples, estimator)
+    warn_of_correlation(fitted.result, independent)
+    warn_of_unsupported(fitted.result)
+    return fitted.result
 
 
+@checked
 def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     """As ``fit``, without warnings."""
-    return with_correlated_errors(chosen_estimator(estimator).fit(samples.problem), samples)
+    return working_fit(samples, estimator).result
+
+
+@checked
+def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
+    """As ``quiet_fit``, with the least squares that the fit amounts to."""
+    return fits(samples, estimator)[0]
+
+
+def fits(samples: FitSamples, estimator: str | Estimator) -> tuple[WorkingFit, FitResult]:
+    """The fit, and its result for independent errors."""
+    independent = chosen_estimator(estimator).fit_samples(samples)
+    return with_correlated_errors(independent), independent.result
 
 
 def chosen_estimator(estimator: str | Estimator) -> Estimator:

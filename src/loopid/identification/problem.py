@@ -13,9 +13,10 @@ from functools import reduce
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
 from loopid.errors import DataError
-from loopid.identification.checks import checked_mask, checked_samples
+from loopid.identification.checks import checked_least_errors, checked_mask, checked_samples
 from loopid.parameters import ParameterSet
 from loopid.scratch import row_blocks
 from loopid.triangular import triangular_factor
@@ -48,6 +49,7 @@ class FitProblem:
     least_errors: FloatArray
 
     @classmethod
+    @checked
     def from_samples(
         cls,
         regressor: FloatArray,
@@ -72,7 +74,7 @@ class FitProblem:
         """
         W, tau = checked_samples(regressor, force, parameters, actuators)
         mask = checked_mask(used, tau)
-        least = frozen(np.zeros(len(actuators)) if least_errors is None else least_errors)
+        least = frozen(checked_least_errors(least_errors, len(actuators)))
         return cls.combined(
             cls._of_block(W[rows], tau[rows], mask[rows], (parameters, tuple(actuators), least))
             for rows in row_blocks(len(tau))

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.errors import DataError
 from loopid.identification.comparison import ComparedByFields
 from loopid.identification.problem import FitProblem
 
@@ -39,9 +41,19 @@ class Quality(ComparedByFields):
         object.__setattr__(self, "samples", frozen(self.samples, np.int64))
 
 
+@checked
 def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
-    """Residuals of a problem at parameter values (n,)."""
-    squares, total = problem.residual_squares(values), problem.total_squares()
+    """Residuals of a problem at parameter values (n,).
+
+    Raises
+    ------
+    DataError
+        When the values are not n finite numbers.
+    """
+    phi, width = finite(values, "values"), len(problem.parameters)
+    if phi.shape != (width,):
+        raise DataError(f"values must have shape ({width},), not {phi.shape}")
+    squares, total = problem.residual_squares(phi), problem.total_squares()
     varies = total > CONSTANT_FORCE * problem.force_squares()
     unexplained = np.full(len(total), np.nan)
     np.divide(squares, total, out=unexplained, where=varies)

@@ -13,6 +13,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.errors import DataError, OptionError
 from loopid.identification.noise import NoiseModel
 from loopid.identification.quality import Quality
+from loopid.identification.robustness import Robustness
 from loopid.parameters import Parameter, ParameterSet
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def record_of(result: FitResult) -> dict[str, Any]:
         "estimator": result.estimator,
         "condition_number": _plain(result.condition_number),
         "degrees_of_freedom": _plain(result.degrees_of_freedom),
+        **({"assumed": list(result.assumed)} if result.assumed else {}),
         "parameters": [
             {
                 "number": estimate.number,
@@ -46,14 +48,18 @@ def record_of(result: FitResult) -> dict[str, Any]:
 
 
 def _actuator(result: FitResult, i: int) -> dict[str, Any]:
-    record = {
+    record: dict[str, Any] = {
         "name": result.actuators[i],
         "samples": int(result.quality.samples[i]),
         "residual_rms": _plain(result.quality.residual_rms[i]),
         "r_squared": _plain(result.quality.r_squared[i]),
         "weight": _plain(result.weights[i]),
     }
-    return record if result.noise is None else {**record, "noise": _noise(result.noise, i)}
+    if result.noise is not None:
+        record["noise"] = _noise(result.noise, i)
+    if result.robustness is not None:
+        record["robustness"] = _robustness(result.robustness, i)
+    return record
 
 
 def _noise(noise: NoiseModel, i: int) -> dict[str, Any]:
@@ -64,6 +70,13 @@ def _noise(noise: NoiseModel, i: int) -> dict[str, Any]:
         "lag_one": _plain(noise.lag_one[i]),
         "samples": int(noise.samples[i]),
         "effective_samples": _plain(noise.effective_samples[i]),
+    }
+
+
+def _robustness(robustness: Robustness, i: int) -> dict[str, Any]:
+    return {
+        "scale": _plain(robustness.scale[i]),
+        "down_weighted": _plain(robustness.down_weighted[i]),
     }
 
 
@@ -101,6 +114,8 @@ def _fields(record: dict[str, Any]) -> dict[str, Any]:
         "quality": Quality(column("residual_rms"), column("r_squared"), _counts(actuators)),
         "weights": column("weight"),
         "noise": _noise_model(names, actuators),
+        "assumed": tuple(str(name) for name in record.get("assumed", ())),
+        "robustness": _robustness_of(actuators),
     }
 
 
@@ -123,6 +138,13 @@ def _noise_model(names: tuple[str, ...], actuators: list[dict[str, Any]]) -> Noi
         samples=_counts(entries),
         effective_samples=column("effective_samples"),
     )
+
+
+def _robustness_of(actuators: list[dict[str, Any]]) -> Robustness | None:
+    if not any("robustness" in actuator for actuator in actuators):
+        return None
+    column = _columns([actuator["robustness"] for actuator in actuators])
+    return Robustness(column("scale"), column("down_weighted"))
 
 
 def _counts(entries: list[dict[str, Any]]) -> IntArray:

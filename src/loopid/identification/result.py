@@ -16,6 +16,7 @@ from loopid.identification.noise import NoiseModel
 from loopid.identification.problem import FitProblem
 from loopid.identification.quality import Quality, fit_quality
 from loopid.identification.record import fields_of, record_of
+from loopid.identification.robustness import Robustness
 from loopid.identification.storage import read_record, write_record
 from loopid.parameters import ParameterSet
 
@@ -47,6 +48,11 @@ class FitResult(ComparedByFields):
         (dof,), of the actuators' residuals; 0 without samples.
     noise : NoiseModel or None
         How the errors follow one another.
+    assumed : tuple of str
+        Names of parameters that the data alone do not determine, whose values rest on what was
+        assumed of them: their intervals are infinite.
+    robustness : Robustness or None
+        What a robust estimator made of the samples.
     """
 
     estimator: str
@@ -59,10 +65,15 @@ class FitResult(ComparedByFields):
     quality: Quality
     weights: FloatArray
     noise: NoiseModel | None = None
+    assumed: tuple[str, ...] = ()
+    robustness: Robustness | None = None
 
     def __post_init__(self) -> None:
         for name in ("values", "covariance", "weights"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        for name in self.assumed:
+            if name not in self.parameters.labels:
+                raise OptionError.unknown("assumed parameter", name, self.parameters.labels)
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -77,7 +88,8 @@ class FitResult(ComparedByFields):
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (n, 2) at a level between 0 and 1, by Student's distribution.
 
-        Infinite where fewer than one degree of freedom is left: such data tell values at best.
+        Infinite where fewer than one degree of freedom is left, as such data tell values at best,
+        and for parameters that are assumed.
         """
         from scipy.special import stdtrit  # here, as it takes a while to import
 
@@ -86,6 +98,7 @@ class FitResult(ComparedByFields):
         reach = np.full(len(self.values), np.inf)
         if self.degrees_of_freedom >= LEAST_FREEDOM:
             reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
+        reach[[name in self.assumed for name in self.parameters.labels]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
     @property

@@ -11,12 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
+from loopid.arguments import checked
+from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
 from loopid.errors import DataError
-from loopid.identification.checks import checked_force, checked_mask, checked_samples
+from loopid.identification.checks import (
+    checked_force,
+    checked_least_errors,
+    checked_mask,
+    checked_samples,
+    checked_stretches,
+)
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet
-from loopid.scratch import kept, mapped_rows, row_blocks, rows_where, spooled
+from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, rows_where, spooled
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,8 @@ class FitSamples:
     least_errors : FloatArray
         (dof,) in N or N m, deviation below which errors count as round-off, as of forces that are
         known to be zero; by default 0.
+    instruments : FloatArray or None
+        (N, dof, n), the regressor of a motion that knows nothing of the errors of the measured one.
     """
 
     parameters: ParameterSet
@@ -48,8 +57,10 @@ class FitSamples:
     used: BoolArray
     stretches: IntArray
     least_errors: FloatArray
+    instruments: FloatArray | None = None
 
     @classmethod
+    @checked
     def of(
         cls,
         parameters: ParameterSet,
@@ -63,14 +74,8 @@ class FitSamples:
         """Check shapes and values, and fill in the defaults."""
         W, tau = checked_samples(regressor, force, parameters, actuators)
         mask = checked_mask(used, tau)
-        parts = np.zeros(len(tau), dtype=np.int64) if stretches is None else np.asarray(stretches)
-        if parts.shape != tau.shape[:1]:
-            raise DataError(f"stretches must have shape {tau.shape[:1]}, not {parts.shape}")
-        least = (
-            np.zeros(tau.shape[1]) if least_errors is None else finite(least_errors, "least errors")
-        )
-        if least.shape != tau.shape[1:] or (least < 0).any():
-            raise DataError(f"least errors must be {tau.shape[1]} numbers from 0 on")
+        parts = checked_stretches(stretches, len(tau))
+        least = checked_least_errors(least_errors, tau.shape[1])
         return cls(
             parameters,
             tuple(actuators),
@@ -107,12 +112,29 @@ class FitSamples:
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
         chosen = [int(j) for j in columns]
-        W = mapped_rows(lambda rows: self.regressor[rows][:, :, chosen], len(self))
-        return replace(self, parameters=self.parameters.select(chosen), regressor=W)
+        W = _columns(self.regressor, chosen)
+        Z = None if self.instruments is None else _columns(self.instruments, chosen)
+        names = self.parameters.select(chosen)
+        return replace(self, parameters=names, regressor=W, instruments=Z)
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
         return replace(self, force=kept(checked_force(force, self.regressor)))
+
+    def with_instruments(self, instruments: FloatArray) -> FitSamples:
+        """The same samples with instruments (N, dof, n), which go wherever the samples go.
+
+        Raises
+        ------
+        DataError
+            When they are not of the regressor's shape, or not finite.
+        """
+        Z = finite_rows(instruments, "instruments")
+        if Z.shape != self.regressor.shape:
+            raise DataError(
+                f"instruments must have the regressor's shape {self.regressor.shape}, not {Z.shape}"
+            )
+        return replace(self, instruments=kept(Z))
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples after known forces (N, dof) have been taken away."""
@@ -138,7 +160,12 @@ class FitSamples:
             _concatenated([part.used for part in parts]),
             _concatenated_stretches([part.stretches for part in parts]),
             np.max([part.least_errors for part in parts], axis=0),
+            _concatenated_instruments([part.instruments for part in parts]),
         )
+
+
+def _columns(array: FloatArray, chosen: list[int]) -> FloatArray:
+    return mapped_rows(lambda rows: array[rows][:, :, chosen], len(array))
 
 
 def _changes(numbers: IntArray) -> IntArray:
@@ -150,6 +177,13 @@ def _changes(numbers: IntArray) -> IntArray:
 
 def _concatenated(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
+
+
+def _concatenated_instruments(parts: Sequence[FloatArray | None]) -> FloatArray | None:
+    given = [part for part in parts if part is not None]
+    if given and len(given) < len(parts):
+        raise DataError("samples to combine must all have instruments, or none of them")
+    return _concatenated(given) if given else None
 
 
 def _concatenated_stretches(parts: Sequence[IntArray]) -> IntArray:

@@ -7,15 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
-from loopid.identification.fitting import fit
-from loopid.identification.least_squares import Estimator
+from loopid.identification.correlation import warn_of_correlation
+from loopid.identification.estimator import Estimator, WorkingFit
+from loopid.identification.excitation import warn_of_unsupported
+from loopid.identification.fitting import fit, fits
 from loopid.identification.quality import fit_quality
 from loopid.identification.result import FitResult
 from loopid.identification.samples import FitSamples
 
 
+@checked
 def fit_in_steps(
     first: FitSamples,
     second: FitSamples,
@@ -59,7 +63,9 @@ def fit_in_steps(
     values, spread = start.values[taken], start.covariance[np.ix_(taken, taken)]
     joint = np.zeros(len(second.parameters))
     joint[held] = values
-    rest = fit(second.less(second.predicted(joint)).select(free), estimator)
+    rest, plain = fits(second.less(second.predicted(joint)).select(free), estimator)
+    warn_of_correlation(rest.result, plain)
+    warn_of_unsupported(rest.result)
     return _joined(second, rest, (held, free), (values, spread), start.degrees_of_freedom)
 
 
@@ -77,15 +83,14 @@ def _columns(second: FitSamples, known: Sequence[str]) -> tuple[list[int], list[
 
 def _joined(
     second: FitSamples,
-    rest: FitResult,
+    fitted: WorkingFit,
     columns: tuple[list[int], list[int]],
     known: tuple[FloatArray, FloatArray],
     first_freedom: float,
 ) -> FitResult:
     """One result for both steps, with H = (X₂ᵀX₂)⁻¹ X₂ᵀF for the known columns F."""
     (held, free), (values, spread) = columns, known
-    R = second.problem.weighted(rest.weights)[:, :-1]
-    H = np.linalg.lstsq(R[:, free], R[:, held])[0]
+    rest, H = fitted.result, fitted.response(second.select(held).regressor)
     n = len(second.parameters)
     joint, covariance = np.zeros(n), np.zeros((n, n))
     joint[held], joint[free] = values, rest.values

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from loopid.errors import DataError, MissingFileError, OptionError
-from loopid.files import write_file
+from loopid.files import why_no_file, write_file
 
 SUFFIXES = (".json", ".yaml", ".yml")
 
@@ -33,11 +33,14 @@ def record_text(path: str | Path, record: dict[str, Any]) -> str:
 def read_record(path: str | Path) -> dict[str, Any]:
     """Read a record back."""
     is_json = _is_json(path)
+    reason = why_no_file(Path(path))
+    if reason == "does not exist":
+        raise MissingFileError(f"there is no file {path}")
+    if reason:
+        raise DataError(f"{path} {reason}")
     try:
         text = Path(path).read_text(encoding="utf-8")
         record = json.loads(text) if is_json else _yaml().load(text)
-    except FileNotFoundError as error:
-        raise MissingFileError(f"there is no file {path}") from error
     except (OSError, ValueError, YAMLError) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error

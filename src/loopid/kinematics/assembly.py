@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import AssemblyError
 from loopid.kinematics.measured import measured_coordinates
@@ -21,6 +22,7 @@ from loopid.mechanism import Mechanism
 from loopid.threads import one_blas_thread
 
 
+@checked
 def assemble(
     mechanism: Mechanism,
     values: FloatArray,
@@ -72,6 +74,7 @@ def assemble(
     return outcome.configurations
 
 
+@checked
 def try_assemble(
     mechanism: Mechanism,
     values: FloatArray,
@@ -93,7 +96,7 @@ def try_assemble(
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
-    q = samples(q, mechanism.model.nq, "start")
+    q = samples(q, mechanism.model.nq, "start", 1)
     options = PathOptions(tolerance, shortest_step)
     with one_blas_thread():
         if trajectory:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.kinematics.blocks import in_blocks
 from loopid.kinematics.loops import LoopPose, loop_pose
@@ -16,16 +17,19 @@ from loopid.kinematics.tree import tree_motion
 from loopid.mechanism import Mechanism
 
 
+@checked
 def constraint_residual(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Residual (N, rows) of all closures: m or rad."""
     return _in_blocks(mechanism, configurations, lambda pose: pose.residual())
 
 
+@checked
 def constraint_jacobian(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Jacobian A (N, rows, nv): the exact derivative of the residual."""
     return _in_blocks(mechanism, configurations, lambda pose: pose.jacobian())
 
 
+@checked
 def constraint_drift(
     mechanism: Mechanism, configurations: FloatArray, velocities: FloatArray
 ) -> FloatArray:

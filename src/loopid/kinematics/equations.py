@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, IntArray, samples
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.elimination import Elimination
 from loopid.kinematics.loops import loop_pose
@@ -89,12 +90,13 @@ def difference(mechanism: Mechanism, origin: FloatArray, target: FloatArray) -> 
     return np.stack([pin.difference(model, before, after) for before, after in pairs])
 
 
+@checked
 def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Closure residual (N, rows) in m and Jacobian (N, rows, nv) in m per unit step.
 
     Both lie in memory with the samples last.
     """
-    pose = loop_pose(mechanism, q)
+    pose = loop_pose(mechanism, samples(q, mechanism.model.nq, "configurations"))
     residual = row_scales(mechanism)[:, None] * pose.residual()
     return residual.T, np.moveaxis(scaled_by_samples(mechanism, pose.jacobian()), 2, 0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from loopid.arguments import checked
 from loopid.errors import MobilityError
 from loopid.kinematics.equations import MeasuredCoordinates, scaled_constraint
 from loopid.kinematics.linear import Factorisation
@@ -14,6 +15,7 @@ from loopid.mechanism import Mechanism
 __all__ = ["MeasuredCoordinates", "measured_coordinates"]
 
 
+@checked
 def measured_coordinates(
     mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
 ) -> MeasuredCoordinates:

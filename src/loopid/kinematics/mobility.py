@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, samples
 from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.nearby import nearby_configurations
@@ -52,6 +53,7 @@ class Mobility:
         return self.degrees_of_freedom > self.generic_degrees_of_freedom
 
 
+@checked
 def mobility(
     mechanism: Mechanism,
     configuration: FloatArray | None = None,
@@ -65,6 +67,7 @@ def mobility(
         (n, nq), closed configurations around it, where they are known.
     """
     q = mechanism.reference if configuration is None else configuration
+    q = samples(q, mechanism.model.nq, "configuration", 1)[0]
     if around is None:
         around = nearby_configurations(mechanism, q)
     residual, jacobian = scaled_constraint(mechanism, q[None])

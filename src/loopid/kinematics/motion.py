@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
 from loopid.kinematics.projection import Projection
@@ -39,6 +40,7 @@ class ClosedMotion:
         return np.asarray(self.projection.G.transpose(0, 2, 1) @ tree_columns, dtype=np.float64)
 
 
+@checked
 def closed_motion(
     mechanism: Mechanism,
     configurations: FloatArray,

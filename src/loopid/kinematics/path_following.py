@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.errors import OptionError
 from loopid.kinematics.equations import MeasuredCoordinates
 from loopid.kinematics.newton import (
     CONTRACTION,
@@ -67,6 +68,12 @@ class PathOptions:
 
     tolerance: float = CLOSURE_TOLERANCE
     shortest_step: float = SHORTEST_PATH_STEP
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tolerance < np.inf:
+            raise OptionError(f"tolerance must be a length from 0 on, not {self.tolerance} m")
+        if not 0 < self.shortest_step <= 1:
+            raise OptionError(f"shortest_step must be in (0, 1], not {self.shortest_step}")
 
 
 def follow_paths(

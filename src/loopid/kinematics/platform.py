@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import OptionError
 from loopid.kinematics.constraint import constraint_drift, constraint_jacobian
@@ -13,6 +14,7 @@ from loopid.kinematics.scaling import coordinate_scales, row_scales
 from loopid.mechanism import Mechanism, Platform
 
 
+@checked
 def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
 
@@ -39,6 +41,7 @@ def declared_platform(mechanism: Mechanism) -> Platform:
     return mechanism.platform
 
 
+@checked
 def platform_motion(
     mechanism: Mechanism,
     configurations: FloatArray,
@@ -54,8 +57,9 @@ def platform_motion(
     rates, accelerations : FloatArray
         (N, c), first and second derivatives of the platform coordinates by time.
     """
-    platform, count = declared_platform(mechanism), len(configurations)
-    frame = [platform.frame_id]
+    platform = declared_platform(mechanism)
+    configurations = samples(configurations, mechanism.model.nq, "configurations")
+    frame, count = [platform.frame_id], len(configurations)
     x = platform_coordinates(mechanism, configurations)
     xd = samples(rates, len(platform.motions), "platform rates", count)
     xdd = samples(accelerations, len(platform.motions), "platform accelerations", count)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, samples
 from loopid.kinematics.constraint import constraint_jacobian
 from loopid.kinematics.linear import Factorisation
@@ -56,6 +57,7 @@ class Projection:
         return measure_of(Factorisation.of(self.dependent_columns), self.dependent_columns.shape[2])
 
 
+@checked
 def project(
     mechanism: Mechanism,
     configurations: FloatArray,
@@ -99,6 +101,7 @@ def project(
     return Projection(G, gamma[0] if gamma else None, parts.chosen, columns)
 
 
+@checked
 def singularity_measure(
     mechanism: Mechanism, configurations: FloatArray, independent: Sequence[str] | None = None
 ) -> FloatArray:

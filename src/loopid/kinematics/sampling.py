@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.displacement import displaced
@@ -26,6 +27,7 @@ LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
+@checked
 def random_configurations(
     mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
 ) -> FloatArray:
@@ -62,8 +64,10 @@ def configuration_batches(
     mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
-    if count < 1 or not (margin is None or margin >= 0):
-        raise OptionError(f"samples must be positive and margin >= 0, not {count} and {margin}")
+    if count < 1:
+        raise OptionError(f"samples must be at least 1, not {count}")
+    if not (margin is None or margin >= 0):
+        raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     draws, ahead = Draws(mechanism, generator), 1
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
@@ -135,6 +139,7 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     return q[gap <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_gap)]
 
 
+@checked
 def random_motions(
     mechanism: Mechanism, count: int, seed: int | np.random.Generator = 0
 ) -> tuple[FloatArray, FloatArray]:
@@ -143,6 +148,8 @@ def random_motions(
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
     """
+    if count < 0:
+        raise OptionError(f"count must be a number of samples from 0 on, not {count}")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))

@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from loopid.errors import MissingFileError, RobotFileError
+from loopid.files import why_no_file
 
 SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf")
 MOTIONS = "_motions.yaml"
@@ -27,20 +28,22 @@ def bundled_robots() -> tuple[str, ...]:
 def find_robot_file(path: str | Path) -> Path:
     """An existing robot file: the path itself, or a bundled robot's name."""
     file = Path(path)
-    if file.is_file():
+    problem = why_no_file(file)
+    if not problem:
         if file.suffix not in SUFFIXES:
             raise RobotFileError(f"{file}: a robot file ends in {', '.join(SUFFIXES)}")
         return file
     if str(path) in bundled_robots():
         return bundled_directory() / f"{path}.yaml"
     listed = ", ".join(bundled_robots())
-    raise MissingFileError(f"{file} does not exist, and the bundled robots are: {listed}")
+    raise MissingFileError(f"{file} {problem}, and the bundled robots are: {listed}")
 
 
 def find_motion_file(path: str | Path) -> Path:
     """An existing motion file: the path itself, or the bundled one of a robot's name."""
     file = Path(path)
-    if file.is_file():
+    problem = why_no_file(file)
+    if not problem:
         return file
     bundled = {
         found.name.removesuffix(MOTIONS): found
@@ -50,5 +53,5 @@ def find_motion_file(path: str | Path) -> Path:
         return bundled[str(path)]
     listed = ", ".join(bundled)
     raise MissingFileError(
-        f"there is no motion file {file}, and robots with bundled motions are: {listed}"
+        f"motion file {file} {problem}, and robots with bundled motions are: {listed}"
     )

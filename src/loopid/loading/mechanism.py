@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pinocchio as pin
 
+from loopid.arguments import checked
 from loopid.errors import MobilityError, OptionError
 from loopid.loading.closing import close_reference
 from loopid.loading.closures import find_closures, find_couplings, find_platform
@@ -23,6 +24,7 @@ from loopid.loading.urdf import read_urdf_source
 from loopid.mechanism import Mechanism
 
 
+@checked
 def load_mechanism(
     path: str | Path,
     lock: Sequence[str] = (),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
+from loopid.arguments import checked
 from loopid.errors import ModelWarning
 from loopid.loading.tree_file import find_files
 from loopid.loading.urdf import SecondReading, read_again
 
 
+@checked
 def second_opinion(path: str | Path) -> SecondReading | None:
     """Read a robot's URDF once more, with yourdfpy.
 

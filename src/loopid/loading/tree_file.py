@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from loopid.errors import MissingFileError
+from loopid.files import why_no_file
 from loopid.loading.bundled import find_robot_file
 from loopid.loading.description import Description, read_description
 
@@ -48,8 +49,9 @@ def _tree_beside(file: Path, description: Description) -> Path:
     else:
         candidates = [file.with_suffix(suffix) for suffix in (".urdf", *MJCF)]
     for tree in candidates:
-        if tree.is_file():
+        if not why_no_file(tree):
             return tree
     kind = "MJCF" if description.mjcf is not None else "URDF"
     missing = " ".join(str(candidates[0]).split())
-    raise MissingFileError(f"{file}: its {kind} {missing} is missing")
+    reason = why_no_file(candidates[0])
+    raise MissingFileError(f"{file}: its {kind} {missing} is missing: it {reason}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from loopid.errors import LoopidError, RobotFileError
+from loopid.errors import LoopidError, MissingFileError, RobotFileError
 
 
 class Section(BaseModel):
@@ -29,6 +30,8 @@ class Section(BaseModel):
         return content
 
 
+# A few aliases of aliases would fill the memory.
+MOST_VALUES = 1_000_000
 ALTERNATIVES = ("float", "str", "list[float]", "list[str]")
 Content = TypeVar("Content", bound=BaseModel)
 
@@ -45,8 +48,17 @@ def read_yaml(
     """
     try:
         content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
-    except (YAMLError, ValueError) as error:
+        size = _size(content, {})
+    except RecursionError as error:
+        raise failure(f"{path} is not YAML of keys and values: it is nested too deeply") from error
+    except FileNotFoundError as error:
+        raise MissingFileError(f"{path} does not exist") from error
+    except OSError as error:
+        raise failure(f"{path} cannot be read: {error.strerror}") from error
+    except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
         raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
+    if size > MOST_VALUES:
+        raise failure(f"{path} holds more than {MOST_VALUES:,} values, aliases (*) written out")
     content = {} if content is None else content
     if not isinstance(content, dict):
         keys = ", ".join(model.model_fields)
@@ -54,17 +66,29 @@ def read_yaml(
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise failure(f"{path}: {_first_problem(error)}") from error
+        raise failure(f"{path}: {first_problem(error)}") from error
 
 
-def _yaml_problem(error: YAMLError | ValueError) -> str:
+def _size(node: Any, known: dict[int, float]) -> float:
+    """Values below a node, aliases written out; infinite for a node inside itself."""
+    if not isinstance(node, dict | list):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = math.inf
+        children = node.values() if isinstance(node, dict) else node
+        known[id(node)] = 1 + sum(_size(child, known) for child in children)
+    return known[id(node)]
+
+
+def _yaml_problem(error: Exception) -> str:
     if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
         mark = error.problem_mark
         return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
     return " ".join(str(error).split())
 
 
-def _first_problem(error: ValidationError) -> str:
+def first_problem(error: ValidationError) -> str:
+    """Where a model's first problem is, what it is, and what was given."""
     problem = error.errors()[0]
     # Tags of alternatives, as in "<hold>" or "float", are no keys of the file.
     parts = [str(part) for part in problem["loc"]]

@@ -15,9 +15,9 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import LogError
 from loopid.logs.interpolation import interpolated
-from loopid.logs.order_statistics import median
 from loopid.logs.recording import Dropped
 from loopid.logs.stream import LEAST_ROWS, Stream
+from loopid.order_statistics import median
 from loopid.scratch import mapped_rows, row_blocks, rows_where, spooled, steps
 
 # A step between stamps longer than so many median steps is a gap.

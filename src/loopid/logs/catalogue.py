@@ -30,10 +30,16 @@ class Catalogue:
     source : str
         The log, for messages.
     streams : mapping
+    choice : str or None
+        The key of a mapping that chooses a stream, if there is one.
+    ordered : bool
+        Whether the columns of a stream stand in an order that says something.
     """
 
     source: str
     streams: Mapping[str, tuple[str, ...]]
+    choice: str | None = None
+    ordered: bool = True
 
     def find(self, reference: str) -> Place:
         """The column called ``column`` or ``stream:column``.
@@ -68,6 +74,11 @@ class Catalogue:
             valid = ", ".join(self.streams)
             raise LogError(f"{self.source} has no stream {stream!r}: choose among {valid}")
         return self.streams[stream]
+
+    def advice(self) -> str:
+        """How to choose among columns that are called alike, for messages."""
+        also = f", or a {self.choice}," if self.choice is not None and len(self.streams) > 1 else ""
+        return f"name one{also} in a mapping"
 
     def choices(self) -> str:
         """The columns, for messages."""

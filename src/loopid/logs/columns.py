@@ -65,6 +65,11 @@ def _listed(catalogue: Catalogue, given: StreamColumns, mapping: LogMapping) -> 
     names = catalogue.of_stream(given.stream)
     if given.columns is not None:
         return [catalogue.find(f"{given.stream}:{name}") for name in given.columns]
+    if not catalogue.ordered:
+        raise LogError(
+            f"{catalogue.source}: the columns of {given.stream} stand in no order: list them in "
+            f"that of the motors; {catalogue.choices()}"
+        )
     times = find_time(catalogue, given.stream, mapping.time).names
     return [Place(given.stream, name) for name in names if name not in times]
 
@@ -106,6 +111,6 @@ def _only(catalogue: Catalogue, joint: str, quantity: str, found: Sequence[Place
     if len(found) > 1:
         raise LogError(
             f"{catalogue.source} has {len(found)} columns for the {quantity} of {joint}: "
-            f"{', '.join(map(str, found))}; name one in a mapping"
+            f"{', '.join(map(str, found))}; {catalogue.advice()}"
         )
     return found[0]

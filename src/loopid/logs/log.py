@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arguments import checked_fields
+from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError
 from loopid.logs.recording import Dropped
 from loopid.scratch import finite_rows, kept, rows_where, sample_rows, steps
 
 
+@checked_fields
 @dataclass(frozen=True)
 class Log:
     """Positions and forces of the motors over time, in stretches without gaps.
@@ -51,7 +55,9 @@ class Log:
         count = len(time) - 1 if time.ndim == 1 else -1
         if count < 0 or len(rows_where(lambda rows: steps(time, rows) <= 0, count)):
             raise DataError("the time of a log must be a row of increasing numbers")
-        numbers = np.asarray(self.stretches)
+        numbers: NDArray[Any] = self.stretches
+        if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu":
+            numbers = finite(numbers, "stretches")
         if numbers.shape != time.shape or len(
             rows_where(lambda rows: steps(numbers, rows) < 0, count)
         ):

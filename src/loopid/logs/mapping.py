@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from loopid.errors import LogError, MissingFileError
-from loopid.loading.yaml_files import Section, read_yaml
+from loopid.arguments import checked
+from loopid.errors import LogError, MissingFileError, OptionError
+from loopid.loading.yaml_files import Section, first_problem, read_yaml
 
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
 
@@ -75,9 +76,17 @@ class LogMapping(Section):
     All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
     ``stream:column``, or list the columns in the order of the motors. Values times the scale, plus
     the offset, are in m or rad, and N or N m; numbers hold for all joints, or are given by joint.
+    ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
+
+    Raises
+    ------
+    OptionError
+        Naming the key, the value and what is valid.
     """
 
-    format: Literal["csv", "npz", "folder"] | None = None
+    format: Literal["csv", "npz", "parquet", "hdf5", "bag", "folder"] | None = None
+    topic: str | None = None
+    group: str | None = None
     time: TimeColumns | None = None
     position: Columns | None = None
     force: Columns | None = None
@@ -88,6 +97,15 @@ class LogMapping(Section):
     saturation: Limits | None = None
     idle_speed: Positive | None = None
 
+    def __init__(self, **content: Any) -> None:
+        try:
+            super().__init__(**content)
+        except ValidationError as error:
+            raise OptionError(first_problem(error)) from error
+
+    # Files are validated as before, without passing here.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
     @model_validator(mode="after")
     def _scales_are_not_zero(self) -> LogMapping:
         for name in ("position_scale", "force_scale"):
@@ -97,6 +115,7 @@ class LogMapping(Section):
         return self
 
 
+@checked
 def read_mapping(path: str | Path) -> LogMapping:
     """Read and validate a mapping file.
 

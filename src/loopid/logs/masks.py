@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
-from loopid.logs.order_statistics import percentile
 from loopid.logs.recording import Dropped
 from loopid.mechanism import Mechanism
+from loopid.order_statistics import percentile
 from loopid.scratch import row_blocks
 from loopid.trajectories import LowPass
 

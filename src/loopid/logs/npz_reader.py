@@ -8,12 +8,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from loopid.errors import LogError, MissingFileError
 from loopid.logs.npz_member import Member, column_blocks, read_members
 from loopid.logs.reader import LogReader
-from loopid.logs.table import Table
+from loopid.logs.table import Table, common_length
+from loopid.logs.text_lines import stream_name
 from loopid.scratch import row_blocks
 
 
@@ -22,22 +21,24 @@ class NpzReader(LogReader):
 
     format = "npz"
 
-    def accepts(self, path: Path) -> bool:
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
         return path.suffix.lower() == ".npz" and not path.is_dir()
 
-    def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
+    def columns(self) -> dict[str, tuple[str, ...]]:
+        path = self._path
         with _refusals(path), zipfile.ZipFile(path) as archive:
-            return {path.stem: tuple(_columns(path, archive))}
+            return {stream_name(path): tuple(_columns(path, archive))}
 
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
+    def read(self, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        path = self._path
         with _refusals(path), zipfile.ZipFile(path) as archive:
             found = _columns(path, archive)
-            count = _common_length(path, {name: found[name][0].rows for name in names})
+            count = common_length(path, {name: found[name][0].rows for name in names})
             blocks = [column_blocks(archive, *found[name]) for name in names]
             for rows in row_blocks(count):
                 columns = {name: next(block) for name, block in zip(names, blocks, strict=True)}
-                numbers = np.arange(rows.start + 1, rows.stop + 1)
-                yield Table(str(path), columns, numbers, np.empty(0, dtype=np.int64))
+                yield Table.of_rows(str(path), columns, rows.start)
 
 
 def _columns(path: Path, archive: zipfile.ZipFile) -> dict[str, tuple[Member, int]]:
@@ -51,15 +52,6 @@ def _columns(path: Path, archive: zipfile.ZipFile) -> dict[str, tuple[Member, in
     if not columns:
         raise LogError(f"{path} holds no arrays with one or two axes")
     return columns
-
-
-def _common_length(path: Path, lengths: dict[str, int]) -> int:
-    if len(set(lengths.values())) > 1:
-        short, long = (pick(lengths, key=lambda name: lengths[name]) for pick in (min, max))
-        raise LogError(
-            f"{path}: {short!r} has {lengths[short]} rows, but {long!r} has {lengths[long]}"
-        )
-    return next(iter(lengths.values()))
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import LogError, OptionError
 from loopid.logs.actuation import on_independent, require_known_motion
@@ -22,6 +23,7 @@ from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import LowPass
 
 
+@checked
 def prepare_recording(
     mechanism: Mechanism,
     log: Log,

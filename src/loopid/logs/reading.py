@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.errors import MissingFileError
+from loopid.errors import LogError, MissingFileError
+from loopid.files import why_no_file
 from loopid.logs.actuation import require_known_motion
 from loopid.logs.alignment import align
 from loopid.logs.limit_checks import check_limits
@@ -27,6 +29,7 @@ from loopid.mechanism import Mechanism
 from loopid.scratch import mapped_rows
 
 
+@checked
 def read_log(
     path: str | Path, mechanism: Mechanism, mapping: LogMapping | str | Path | None = None
 ) -> Log:
@@ -35,7 +38,9 @@ def read_log(
     Parameters
     ----------
     path : path
-        A table of text (.csv, .txt, .tsv, also .gz), an .npz, or a folder with one table a stream.
+        A table of text (.csv, .txt, .tsv, also .gz), an .npz, a folder with one table a stream;
+        with the extra ``logs`` also Parquet, HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
+        the folder of one) with messages of type ``sensor_msgs/JointState``.
     mechanism : Mechanism
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
@@ -49,6 +54,8 @@ def read_log(
     ------
     MissingFileError
         When there is no such log or mapping.
+    MissingExtraError
+        When the library that reads the format is not installed.
     OptionError
         When the motors do not tell where the robot is.
     LogError
@@ -62,8 +69,11 @@ def read_log(
     """
     place, joints = Path(path), mechanism.actuated
     require_known_motion(mechanism)
-    if not place.exists():
+    reason = why_no_file(place)
+    if reason == "does not exist":
         raise MissingFileError(f"there is no log {place}")
+    if reason not in ("", "is a folder"):
+        raise LogError(f"log {place} {reason}")
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
     streams = [_checked(mechanism, stream) for stream in read_streams(place, joints, mapping)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError
 from loopid.logs.log import Log
@@ -71,6 +72,7 @@ class Smooth:
         return JointMotion(self.time, configurations, *derivatives, singularity)
 
 
+@checked
 def default_lowpass(log: Log) -> LowPass:
     """A filter at ``DEFAULT_CUTOFF`` of the log's rate."""
     return LowPass(DEFAULT_CUTOFF * max(log.rate(part) for part in log.parts()))

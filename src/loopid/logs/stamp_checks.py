@@ -5,7 +5,7 @@ from __future__ import annotations
 from loopid.arrays import IntArray
 from loopid.errors import LogError
 from loopid.logs.messages import rows_text
-from loopid.logs.order_statistics import median
+from loopid.order_statistics import median
 from loopid.scratch import rows_where, steps
 
 # Median steps (s) that a log may have: others mean that the unit of the time is another.

@@ -11,6 +11,7 @@ from pathlib import Path
 from loopid.errors import LogError, MissingFileError
 
 TEXT_ENDINGS = (".csv", ".txt", ".tsv")
+OTHER_ENDINGS = (".npz", ".parquet", ".pq", ".h5", ".hdf5", ".bag", ".mcap", ".db3")
 PACKED = ".gz"
 # Of separators that split a header into equally many cells, the first is taken.
 SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", None)
@@ -25,7 +26,7 @@ def is_text_name(path: Path) -> bool:
 def stream_name(path: Path) -> str:
     """Name of the stream in a file: the file's name without its endings."""
     name = path.name
-    for ending in (PACKED, *TEXT_ENDINGS, ".npz"):
+    for ending in (PACKED, *TEXT_ENDINGS, *OTHER_ENDINGS):
         if name.lower().endswith(ending):
             name = name[: -len(ending)]
     return name

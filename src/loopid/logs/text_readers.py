@@ -17,14 +17,15 @@ class TextReader(LogReader):
 
     format = "csv"
 
-    def accepts(self, path: Path) -> bool:
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
         return is_text_name(path) and not path.is_dir()
 
-    def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
-        return {stream_name(path): read_header(path).names}
+    def columns(self) -> dict[str, tuple[str, ...]]:
+        return {stream_name(self._path): read_header(self._path).names}
 
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
-        return read_tables(path, names)
+    def read(self, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        return read_tables(self._path, names)
 
 
 class FolderReader(LogReader):
@@ -32,14 +33,15 @@ class FolderReader(LogReader):
 
     format = "folder"
 
-    def accepts(self, path: Path) -> bool:
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
         return path.is_dir()
 
-    def columns(self, path: Path) -> dict[str, tuple[str, ...]]:
-        return {stream: _names(file) for stream, file in _files(path).items()}
+    def columns(self) -> dict[str, tuple[str, ...]]:
+        return {stream: _names(file) for stream, file in _files(self._path).items()}
 
-    def read(self, path: Path, stream: str, names: Sequence[str]) -> Iterator[Table]:
-        return read_tables(_files(path)[stream], names)
+    def read(self, stream: str, names: Sequence[str]) -> Iterator[Table]:
+        return read_tables(_files(self._path)[stream], names)
 
 
 def _files(folder: Path) -> dict[str, Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.mechanism.identical import LinkGroup
 from loopid.mechanism.mechanism import Mechanism
@@ -12,6 +13,7 @@ from loopid.parameters import KINDS
 ALIKE = 1e-4  # relative to the largest of the group; robot files are rounded
 
 
+@checked
 def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
     """Say which groups of links have inertials that differ, and by how much."""
     found = (_difference(mechanism, group) for group in mechanism.identical)

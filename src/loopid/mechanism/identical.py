@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
+from loopid.errors import OptionError
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,17 @@ def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
     return np.array([names.index(name) for name in in_groups(links, groups)], dtype=np.int64)
 
 
+@checked
 def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:
-    """T (width n, width m) for ``width`` parameters a link."""
+    """T (width n, width m) for ``width`` parameters a link.
+
+    Raises
+    ------
+    OptionError
+        When the width is negative.
+    """
+    if width < 0:
+        raise OptionError(f"width must be a number of parameters from 0 on, not {width}")
     indices = tie_indices(links, groups)
     selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
     return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)

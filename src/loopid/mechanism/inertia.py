@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.mechanism.body import Body
 from loopid.mechanism.mechanism import Mechanism
 
@@ -39,6 +40,7 @@ class InertiaDefect:
         return f"{self.link}: {self.reason}"
 
 
+@checked
 def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
     """Bodies whose inertia, as the robot file gives it, no solid body has."""
     found = (_defect(mechanism, body) for body in mechanism.bodies)

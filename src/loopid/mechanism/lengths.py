@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 import pinocchio as pin
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.lengths import NamedLength
 from loopid.mechanism.closure import LoopClosure
@@ -36,6 +37,7 @@ class _Point:
         return float(np.abs(self.position).max())
 
 
+@checked
 def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
     """Lengths that the robot file gives, other than zero.
 

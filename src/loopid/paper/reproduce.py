@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
+from loopid.arguments import checked
 from loopid.identification import FitSamples
 from loopid.loading import load_mechanism
 from loopid.logs import Recording, prepare_recording, read_log
@@ -67,6 +68,7 @@ class PaperReproduction:
         return {name: float(m.time[-1]) for name, m in self.experiment.motions.items()}
 
 
+@checked
 def reproduce_paper(
     logs: Sequence[str] = (),
     seed: int = 0,

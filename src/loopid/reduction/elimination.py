@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification import Estimator, FitResult, FitSamples
-from loopid.identification.fitting import quiet_fit
+from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.quality import fit_quality
 from loopid.identification.result import relative_deviation
 from loopid.reduction.result import Reduction, ReductionStep
@@ -23,6 +24,7 @@ CLEARLY = 2.0
 NO_CONSEQUENCE = 0.02
 
 
+@checked
 def eliminate(
     training: FitSamples,
     validation: FitSamples,
@@ -60,8 +62,9 @@ def eliminate(
         raise DataError("validation data must have the parameters and actuators of the training")
     start = _checked_reference(reference, len(names))
     kept = _checked_keep(keep, names.labels)
-    full = quiet_fit(training, estimator)
-    steps = _steps(training, validation, full, start, kept)
+    working = working_fit(training, estimator)
+    full, fits = working.result, SubsetFits(working, start)
+    steps = _steps((training, validation), full, fits, kept)
     best = min(steps, key=lambda step: step.validation_error)
     steps = [_compared(step, best, validation, _error_scale(full)) for step in steps]
     chosen = [step for step in steps if step.excess <= _allowed(step, best)][-1]
@@ -84,24 +87,20 @@ def _checked_keep(keep: Sequence[str], labels: tuple[str, ...]) -> set[int]:
 
 
 def _steps(
-    training: FitSamples,
-    validation: FitSamples,
-    full: FitResult,
-    reference: FloatArray,
-    kept: set[int],
+    data: tuple[FitSamples, FitSamples], full: FitResult, fits: SubsetFits, kept: set[int]
 ) -> list[ReductionStep]:
     """Steps from all parameters down to those to keep, or to one."""
-    fits, scale = SubsetFits(training.problem, full, reference), _error_scale(full)
+    scale = _error_scale(full)
     labels, columns = full.parameters.labels, list(range(len(full.values)))
     dropped, relative, steps = None, np.nan, list[ReductionStep]()
     while True:
         values, errors = fits.fit(columns)
         left = tuple(labels[j] for j in columns)
-        steps.append(_judged((left, dropped, relative), values, (training, validation), scale))
+        steps.append(_judged((left, dropped, relative), values, data, scale))
         free = [k for k, j in enumerate(columns) if j not in kept]
         if not free or len(columns) == 1:
             return steps
-        deviations = relative_deviation(errors, (values - reference)[columns])
+        deviations = relative_deviation(errors, (values - fits.reference)[columns])
         worst = max(free, key=lambda k: deviations[k])
         dropped, relative = labels[columns[worst]], float(deviations[worst])
         columns.pop(worst)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification import FitProblem, FitSamples
@@ -11,6 +12,7 @@ from loopid.identification import FitProblem, FitSamples
 FORCES = ("measured", "predicted")
 
 
+@checked
 def influence(
     data: FitSamples | FitProblem, values: FloatArray, relative_to: str = "measured"
 ) -> FloatArray:

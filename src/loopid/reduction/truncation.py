@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.identification import FitProblem, FitSamples
 from loopid.reduction.influence import weighted_columns
 
 
+@checked
 def truncated_values(
     data: FitSamples | FitProblem,
     values: FloatArray,
@@ -42,6 +44,7 @@ def truncated_values(
     return values_and_bias(data, values, kept, weights)[0]
 
 
+@checked
 def truncation_bias(
     data: FitSamples | FitProblem,
     values: FloatArray,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, samples
 from loopid.kinematics import ClosedMotion
 from loopid.kinematics.blocks import in_blocks
@@ -16,6 +17,7 @@ from loopid.regressors.bodies import moving_columns, resting_columns
 from loopid.regressors.tree import tree_regressor
 
 
+@checked
 def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Actuator forces at rest per unit of mass and first moment.
 
@@ -42,6 +44,7 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     return in_projected_blocks(mechanism, q, Partition(mechanism), columns, width)[0]
 
 
+@checked
 def dynamic_regressor(
     mechanism: Mechanism,
     configurations: FloatArray,

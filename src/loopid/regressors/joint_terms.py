@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics.motion import ClosedMotion
@@ -25,6 +26,7 @@ JOINT_KINDS = {
 }
 
 
+@checked_fields
 @dataclass(frozen=True)
 class JointTerms:
     """Which joints have which terms.

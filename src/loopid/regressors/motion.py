@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics.motion import ClosedMotion
 from loopid.mechanism import Mechanism
@@ -12,6 +13,7 @@ from loopid.regressors.closed_loop import moving_regressor, resting_regressor
 from loopid.regressors.joint_terms import JointTerms
 
 
+@checked
 def motion_parameters(
     mechanism: Mechanism, model: str = "full", joint_terms: JointTerms | None = None
 ) -> ParameterSet:
@@ -20,6 +22,7 @@ def motion_parameters(
     return bodies if joint_terms is None else bodies + joint_terms.parameters(mechanism)
 
 
+@checked
 def motion_regressor(
     mechanism: Mechanism,
     motion: ClosedMotion,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError
 from loopid.kinematics.motion import closed_motion
@@ -37,6 +38,7 @@ class ForceParts:
         return self.inertial + self.coriolis + self.gravity
 
 
+@checked
 def force_parts(
     mechanism: Mechanism,
     configurations: FloatArray,

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, random_motions
 from loopid.kinematics.sampling import configuration_batches
@@ -21,6 +22,7 @@ LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
 
 
+@checked
 def structural_observation(
     mechanism: Mechanism,
     model: str = "gravity",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.mechanism import Mechanism, tie_matrix
 from loopid.parameters import model_kinds
 
 
+@checked
 def tree_regressor(
     mechanism: Mechanism,
     configurations: FloatArray,
@@ -52,4 +54,5 @@ def tree_regressor(
         regressor[k] = whole if everything else whole.reshape(pinocchio_model.nv, -1)[:, columns]
     if not mechanism.ties:
         return regressor
-    return regressor @ tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))
+    ties = tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))
+    return np.asarray(regressor @ ties, dtype=np.float64)

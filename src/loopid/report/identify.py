@@ -10,6 +10,8 @@ from loopid.experiment import Candidate, Identification
 from loopid.experiment.candidate import NO_DIFFERENCE
 from loopid.identification import Quality
 from loopid.logs import Recording
+from loopid.report.identify_consistent import consistent_record, consistent_sentences
+from loopid.report.identify_support import support_record, support_sentences
 
 
 def identification_record(found: Identification) -> dict[str, Any]:
@@ -24,6 +26,8 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "expressions": list(model.base.expressions),
         "robot_file": [float(value) for value in model.prior],
         "fit": found.fit.record(),
+        "support": support_record(found.support),
+        "consistent": consistent_record(found.consistent),
         "supported": [float(value) for value in found.supported.values],
         "supported_corrections": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],
@@ -70,7 +74,9 @@ def _number(value: float) -> float | None:
 def findings(found: Identification) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
     full, supported = found.candidates[1], found.supported
-    said = [_conditions(found), _compared(full), _compared(supported)]
+    said = [_conditions(found), *support_sentences(found.support)]
+    said += [] if found.consistent is None else consistent_sentences(found.consistent)
+    said += [_compared(full), _compared(supported)]
     weak = found.fit.unsupported()
     if weak or not full.beats_baseline:
         said.append(

@@ -16,11 +16,13 @@ from loopid.report.drawing import (
     rendered,
     thinned,
 )
+from loopid.report.identify_support import draw_spectrum
 
 
 def identification_figures(found: Identification) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
-    return draw_forces(found) | draw_parameters(found) | draw_reduction(found)
+    support = draw_spectrum(found.support)
+    return draw_forces(found) | support | draw_parameters(found) | draw_reduction(found)
 
 
 def draw_forces(found: Identification) -> dict[str, bytes]:

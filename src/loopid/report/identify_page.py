@@ -11,6 +11,7 @@ from loopid.report.markdown import markdown_table
 
 CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
+    "spectrum": "What the structure lets be known, and what of it the data show.",
     "parameters": "Base parameters against the robot file.",
     "reduction": "Validation error by the number of parameters taken from the data.",
 }
@@ -18,10 +19,15 @@ CAPTIONS = {
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and result, by file name."""
+    bodies = {}
+    if found.consistent is not None:
+        name = "standard_parameters.yaml"
+        bodies[name] = record_text(name, found.consistent.record())
     return {
         "report.md": identification_page(found),
         "identification.json": record_text("identification.json", identification_record(found)),
         "parameters.yaml": record_text("parameters.yaml", found.fit.record()),
+        **bodies,
         **identification_figures(found),
     }
 

@@ -6,6 +6,8 @@ from rich.table import Table
 
 from loopid.experiment import Candidate, Identification
 from loopid.report.identify import findings
+from loopid.report.identify_consistent import consistent_table
+from loopid.report.identify_support import support_table
 from loopid.report.style import plain_table
 
 
@@ -13,7 +15,9 @@ def identification_tables(found: Identification) -> list[Table]:
     """Parameters, prediction errors, what was left out, findings."""
     return [
         _parameter_table(found),
+        *([support_table(found.support)] if found.support.weak else []),
         _supported_table(found),
+        *([] if found.consistent is None else [consistent_table(found.consistent)]),
         candidates_table(found),
         _noise_table(found),
         _dropped_table(found),
@@ -68,6 +72,8 @@ def candidates_table(found: Identification) -> Table:
 def _quality_cell(candidate: Candidate, part: int, k: int) -> str:
     quality = (candidate.training, candidate.validation)[part]
     rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
+    if not quality.samples[k]:
+        return "-"
     return f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
 
 

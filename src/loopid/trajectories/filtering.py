@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError, OptionError
 from loopid.scratch import Spool, finite_rows, row_blocks
@@ -22,6 +23,7 @@ from loopid.scratch import Spool, finite_rows, row_blocks
 PADDING = 1.5
 
 
+@checked_fields
 @dataclass(frozen=True)
 class LowPass:
     """A Butterworth low-pass filter, run forwards and backwards.
@@ -47,17 +49,20 @@ class LowPass:
         """Fewest samples at a rate (Hz) that can be filtered."""
         return self._padding(rate) + 1
 
+    @checked
     def apply(self, values: FloatArray, rate: float) -> FloatArray:
         """Filter signals (N, ...) along their first axis, sampled at a rate in Hz.
 
         Raises
         ------
         OptionError
-            When the cut-off is not below half the rate.
+            When the rate is not positive, or the cut-off not below half of it.
         DataError
             When there are fewer than ``least_samples``.
         """
-        signal = finite_rows(values, "signal")
+        signal = _signal(finite_rows(values, "signal"))
+        if not 0 < rate < np.inf:
+            raise OptionError(f"the sample rate must be positive, not {rate} Hz")
         if not self.cutoff < 0.5 * rate:
             raise OptionError(
                 f"the cut-off frequency must be below half the sample rate, {0.5 * rate:g} Hz, "
@@ -79,6 +84,12 @@ class LowPass:
 
     def _padding(self, rate: float) -> int:
         return int(np.ceil(PADDING * max(self.order, 2) * rate / self.cutoff))
+
+
+def _signal(values: FloatArray) -> FloatArray:
+    if values.ndim == 0:
+        raise DataError("a signal must have an axis of samples, but this is a single number")
+    return values
 
 
 def _extended(signal: FloatArray, padding: int) -> Iterator[FloatArray]:
@@ -103,15 +114,20 @@ def _filtered(sections: FloatArray, blocks: Iterator[FloatArray]) -> FloatArray:
     return np.asarray(spool.array(), dtype=np.float64)
 
 
+@checked
 def differentiate(values: FloatArray, rate: float) -> FloatArray:
     """Derivatives by time (N, ...) of evenly sampled signals, by central differences.
 
     Raises
     ------
+    OptionError
+        When the rate is not positive.
     DataError
         When there are fewer than three samples.
     """
-    signal = finite(values, "signal")
+    signal = _signal(finite(values, "signal"))
+    if not 0 < rate < np.inf:
+        raise OptionError(f"the rate must be positive, not {rate} Hz")
     if len(signal) < 3:
         raise DataError(f"{len(signal)} samples are too few to differentiate: it takes 3")
     return np.asarray(np.gradient(signal, 1.0 / rate, axis=0, edge_order=2), dtype=np.float64)

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.trajectories.motion import Motion, sample_times
 
 
+@checked_fields
 @dataclass(frozen=True)
 class FourierSeries:
     """x_i(t) = offset_i + Σ_h sine_ih sin(h ω t) + cosine_ih cos(h ω t).
@@ -51,6 +53,7 @@ class FourierSeries:
         """Seconds after which the motion repeats."""
         return 1.0 / self.frequency
 
+    @checked
     def motion(self, duration: float | None = None, rate: float = 100.0) -> Motion:
         """Sample the series, by default over one period (duration in s, rate in Hz)."""
         time = sample_times(self.period if duration is None else duration, rate)

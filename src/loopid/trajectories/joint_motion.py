@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
 from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
 from loopid.mechanism import Mechanism
 from loopid.mechanism.locking import lock_options
+from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
 
+# Of each array.
+AXES = {"time": 1, "configurations": 2, "velocities": 2, "accelerations": 2, "singularity": 1}
 
+
+@checked_fields
 @dataclass(frozen=True)
 class JointMotion:
     """Configurations of a mechanism over time, and the motion of its independent coordinates.
+
+    All arrays are read-only.
 
     Attributes
     ----------
@@ -34,6 +42,18 @@ class JointMotion:
     accelerations: FloatArray
     singularity: FloatArray
 
+    def __post_init__(self) -> None:
+        count = finite_rows(self.time, "time").shape[:1]
+        for name, axes in AXES.items():
+            values = finite_rows(getattr(self, name), name)
+            if values.ndim != axes or values.shape[:1] != count:
+                shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
+                raise DataError(
+                    f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
+                    f"of time, not {values.shape}"
+                )
+            object.__setattr__(self, name, kept(values))
+
     def select(self, rows: BoolArray | IntArray) -> JointMotion:
         """Some of the samples, by a mask (N,) or by number."""
         return JointMotion(
@@ -45,6 +65,7 @@ class JointMotion:
         )
 
 
+@checked
 def joint_motion(
     mechanism: Mechanism, motion: Motion, start: FloatArray | None = None
 ) -> JointMotion:

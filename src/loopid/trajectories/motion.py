@@ -6,10 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 
+# Of a sampled motion: a slip of the pen should not fill the memory.
+MOST_SAMPLES = 10_000_000
 
+
+@checked_fields
 @dataclass(frozen=True)
 class Motion:
     """Coordinates over time.
@@ -60,9 +65,14 @@ def sample_times(duration: float, rate: float) -> FloatArray:
     Raises
     ------
     DataError
-        When either is not positive.
+        When either is not positive, or the samples are more than ``MOST_SAMPLES``.
     """
     if not (0 < duration < np.inf and 0 < rate < np.inf):
         raise DataError(f"duration and rate must be positive, not {duration} s and {rate} Hz")
+    if not duration * rate < MOST_SAMPLES:
+        raise DataError(
+            f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "
+            f"{MOST_SAMPLES:,} that a motion may have"
+        )
     steps = int(np.floor(duration * rate * (1 + 1e-12)))
     return np.arange(steps + 1) / rate

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.bundled import find_motion_file
@@ -64,6 +65,7 @@ class MotionProgram:
     rate: float
     motions: Mapping[str, PlannedMotion]
 
+    @checked
     def motion(self, name: str, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 
@@ -86,6 +88,7 @@ class MotionProgram:
         return point_to_point(self.coordinates, plan.start, plan.waypoints, rate)
 
 
+@checked
 def read_motion_program(path: str | Path) -> MotionProgram:
     """Read and check a motion file.
 

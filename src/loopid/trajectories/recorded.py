@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import LogError, MissingFileError, OptionError
+from loopid.files import why_no_file
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.motion import Motion
 
@@ -19,6 +21,7 @@ from loopid.trajectories.motion import Motion
 SMOOTHING = LowPass(2.0)
 
 
+@checked
 def read_reference(
     path: str | Path, names: Sequence[str], rate: float = 100.0, lowpass: LowPass = SMOOTHING
 ) -> Motion:
@@ -75,8 +78,9 @@ def _rows(file: Path, names: Sequence[str]) -> list[list[str]]:
 
 
 def _text(file: Path) -> str:
-    if not file.is_file():
-        raise MissingFileError(f"{file} does not exist")
+    problem = why_no_file(file)
+    if problem:
+        raise MissingFileError(f"{file} {problem}")
     try:
         packed = file.read_bytes()
         return (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")

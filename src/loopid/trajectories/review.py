@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.mechanism import Mechanism
@@ -78,6 +79,7 @@ class MotionReview:
         return tuple(found)
 
 
+@checked
 def review_motion(
     mechanism: Mechanism, motion: JointMotion, margin: float = DEFAULT_MARGIN
 ) -> MotionReview:

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import FloatArray, finite
+from loopid.arguments import checked, checked_fields
+from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.trajectories.motion import Motion, sample_times
 
 
+@checked_fields
 @dataclass(frozen=True)
 class Arc:
     """A detour of one coordinate on the way to a waypoint, zero at both ends.
@@ -48,6 +50,7 @@ class Arc:
         return scale * (root - floor), -2 * scale * f**2 * u / root, -4 * scale * f**2 / root**3
 
 
+@checked_fields
 @dataclass(frozen=True)
 class Waypoint:
     """Where to go next.
@@ -65,7 +68,14 @@ class Waypoint:
     seconds: float
     arcs: tuple[Arc, ...] = ()
 
+    def __post_init__(self) -> None:
+        position = finite(self.position, "waypoint")
+        if position.ndim != 1:
+            raise DataError(f"a waypoint must have shape (c,), not {position.shape}")
+        object.__setattr__(self, "position", frozen(position))
 
+
+@checked
 def point_to_point(
     names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], rate: float = 100.0
 ) -> Motion:

@@ -14,6 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.block import Levels
 from loopid.base_parameters.search.engines import BranchEngine
@@ -41,6 +42,7 @@ class ExactSearch(SearchStrategy):
 
     name = "exact"
 
+    @checked
     def __init__(self, time_limit: float = TIME_LIMIT) -> None:
         if not time_limit > 0:
             raise OptionError(f"time_limit must be positive, not {time_limit} s")

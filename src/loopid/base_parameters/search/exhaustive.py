@@ -19,6 +19,7 @@ from os import cpu_count
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.search.combinations import unrank
 from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbers
@@ -66,6 +67,7 @@ class ExhaustiveSearch(SearchStrategy):
 
     name = "exhaustive"
 
+    @checked
     def __init__(self, workers: int | None = None, progress: Progress | None = None) -> None:
         if workers is not None and workers < 1:
             raise OptionError(f"workers must be positive, not {workers}")

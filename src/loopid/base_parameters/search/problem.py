@@ -7,6 +7,7 @@ from math import comb
 
 import numpy as np
 
+from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.structure import Structure
@@ -16,6 +17,7 @@ from loopid.errors import OptionError
 CRITERIA = ("nullspace", "regressor")
 
 
+@checked_fields
 @dataclass(frozen=True)
 class ChoiceProblem:
     """Choose d of n parameters to be dependent, so that the criterion is least.

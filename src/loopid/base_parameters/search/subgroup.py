@@ -14,6 +14,7 @@ from math import ceil, comb
 
 import numpy as np
 
+from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbers
 from loopid.base_parameters.search.strategy import SearchResult, SearchStrategy
@@ -39,6 +40,7 @@ class SubgroupSearch(SearchStrategy):
 
     name = "subgroup"
 
+    @checked
     def __init__(
         self, condition_limit: float = 2000.0, alpha: float = 0.25, variant: str = "pseudocode"
     ) -> None:

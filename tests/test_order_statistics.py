@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from block_sizes import set_block_rows
-from loopid.logs import order_statistics
-from loopid.logs.order_statistics import largest, median, percentile
+from loopid import order_statistics
+from loopid.order_statistics import largest, median, percentile
 
 __all__ = ["set_block_rows"]
 

@@ -1,0 +1,155 @@
+"""Total least squares: the regressor has errors too [VanHuffel1991].
+
+Rows [x | y] have independent errors of deviations [d | 1] times one unknown number. With D = diag d
+and σ the smallest singular value of [X D⁻¹ | y], the estimates solve (XᵀX - σ² D²) φ = Xᵀy. With
+residuals r and g² = 1 + φᵀD²φ, the corrected rows x̂ = x + r D²φ / g² are uncorrelated with r, and
+X̂ᵀr = 0. Errors of the estimates are A⁻¹ Σ x̂ r with A = XᵀX - σ² D² [Fuller1987]: those of least
+squares on the working regressor X̂ (X̂ᵀX̂)⁻¹ A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, finite, frozen
+from loopid.errors import DataError, OptionError, RankError
+from loopid.identification.estimator import (
+    Estimator,
+    WorkingFit,
+    freedom_of,
+    require_rows,
+    result_of,
+)
+from loopid.identification.excitation import require_excitation
+from loopid.identification.least_squares import equal_weights
+from loopid.identification.problem import FitProblem
+from loopid.identification.result import FitResult
+from loopid.identification.samples import FitSamples
+from loopid.scratch import mapped_rows
+from loopid.threads import one_blas_thread
+from loopid.triangular import triangular_factor
+
+# By how much the smallest singular value of the regressor must exceed that with the forces,
+# relatively, for there to be one solution.
+LEAST_GAP = 1e-6
+
+
+class TotalLeastSquares(Estimator):
+    """Least squares for a regressor with independent errors.
+
+    Parameters
+    ----------
+    column_errors : FloatArray, optional
+        (n,), deviation of the errors in each column of the regressor, relative to that of the
+        forces; 0 for exact columns. By default 1, the textbook's total least squares, which only
+        makes sense where all columns are measured in the same unit with the same errors.
+    force_errors : FloatArray, optional
+        (dof,), size of the errors in the rows of each actuator, relative to each other.
+    """
+
+    name = "tls"
+
+    @checked
+    def __init__(
+        self, column_errors: FloatArray | None = None, force_errors: FloatArray | None = None
+    ) -> None:
+        self.column_errors = None if column_errors is None else _sizes(column_errors, "column")
+        self.force_errors = None if force_errors is None else _sizes(force_errors, "force")
+        if self.force_errors is not None and not (self.force_errors > 0).all():
+            raise OptionError("force errors must be above 0")
+
+    def _fit(self, problem: FitProblem) -> FitResult:
+        return self._solved(problem)[0]
+
+    def fit_samples(self, samples: FitSamples) -> WorkingFit:
+        """As of ``Estimator``."""
+        problem = samples.problem
+        require_rows(problem)
+        with one_blas_thread():
+            result, slope, turn = self._solved(problem)
+        values = result.values
+
+        def corrected(rows: slice) -> FloatArray:
+            W = samples.regressor[rows]
+            residual = samples.force[rows] - W @ values
+            return np.asarray((W + residual[:, :, None] * slope) @ turn, dtype=np.float64)
+
+        W = mapped_rows(corrected, len(samples))
+        residual = samples.residual(values)
+        force = mapped_rows(lambda rows: W[rows] @ values + residual[rows], len(samples))
+        return WorkingFit(result, replace(samples, regressor=W, force=force))
+
+    def _solved(self, problem: FitProblem) -> tuple[FitResult, FloatArray, FloatArray]:
+        """The result, D²φ / g² (n,), and what turns corrected rows into working ones (n, n)."""
+        sizes, weights = self._column_sizes(problem), self._weights(problem)
+        width = len(sizes)
+        factor = problem.weighted(weights)
+        require_excitation(problem, factor[:width, :width])
+        values, least = _solution(factor, sizes)
+        slope = sizes**2 * values / (1.0 + float((sizes * values) @ (sizes * values)))
+        residual = factor @ np.append(-values, 1.0)
+        corrected = triangular_factor(factor[:, :width] + np.outer(residual, slope))
+        bread = factor[:, :width].T @ factor[:, :width] - least**2 * np.diag(sizes**2)
+        turn = np.asarray(np.linalg.solve(corrected.T @ corrected, bread), dtype=np.float64)
+        variance = float(residual @ residual) / freedom_of(problem)
+        result = result_of(self.name, problem, values, corrected @ turn, weights, variance)
+        return result, slope, turn
+
+    def _column_sizes(self, problem: FitProblem) -> FloatArray:
+        width = len(problem.parameters)
+        sizes = np.ones(width) if self.column_errors is None else self.column_errors
+        if sizes.shape != (width,):
+            raise DataError(f"column_errors must have shape ({width},), not {sizes.shape}")
+        return sizes
+
+    def _weights(self, problem: FitProblem) -> FloatArray:
+        weights = equal_weights(problem)
+        if self.force_errors is None:
+            return weights
+        if self.force_errors.shape != weights.shape:
+            raise DataError(
+                f"force_errors must have shape {weights.shape}, not {self.force_errors.shape}"
+            )
+        return weights / self.force_errors
+
+
+def _sizes(values: FloatArray, what: str) -> FloatArray:
+    sizes = finite(values, f"{what} errors")
+    if (sizes < 0).any():
+        raise OptionError(f"{what} errors must be numbers from 0 on, not {sizes.min()}")
+    return frozen(sizes)
+
+
+def _solution(factor: FloatArray, sizes: FloatArray) -> tuple[FloatArray, float]:
+    """Estimates (n,) and σ from the triangular factor (n + 1, n + 1) of [X | y].
+
+    Exact columns are eliminated first, which leaves the others with the forces.
+
+    Raises
+    ------
+    RankError
+        When there is more than one solution.
+    """
+    width = len(sizes)
+    exact, noisy = np.flatnonzero(sizes == 0), np.flatnonzero(sizes > 0)
+    R, k = triangular_factor(factor[:, [*exact, *noisy, width]]), len(exact)
+    scaled = R[k:, k:] / np.append(sizes[noisy], 1.0)
+    _, singular, right = np.linalg.svd(scaled)
+    least, direction = float(singular[-1]), right[-1]
+    if len(noisy):
+        own = float(np.linalg.svd(scaled[:, :-1], compute_uv=False)[-1])
+        if own <= (1 + LEAST_GAP) * least:
+            raise RankError(
+                f"total least squares has no single solution: the errors are as large as what "
+                f"shows a parameter (singular values {least:.3g} with and {own:.3g} without the "
+                "forces); give smaller column_errors, or use instrumental variables"
+            )
+    values = np.zeros(width)
+    values[noisy] = -direction[:-1] / direction[-1] / sizes[noisy]
+    right_side = R[:k, -1] - R[:k, k:-1] @ values[noisy]
+    values[exact] = solve_triangular(R[:k, :k], right_side) if k else 0.0
+    return values, least

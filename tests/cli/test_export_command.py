@@ -1,0 +1,139 @@
+"""``loopid export``: from the file of a fit to robot files, base parameters and C."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from loopid import FitResult, JointTerms, find_force_model, load_mechanism, random_configurations
+from loopid.export import BaseValues
+from loopid.identification import Quality
+from loopid.kinematics import closed_motion
+from loopid.regressors import motion_regressor
+
+ROOT = Path(__file__).parents[2] / "urdf"
+
+
+def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=1.05, **options):
+    """A fit as ``loopid identify`` saves it: all bodies heavier, and friction."""
+    mechanism = load_mechanism(robot, **options)
+    terms = JointTerms(mechanism.actuated, kinds) if kinds else None
+    found = find_force_model(mechanism, model, terms)
+    values = factor * found.prior
+    values[found.joint_columns] += 0.7
+    dof = np.ones(len(mechanism.independent))
+    quality = Quality(dof, dof, dof.astype(int))
+    covariance = np.diag(np.arange(1.0, len(values) + 1) ** 2)
+    fit = FitResult(
+        "wls", found.parameters, mechanism.independent, values, covariance, 1.0, 50.0, quality, dof
+    )
+    fit.save(folder / "parameters.yaml")
+    return found, values, folder / "parameters.yaml"
+
+
+@pytest.mark.parametrize("model", ["gravity", "full"])
+def test_everything_at_once(run_json, tmp_path, model):
+    pytest.importorskip("casadi", reason="needs pip install 'loopid[codegen]'")
+    found, values, fit = saved(tmp_path, model=model)
+    places = {name: tmp_path / f"new.{name}" for name in ("urdf", "yaml", "npz")}
+    options = [word for name, place in places.items() for word in (f"--{name}", place)]
+    done = run_json("export", "five_bar", fit, *options, "--c", tmp_path / "c")
+    names = [*places.values(), tmp_path / "c" / "five_bar.h", tmp_path / "c" / "five_bar.c"]
+    assert done == {"written": [str(name) for name in names]}
+    for ending in ("yaml", "npz"):
+        read = BaseValues.load(places[ending])
+        np.testing.assert_array_equal(read.values, values)
+        np.testing.assert_array_equal(np.sqrt(np.diag(read.covariance)), np.arange(len(values)) + 1)
+    assert "five_bar_values[FIVE_BAR_PARAMETERS]" in (tmp_path / "c" / "five_bar.h").read_text()
+    text = (ROOT / "five_bar.yaml").read_text()
+    (tmp_path / "new_robot.yaml").write_text(text.replace("five_bar.urdf", "new.urdf"))
+    again = load_mechanism(tmp_path / "new_robot.yaml")
+    q = random_configurations(again, 10, seed=0)
+    motion = closed_motion(again, q, *np.random.default_rng(1).standard_normal((2, 10, 2)))
+    W = motion_regressor(again, motion, model, found.joint_terms)
+    whole = np.concatenate([again.standard_parameters(model), np.full(4, 0.7)])
+    expected = found.base.regressor(W) @ values
+    np.testing.assert_allclose(W @ whole, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_what_was_written_is_said(run, tmp_path):
+    _, _, fit = saved(tmp_path)
+    places = [tmp_path / "base.yaml", tmp_path / "base.npz"]
+    done = run("export", "five_bar", fit, "--yaml", places[0], "--npz", places[1])
+    assert done.code == 0, done.err
+    assert done.out.splitlines() == [str(place) for place in places]
+
+
+def test_options_of_loading_count(run, tmp_path):
+    _, _, fit = saved(tmp_path, "3rrr", tied=True)
+    out = tmp_path / "base.yaml"
+    done = run("export", "3rrr", fit, "--tied", "--yaml", out)
+    assert done.code == 0, done.err
+    done = run("export", "3rrr", fit, "--yaml", out)
+    assert_refused(done, "parameter")
+
+
+def test_terms_are_those_of_the_fit(run, tmp_path):
+    _, _, fit = saved(tmp_path, kinds=("Ia", "Fv"))
+    out = tmp_path / "base.yaml"
+    for words in ([], ["--terms", "Ia,Fv", "--model", "gravity"]):
+        assert run("export", "five_bar", fit, *words, "--yaml", out).code == 0
+        assert BaseValues.load(out).joint_terms.kinds == ("Ia", "Fv")
+    for terms in ("none", "Ia,Fc,Fv"):
+        assert_refused(run("export", "five_bar", fit, "--terms", terms, "--yaml", out), "parameter")
+
+
+def assert_refused(done, *words):
+    assert done.code == 2
+    assert done.out == ""
+    assert done.err.startswith("loopid: error: ")
+    assert done.err.count("\n") == 1
+    for word in words:
+        assert word in done.err
+
+
+def test_refusals(run, tmp_path):
+    _, _, fit = saved(tmp_path)
+    out = tmp_path / "new"
+    assert_refused(run("export", "five_bar", fit), "nothing to export", "--urdf", "--c")
+    assert_refused(run("export", "five_bar", "none.yaml", "--yaml", f"{out}.yaml"), "none.yaml")
+    assert_refused(run("export", "five_bar", fit, "--yaml", f"{out}.txt"), "'.txt'")
+    assert_refused(run("export", "five_bar", fit, "--urdf", f"{out}.xml"), "'.xml'", ".urdf")
+    assert_refused(run("export", "four_bar", fit, "--yaml", f"{out}.yaml"), "row", "crank_joint")
+    assert_refused(run("export", "five_bar", fit, "--c", out, "--name", "1"), "letters", "'1'")
+    wrong = ("--model", "full", "--yaml", f"{out}.yaml")
+    assert_refused(run("export", "five_bar", fit, *wrong), "parameter")
+    wrong = ("--terms", "Fx", "--yaml", f"{out}.yaml")
+    assert_refused(run("export", "five_bar", fit, *wrong), "'Fx'", "Fc")
+    assert not list(tmp_path.glob("new*"))
+
+
+def test_impossible_bodies_are_refused(run, tmp_path):
+    _, _, fit = saved(tmp_path, model="full", factor=-1.0)
+    places = [tmp_path / "new.urdf", tmp_path / "new.yaml"]
+    done = run("export", "five_bar", fit, "--urdf", places[0], "--yaml", places[1])
+    assert_refused(done, "crank")
+    assert not any(place.exists() for place in places)
+
+
+def test_the_robots_own_file_needs_to_be_asked_for(run, tmp_path):
+    for ending in ("urdf", "yaml"):
+        shutil.copy(ROOT / f"five_bar.{ending}", tmp_path)
+    _, _, fit = saved(tmp_path)
+    robot, own = tmp_path / "five_bar.yaml", tmp_path / "five_bar.urdf"
+    before = own.read_bytes()
+    assert_refused(run("export", robot, fit, "--urdf", own), "robot's own file")
+    assert own.read_bytes() == before
+    assert run("export", robot, fit, "--urdf", own, "--overwrite").code == 0
+    assert own.read_bytes() != before
+
+
+def test_damaged_fits_are_refused(run, tmp_path):
+    (tmp_path / "damaged.json").write_text(json.dumps({"format": "loopid fit 1"}))
+    done = run("export", "five_bar", tmp_path / "damaged.json", "--yaml", tmp_path / "x.yaml")
+    assert_refused(done, "damaged.json", "is missing")
+    (tmp_path / "text.npz").write_text("no archive")
+    done = run("export", "five_bar", tmp_path / "text.npz", "--yaml", tmp_path / "x.yaml")
+    assert_refused(done, "text.npz")

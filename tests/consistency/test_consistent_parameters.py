@@ -1,0 +1,147 @@
+"""Standard parameters with given base parameters: exact, closest to the prior, or refused."""
+
+import numpy as np
+import pytest
+from cone_programs import least_eigenvalue
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from possible_bodies import bodies_of, body_columns, least_relative, shaken
+
+from loopid import load_mechanism
+from loopid.consistency import REGULARISATIONS, consistent_parameters
+from loopid.consistency.exact import reproduce
+from loopid.consistency.problem import convex_problem
+from loopid.errors import DataError, FeasibilityError, OptionError
+from loopid.experiment import find_force_model
+
+MARGIN = 1e-3
+
+
+def assert_reproduced(case, values, prior, found):
+    sizes = np.abs(values) + np.linalg.norm(case.base.matrix * prior, axis=1)
+    assert (np.abs(case.base.values(found) - values) <= 1e-11 * sizes).all()
+    assert (least_relative(case.base.parameters, found, prior) >= MARGIN).all()
+
+
+@pytest.mark.parametrize("size", [0.01, 0.1, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_possible_base_values_are_met_exactly(knee_case, size, seed):
+    other = shaken(knee_case.base.parameters, knee_case.truth, size, seed)
+    # A margin that these bodies have to spare.
+    least = least_relative(knee_case.base.parameters, other, knee_case.prior).min()
+    values = knee_case.base.values(other)
+    margin = min(MARGIN, 0.1 * least)
+    found = consistent_parameters(knee_case.base, values, knee_case.prior, margin=margin)
+    sizes = np.abs(values) + np.linalg.norm(knee_case.base.matrix * knee_case.prior, axis=1)
+    np.testing.assert_allclose(knee_case.base.values(found) / sizes, values / sizes, atol=1e-11)
+    assert (least_relative(knee_case.base.parameters, found, knee_case.prior) >= margin).all()
+
+
+def test_the_prior_itself_comes_back(knee_case):
+    found = consistent_parameters(
+        knee_case.base, knee_case.base.values(knee_case.prior), knee_case.prior
+    )
+    own = body_columns(knee_case.base.parameters)
+    np.testing.assert_allclose(
+        bodies_of(knee_case.base.parameters, found),
+        bodies_of(knee_case.base.parameters, knee_case.prior),
+        atol=1e-7 * np.abs(knee_case.prior[own]).max(),
+    )
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.01, 0.5))
+def test_none_that_differs_by_what_no_force_shows_is_closer(arm_case, whitened, seed, size):
+    base = arm_case.base
+    truth = shaken(base.parameters, arm_case.truth, size, seed)
+    values, w = base.values(truth), whitened(arm_case)
+    generator = np.random.default_rng(seed)
+    for regularisation in REGULARISATIONS:
+        found = reproduce(base, values, w, regularisation)
+        assert found.exact
+        assert_reproduced(arm_case, values, arm_case.prior, w.standard_parameters(found.unknowns))
+        rows = base.matrix @ w.map
+        problem = convex_problem(w, 0 * rows, 0 * values, regularisation, 1.0)
+        best = problem.objective(found.unknowns)
+        invisible = np.linalg.svd(rows)[2][len(values) :]
+        for length in (1e-3, 1e-2, 0.1):
+            for direction in generator.normal(size=(20, len(invisible))):
+                other = found.unknowns + length * direction @ invisible
+                if w.allows(other):
+                    assert problem.objective(other) >= best - 1e-8 * (1 + best)
+
+
+def test_possible_or_not_is_what_an_independent_program_says(arm_case):
+    base, prior = arm_case.base, arm_case.prior
+    bodies = bodies_of(base.parameters, prior)
+    generator, verdicts = np.random.default_rng(7), []
+    for k in range(16):
+        noise = generator.normal(size=len(base)) * 10.0 ** generator.uniform(-1.5, 1.0)
+        values = base.values(arm_case.truth) * (1 + noise)
+        expected = least_eigenvalue(arm_case, values, bodies)
+        if abs(expected - MARGIN) < 1e-4:
+            continue
+        verdicts.append(expected > MARGIN)
+        try:
+            found = consistent_parameters(base, values, prior, margin=MARGIN)
+        except FeasibilityError:
+            assert not verdicts[-1], k
+        else:
+            assert verdicts[-1], k
+            assert_reproduced(arm_case, values, prior, found)
+    assert 3 <= sum(verdicts) <= len(verdicts) - 3
+
+
+def test_what_is_impossible_is_named(arm_case, knee_gravity):
+    base, prior = arm_case.base, arm_case.prior
+    values = base.values(arm_case.truth)
+    names = list(base.names)
+    spoilt = values.copy()
+    spoilt[names.index("elbow.Fc")] = -0.4
+    with pytest.raises(
+        FeasibilityError, match=r"of elbow\.Fc have .* elbow\.Fc = -0\.4 \(possible"
+    ):
+        consistent_parameters(base, spoilt, prior)
+    # All coefficients of the platform's mass are positive: what moves with it weighs something.
+    base, prior = knee_gravity.base, knee_gravity.prior
+    heavy = [j for j, row in enumerate(base.matrix) if base.names[j].endswith(".m")]
+    assert (base.matrix[heavy] >= 0).all()
+    values = base.values(knee_gravity.truth)
+    values[heavy[0]] *= -1
+    with pytest.raises(FeasibilityError, match=f"out of reach: .*{base.names[heavy[0]]} = -14"):
+        consistent_parameters(base, values, prior)
+
+
+def test_drive_inertia_and_links_share_what_only_their_sum_shows(arm_case):
+    """Less inertia than the prior's link has: the link gives way, the drive stays positive."""
+    base, labels = arm_case.base, arm_case.base.parameters.labels
+    truth = arm_case.truth.copy()
+    truth[[labels.index("shoulder.Ia"), labels.index("elbow.Ia")]] = 0.0
+    truth[: len(truth) - 6] *= 0.8
+    found = consistent_parameters(base, base.values(truth), arm_case.prior)
+    joints = [labels.index(name) for name in ("shoulder.Ia", "elbow.Ia")]
+    assert (found[joints] >= 0).all()
+    assert_reproduced(arm_case, base.values(truth), arm_case.prior, found)
+
+
+def test_tied_links_are_one_body():
+    robot = load_mechanism("3rrr", tied=True)
+    base, prior = find_force_model(robot, "full").base, robot.standard_parameters()
+    truth = shaken(base.parameters, prior, 0.2, seed=1)
+    found = consistent_parameters(base, base.values(truth), prior)
+    np.testing.assert_allclose(
+        base.values(found), base.values(truth), atol=1e-10 * np.abs(prior).max()
+    )
+    assert (least_relative(base.parameters, found, prior) >= MARGIN).all()
+
+
+def test_arguments_are_checked(arm_case):
+    values = arm_case.base.values(arm_case.truth)
+    with pytest.raises(DataError, match=r"base parameters must have shape"):
+        consistent_parameters(arm_case.base, values[:-1], arm_case.prior)
+    with pytest.raises(DataError, match="finite"):
+        consistent_parameters(arm_case.base, np.full(len(values), np.nan), arm_case.prior)
+    with pytest.raises(OptionError, match="regularisation"):
+        consistent_parameters(arm_case.base, values, arm_case.prior, regularisation="none")
+    with pytest.raises(OptionError, match="margin"):
+        consistent_parameters(arm_case.base, values, arm_case.prior, margin=-0.1)

@@ -1,0 +1,162 @@
+"""Instruments from a reference and from simulation, and the prior of the robot file."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms
+from loopid.errors import DataError, OptionError
+from loopid.experiment import find_force_model
+from loopid.experiment.cad_prior import cad_prior
+from loopid.experiment.instruments import fit_by_simulation, reference_instruments
+from loopid.identification import BayesianRidge, Prior, quiet_fit
+from loopid.logs import Recording
+from loopid.trajectories import FourierSeries, Motion, differentiate, joint_motion
+
+RATE, NOISE = 100.0, 1e-4
+STIFFNESS = 400.0  # N m/rad, of the controller that lags behind its reference
+
+
+@pytest.fixture(scope="module")
+def arm_model(arm):
+    return find_force_model(arm, "full", JointTerms(arm.actuated, ("Fv",)))
+
+
+@pytest.fixture(scope="module")
+def truth(arm_model):
+    values = arm_model.prior.copy()
+    values[arm_model.joint_columns] = 2.0
+    return values
+
+
+@pytest.fixture(scope="module")
+def reference(arm):
+    sine, cosine = 0.4 * np.random.default_rng(0).normal(size=(2, 2, 3)) / np.arange(1, 4)
+    return FourierSeries(arm.actuated, 0.25, np.array([0.5, -0.3]), sine, cosine).motion(6.0, RATE)
+
+
+def measured(model, motion, truth, seed):
+    """A recording whose positions have noise, and velocities and accelerations made of them."""
+    robot, rng = model.mechanism, np.random.default_rng(seed)
+    force = model.regressor(joint_motion(robot, motion)) @ truth
+    position = motion.position + NOISE * rng.normal(size=motion.position.shape)
+    velocity = differentiate(position, RATE)
+    noisy = Motion(motion.names, motion.time, position, velocity, differentiate(velocity, RATE))
+    errors = 0.1 * rng.normal(size=force.shape)
+    return Recording.of_motion("run", robot.actuated, joint_motion(robot, noisy), force + errors)
+
+
+def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):
+    commanded, found = joint_motion(arm, reference), {"wls": [], "iv": []}
+    for seed in range(40):
+        recording = measured(arm_model, reference, truth, seed)
+        instruments = reference_instruments(arm_model, recording, commanded)
+        samples = arm_model.samples(recording).with_instruments(instruments)
+        for name, fits in found.items():
+            fits.append(quiet_fit(samples, name).values - truth)
+    doubt = {name: np.std(errors, axis=0) / np.sqrt(40) for name, errors in found.items()}
+    bias = {name: np.abs(np.mean(errors, axis=0)) / doubt[name] for name, errors in found.items()}
+    assert (bias["iv"] < 4).all()
+    assert (bias["wls"] > 8).any()
+
+
+def test_the_nearest_sample_of_the_reference_is_taken(arm, arm_model, truth, reference):
+    recording = measured(arm_model, reference, truth, 0)
+    commanded = joint_motion(arm, reference)
+    rows = np.arange(10, 500, 7)
+    part = recording.select(np.isin(np.arange(len(recording)), rows))
+    expected = arm_model.regressor(commanded)[rows]
+    np.testing.assert_allclose(reference_instruments(arm_model, part, commanded), expected)
+    coarse = commanded.select(np.arange(0, 601, 2))
+    found = reference_instruments(arm_model, recording, coarse)
+    assert found.shape == (601, 2, len(truth))
+    np.testing.assert_allclose(found[::2], arm_model.regressor(coarse))
+
+
+def follower(arm_model, reference):
+    """Motion of a soft controller: behind its reference by what the forces make of its springs."""
+
+    def simulate(values):
+        force = arm_model.regressor(joint_motion(arm_model.mechanism, reference)) @ values
+        position = reference.position - force / STIFFNESS
+        velocity = differentiate(position, RATE)
+        turned = differentiate(velocity, RATE)
+        return joint_motion(
+            arm_model.mechanism, Motion(reference.names, reference.time, position, velocity, turned)
+        )
+
+    return simulate
+
+
+def test_simulated_instruments_settle_near_the_truth(arm_model, truth, reference):
+    simulate = follower(arm_model, reference)
+    moved = simulate(truth)
+    position = moved.configurations
+    exact = Motion(reference.names, reference.time, position, moved.velocities, moved.accelerations)
+    recording = measured(arm_model, exact, truth, 1)
+    found = fit_by_simulation(arm_model, recording, simulate)
+    assert found.rounds < 10
+    assert (np.abs(found.result.values - truth) < 5 * found.result.standard_errors).all()
+    from_truth = fit_by_simulation(arm_model, recording, simulate, start=truth)
+    change = np.abs(from_truth.result.values - found.result.values) / found.result.standard_errors
+    assert change.max() < 0.05
+    again = quiet_fit(found.samples, "iv")
+    np.testing.assert_allclose(again.values, found.result.values)
+    with pytest.raises(DataError, match="still change by"):
+        fit_by_simulation(arm_model, recording, simulate, rounds=1)
+
+
+def test_references_that_do_not_fit_are_refused(arm, arm_model, truth, reference, knee):
+    recording, commanded = measured(arm_model, reference, truth, 0), joint_motion(arm, reference)
+    early = commanded.select(np.arange(100))
+    with pytest.raises(DataError, match=r"the reference lasts from 0 to 0\.99 s"):
+        reference_instruments(arm_model, recording, early)
+    with pytest.raises(DataError, match="at least two samples"):
+        reference_instruments(arm_model, recording, commanded.select(np.arange(1)))
+    with pytest.raises(DataError, match=r"start must have shape"):
+        fit_by_simulation(arm_model, recording, lambda _: commanded, np.ones(2))
+    with pytest.raises(OptionError, match="round"):
+        fit_by_simulation(arm_model, recording, lambda _: commanded, rounds=0)
+
+
+def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
+    # By drawing robots: base parameters of bodies that differ from the file by the deviations.
+    values, bodies = terms[1], knee_model.mechanism.standard_parameters("gravity")
+    prior = cad_prior(knee_model, 0.3, values, 0.5 * values)
+    whole = np.concatenate([bodies, values])
+    np.testing.assert_allclose(prior.values, knee_model.base.values(whole))
+    joints = knee_model.joint_columns
+    np.testing.assert_allclose(prior.deviations[joints], 0.5 * values, rtol=1e-9)
+    masses = bodies.reshape(-1, 4)[:, 0]
+    assert (prior.deviations > 0).all()
+    assert prior.deviations[knee_model.body_columns].min() < 0.3 * masses.max()
+    assert prior.parameters == knee_model.parameters
+    double = cad_prior(knee_model, 0.6, values, values)
+    np.testing.assert_allclose(double.covariance, 4 * prior.covariance, rtol=1e-9)
+
+
+def test_joint_terms_that_nobody_knows_are_left_to_the_data(knee_model, motions, truth_of_knee):
+    prior = cad_prior(knee_model)
+    assert np.isinf(prior.deviations[knee_model.joint_columns]).all()
+    assert np.isfinite(prior.deviations[knee_model.body_columns]).all()
+    W = knee_model.regressor(motions[0])
+    force = W @ truth_of_knee + np.random.default_rng(0).normal(size=W.shape[:2])
+    recording = Recording.of_motion("run", knee_model.mechanism.actuated, motions[0], force)
+    samples = knee_model.samples(recording)
+    found, plain = quiet_fit(samples, BayesianRidge(prior)), quiet_fit(samples)
+    assert (found.standard_errors < 1.05 * plain.standard_errors).all()
+    assert (np.abs(found.values - truth_of_knee) < 5 * found.standard_errors).all()
+
+
+@pytest.fixture
+def truth_of_knee(knee_model, terms):
+    values = knee_model.prior.copy()
+    values[knee_model.joint_columns] = terms[1]
+    return values
+
+
+def test_priors_of_nothing_are_refused(knee_model):
+    with pytest.raises(OptionError, match="relative"):
+        cad_prior(knee_model, 0.0)
+    with pytest.raises(DataError, match=r"shape \(8,\)"):
+        cad_prior(knee_model, 0.3, np.ones(3))
+    assert isinstance(cad_prior(knee_model), Prior)

@@ -1,0 +1,133 @@
+"""Errors in the regressor: the definition by singular values, and a Monte Carlo."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from block_sizes import set_block_rows
+from loopid.errors import DataError, OptionError, RankError
+from loopid.identification import FitSamples, TotalLeastSquares, quiet_fit
+
+__all__ = ["set_block_rows"]
+
+TRUTH = np.array([3.0, -1.0, 0.5, 1.0, 2.0, -4.0])
+
+
+@pytest.fixture(scope="module")
+def make_run(make_regressor, make_samples):
+    """Errors of one size in all entries of the regressor and the forces."""
+
+    def make(seed=0, count=200, noise=0.3, sizes=1.0):
+        W, rng = make_regressor(samples=count), np.random.default_rng(seed)
+        measured = W + noise * sizes * rng.normal(size=W.shape)
+        return make_samples(measured, W @ TRUTH + noise * rng.normal(size=W.shape[:2]))
+
+    return make
+
+
+def by_definition(samples, sizes):
+    """The least correction of [X D⁻¹ | y] that makes it singular."""
+    flat = np.column_stack([samples.regressor.reshape(-1, 6) / sizes, samples.force.ravel()])
+    last = np.linalg.svd(flat, full_matrices=False)[2][-1]
+    return -last[:-1] / last[-1] / sizes
+
+
+@given(st.integers(0, 1000))
+def test_estimates_are_those_of_the_definition(make_run, seed):
+    sizes = np.random.default_rng(seed).uniform(0.2, 2.0, 6)
+    samples = make_run(seed, 40)
+    found = TotalLeastSquares().fit(samples.problem).values
+    np.testing.assert_allclose(found, by_definition(samples, np.ones(6)), rtol=1e-8)
+    found = TotalLeastSquares(sizes).fit(samples.problem).values
+    np.testing.assert_allclose(found, by_definition(samples, sizes), rtol=1e-8)
+
+
+def test_exact_columns_are_the_limit_of_small_errors(make_run):
+    samples = make_run()
+    sizes = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
+    exact = TotalLeastSquares(sizes).fit(samples.problem)
+    limit = by_definition(samples, np.where(sizes > 0, sizes, 1e-6))
+    np.testing.assert_allclose(exact.values, limit, rtol=1e-7)
+    none = TotalLeastSquares(np.zeros(6)).fit(samples.problem)
+    np.testing.assert_allclose(none.values, quiet_fit(samples, "ols").values, rtol=1e-9)
+    np.testing.assert_allclose(
+        quiet_fit(samples, TotalLeastSquares(np.zeros(6))).covariance,
+        quiet_fit(samples, "ols").covariance,
+        rtol=1e-8,
+    )
+
+
+def test_force_errors_weigh_the_actuators(make_run):
+    samples, sizes = make_run(), np.array([0.5, 2.0])
+    found = TotalLeastSquares(force_errors=sizes).fit(samples.problem)
+    data = samples.parameters, samples.actuators
+    scaled = FitSamples.of(*data, samples.regressor / sizes[:, None], samples.force / sizes)
+    np.testing.assert_allclose(found.values, by_definition(scaled, np.ones(6)), rtol=1e-8)
+
+
+def test_scaling_columns_with_their_errors_scales_the_answer(make_run):
+    samples, scale = make_run(), 10.0 ** np.arange(-3, 3)
+    data = samples.parameters, samples.actuators, samples.regressor * scale, samples.force
+    found = quiet_fit(samples, "tls")
+    scaled = quiet_fit(FitSamples.of(*data), TotalLeastSquares(scale))
+    np.testing.assert_allclose(scaled.values * scale, found.values, rtol=1e-7)
+    np.testing.assert_allclose(scaled.standard_errors * scale, found.standard_errors, rtol=1e-5)
+
+
+def test_without_errors_the_truth_comes_out(make_regressor, make_samples):
+    W = make_regressor()
+    found = TotalLeastSquares().fit(make_samples(W, W @ TRUTH).problem)
+    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 13])
+def test_the_size_of_blocks_does_not_count(make_run, set_block_rows, size):
+    whole = quiet_fit(make_run(count=60), "tls")
+    set_block_rows(size)
+    found = quiet_fit(make_run(count=60), "tls")
+    np.testing.assert_allclose(found.values, whole.values, rtol=1e-8)
+    np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_it_is_consistent_and_covers_where_least_squares_is_biased(make_run):
+    runs = 100
+    data = [make_run(seed) for seed in range(runs)]
+    fits = {name: [quiet_fit(one, name) for one in data] for name in ("ols", "tls")}
+    found = {name: np.array([fit.values for fit in several]) for name, several in fits.items()}
+    error = {name: np.abs(values.mean(axis=0) - TRUTH) for name, values in found.items()}
+    doubt = {name: values.std(axis=0) / np.sqrt(runs) for name, values in found.items()}
+    assert (error["tls"] < 4 * doubt["tls"]).all()
+    assert (error["ols"] > 10 * doubt["ols"]).any()
+    stated = np.mean([fit.standard_errors for fit in fits["tls"]], axis=0)
+    # A standard deviation from 100 draws is known to 7 %.
+    np.testing.assert_allclose(stated / found["tls"].std(axis=0), 1.0, atol=0.28)
+    intervals = [fit.intervals().T for fit in fits["tls"]]
+    covered = [(low <= TRUTH) & (high >= TRUTH) for low, high in intervals]
+    assert (np.mean(covered, axis=0) > 0.87).all()
+    assert 0.91 < np.mean(covered) < 0.99
+
+
+def test_problems_without_one_solution_are_refused(make_run, make_samples):
+    samples = make_run()
+    noise = np.random.default_rng(0).normal(size=samples.regressor.shape)
+    orthogonal = noise.reshape(-1, 6)
+    force = np.linalg.qr(np.column_stack([orthogonal, 9 * noise[:, :, 0].ravel() ** 2]))[0][:, -1]
+    blind = make_samples(noise, 1e3 * force.reshape(noise.shape[:2]))
+    with pytest.raises(RankError, match="no single solution"):
+        quiet_fit(blind, "tls")
+
+
+@pytest.mark.parametrize(
+    ("options", "failure", "word"),
+    [
+        ({"column_errors": np.full(6, -1.0)}, OptionError, "from 0 on"),
+        ({"column_errors": np.ones(5)}, DataError, r"shape \(6,\)"),
+        ({"column_errors": np.full(6, np.nan)}, DataError, "finite"),
+        ({"force_errors": np.zeros(2)}, OptionError, "above 0"),
+        ({"force_errors": np.ones(3)}, DataError, r"shape \(2,\)"),
+    ],
+)
+def test_errors_that_are_none_are_refused(make_run, options, failure, word):
+    with pytest.raises(failure, match=word):
+        TotalLeastSquares(**options).fit(make_run().problem)

@@ -1,0 +1,307 @@
+"""Joint states by name: whoever sends them, in whatever order, on whatever topic."""
+
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
+
+from block_sizes import set_block_rows
+from loopid import load_mechanism
+from loopid.errors import LogError, LogWarning, OptionError
+from loopid.logs import LogMapping, read_log
+
+__all__ = ["set_block_rows"]
+
+COUNT = 400
+
+
+@pytest.fixture(params=["ros1", "ros2"])
+def ros(request):
+    return request.param
+
+
+@pytest.fixture
+def write(ros, tmp_path):
+    """Write messages (received, topic, message), sorted by when they were received."""
+
+    def bag(messages, name="run"):
+        messages = sorted(messages, key=lambda message: message[0])
+        if ros == "ros1":
+            return write_ros1(tmp_path / f"{name}.bag", messages)
+        return write_ros2(tmp_path / name, messages)
+
+    return bag
+
+
+@pytest.fixture(scope="session")
+def run(truth):
+    stamps = np.round(truth.time[:COUNT] * 1e9).astype(np.int64) + 10**9
+    return stamps, truth.position[:COUNT], truth.force[:COUNT]
+
+
+def check(log, run, atol=1e-12):
+    """All rows are there, none has changed but by round-off."""
+    stamps, position, force = run
+    np.testing.assert_allclose(log.time, (stamps - stamps[0]) / 1e9, atol=1e-12)
+    np.testing.assert_allclose(log.position, position, atol=atol)
+    np.testing.assert_allclose(log.force, force, atol=max(1e-9, 1e4 * atol))
+    assert log.dropped == ()
+
+
+def test_joints_may_stand_in_another_order_in_every_message(knee, ros, write, run):
+    rng, names = np.random.default_rng(0), np.array([*knee.actuated, "thumb"])
+    messages = []
+    for stamp, q, f in zip(*run, strict=True):
+        order = rng.permutation(5)
+        q, f = np.append(q, 7.0)[order], np.append(f, 7.0)[order]
+        messages.append((int(stamp), TOPIC, joint_state(ros, stamp, names[order], q, (), f)))
+    check(read_log(write(messages), knee), run)
+
+
+@pytest.mark.parametrize("topics", [(TOPIC, TOPIC), ("/left/joint_states", "/right/joint_states")])
+def test_publishers_of_other_joints_with_the_same_stamps(knee, ros, write, run, topics):
+    stamps, q, f = run
+    messages = []
+    for topic, part in zip(topics, (slice(0, 3), slice(3, 4)), strict=True):
+        found = states(ros, knee.actuated[part], stamps, q[:, part], f[:, part])
+        messages += [(received, topic, message) for received, _, message in found]
+    check(read_log(write(messages), knee), run)
+
+
+def test_publishers_with_stamps_of_their_own_are_put_on_one_grid(knee, ros, write, truth, run):
+    stamps, q, f = run
+    late = stamps[:-1] + 3_000_000
+    exact = np.stack([np.interp(late, stamps, column) for column in q[:, 3:].T], axis=1)
+    messages = [
+        *states(ros, knee.actuated[:3], stamps, q[:, :3], f[:, :3]),
+        *states(ros, knee.actuated[3:], late, exact, f[:-1, 3:]),
+    ]
+    log = read_log(write(messages), knee)
+    # Only stamps that both have: the second starts 3 ms later and ends 7 ms earlier.
+    assert len(log) == COUNT - 2
+    assert {part.reason for part in log.dropped} == {"not in all streams"}
+    np.testing.assert_allclose(log.position[:, :3], q[1:-1, :3], atol=1e-12)
+    # Interpolated twice, each time off by less than h² / 8 times the acceleration.
+    assert np.abs(log.position[:, 3] - q[1:-1, 3]).max() < 2 * 0.5 * 0.01**2 / 8
+
+
+def test_any_subset_of_the_joints_in_a_message(knee, ros, write, run):
+    rng, messages = np.random.default_rng(1), []
+    stamps, q, f = run
+    with_joint = rng.random((COUNT, 4)) < 0.9
+    with_joint[[0, -1]] = True
+    for k, stamp in enumerate(stamps):
+        here = np.flatnonzero(with_joint[k])
+        names = [knee.actuated[j] for j in here]
+        messages.append(
+            (int(stamp), TOPIC, joint_state(ros, stamp, names, q[k, here], (), f[k, here]))
+        )
+    log = read_log(write(messages), knee)
+    for j in range(4):
+        at = np.searchsorted(log.time, (stamps[with_joint[:, j]] - stamps[0]) / 1e9 - 1e-6)
+        np.testing.assert_allclose(log.position[at, j], q[with_joint[:, j], j], atol=1e-7)
+
+
+def test_positions_and_efforts_may_come_in_messages_of_their_own(knee, ros, write, run):
+    stamps, q, f = run
+    messages = []
+    for stamp, here, force in zip(stamps, q, f, strict=True):
+        messages.append((int(stamp), TOPIC, joint_state(ros, stamp, knee.actuated, here)))
+        message = joint_state(ros, stamp, knee.actuated, effort=force)
+        messages.append((int(stamp) + 1, TOPIC, message))
+    check(read_log(write(messages), knee), run)
+
+
+def test_messages_without_joints_are_passed_over(knee, ros, write, run):
+    empty = (int(run[0][0]) - 5, TOPIC, joint_state(ros, 0, []))
+    check(read_log(write([empty, *states(ros, knee.actuated, *run)]), knee), run)
+
+
+def test_without_efforts_the_columns_are_listed(knee, ros, write, run):
+    messages = [
+        (int(stamp), TOPIC, joint_state(ros, stamp, knee.actuated, q))
+        for stamp, q in zip(*run[:2], strict=True)
+    ]
+    with pytest.raises(LogError, match=r"no force of leg1_stroke.* leg4_stroke\.position"):
+        read_log(write(messages), knee)
+
+
+def test_headers_without_time_leave_the_time_of_recording(knee, ros, write, run):
+    messages = [
+        (received, topic, joint_state(ros, 0, m.name, m.position, m.velocity, m.effort))
+        for received, topic, m in states(ros, knee.actuated, *run)
+    ]
+    with pytest.warns(LogWarning, match=r"/joint_states: no header of leg1_stroke\.position.*time"):
+        check(read_log(write(messages), knee), run)
+
+
+def test_the_time_of_recording_may_be_asked_for(knee, ros, write, run):
+    messages = [(t + 50, *rest) for t, *rest in states(ros, knee.actuated, run[0], *run[1:])]
+    messages[7] = (messages[7][0] + 40, *messages[7][1:])
+    path = write(messages)
+    check(read_log(path, knee), run)
+    received = read_log(path, knee, LogMapping(time={"column": "received_ns", "unit": "ns"}))
+    assert 0 < np.abs(received.position - run[1]).max() < 1e-7
+
+
+def test_stamps_that_go_back_are_refused(knee, ros, write, run):
+    messages = list(states(ros, knee.actuated, *run))
+    swapped = messages[20][2], messages[21][2]
+    messages[20], messages[21] = ((messages[20 + k][0], TOPIC, swapped[1 - k]) for k in (0, 1))
+    with pytest.raises(LogError, match=r"/joint_states: time must increase .* in row 22"):
+        read_log(write(messages), knee)
+
+
+def test_alike_topics_are_told_apart_by_the_mapping(knee, ros, write, run):
+    messages = list(states(ros, knee.actuated, *run))
+    other = states(ros, knee.actuated, run[0], run[1] + 1e-3, run[2])
+    messages += [(received, "/wanted", message) for received, _, message in other]
+    path = write(messages)
+    message = (
+        r"2 columns for the position of leg1_stroke: /joint_states:leg1_stroke\.position, "
+        r"/wanted:leg1_stroke\.position; name one, or a topic, in a mapping"
+    )
+    with pytest.raises(LogError, match=message):
+        read_log(path, knee)
+    check(read_log(path, knee, LogMapping(topic=TOPIC)), run)
+    log = read_log(path, knee, LogMapping(topic="/wanted"))
+    np.testing.assert_allclose(log.position, run[1] + 1e-3, atol=1e-12)
+    mixed = {joint: f"/wanted:{joint}.position" for joint in knee.actuated}
+    forces = {joint: f"/joint_states:{joint}.effort" for joint in knee.actuated}
+    both = read_log(path, knee, LogMapping(position=mixed, force=forces))
+    np.testing.assert_allclose(both.position, run[1] + 1e-3, atol=1e-12)
+    with pytest.raises(LogError, match="no joint states in topic '/other': choose among /joint_st"):
+        read_log(path, knee, LogMapping(topic="/other"))
+
+
+def test_a_mapping_scales_names_and_signs(knee, ros, write, run):
+    stamps, q, f = run
+    names = [f"robot/{joint}" for joint in knee.actuated]
+    path = write(states(ros, names, stamps, (q - 0.1) * 1e3, -f / 2))
+    mapping = LogMapping(
+        position={j: f"robot/{j}.position" for j in knee.actuated},
+        force={j: f"robot/{j}.effort" for j in knee.actuated},
+        position_scale=1e-3,
+        position_offset=0.1,
+        force_scale=-2.0,
+    )
+    check(read_log(path, knee, mapping), run)
+
+
+def test_bad_values_are_left_out_by_message(knee, ros, write, run):
+    stamps, q, f = run
+    q = q.copy()
+    q[[5, 9], 2] = np.nan, np.inf
+    path = write(states(ros, knee.actuated, stamps, q, f))
+    message = r"/joint_states: no number in leg3_stroke\.position in rows 6, 10 of 400: left out"
+    with pytest.warns(LogWarning, match=message):
+        read_log(path, knee)
+
+
+@pytest.mark.parametrize(
+    ("names", "values"),
+    [(("a", "b"), (1.0, 2.0, 3.0)), (("a", "b"), (1.0,)), (("a", "a"), (1.0, 2.0))],
+)
+def test_messages_that_contradict_themselves(knee, ros, write, run, names, values):
+    spoilt = (int(run[0][-1]) + 1, TOPIC, joint_state(ros, 5, names, values))
+    path = write([*states(ros, knee.actuated, *run), spoilt])
+    with pytest.raises(LogError, match=r"/joint_states: message 401 has \d values for \d columns"):
+        read_log(path, knee)
+
+
+def test_topics_of_other_types_are_listed(knee, ros, write):
+    text = STORES[ros].types["std_msgs/msg/String"]
+    path = write([(5, "/chatter", text("hello")), (6, "/chatter", text("again"))])
+    with pytest.raises(
+        LogError, match=r"no topic of type sensor_msgs/msg/JointState: .*/chatter \("
+    ):
+        read_log(path, knee)
+
+
+def test_topics_of_other_types_do_no_harm(knee, ros, write, run):
+    text = STORES[ros].types["std_msgs/msg/String"]
+    chatter = [(int(t) + 1, "/chatter", text("hello")) for t in run[0]]
+    check(read_log(write([*chatter, *states(ros, knee.actuated, *run)]), knee), run)
+
+
+def test_bags_without_messages(knee, write):
+    with pytest.raises(
+        LogError, match="no topic of type sensor_msgs/msg/JointState: it has no topics"
+    ):
+        read_log(write([]), knee)
+
+
+def test_turns_without_end_are_counted_on(write_files, ros, write):
+    robot = load_mechanism(write_files(WHEEL, ""))
+    stamps = np.arange(500) * 10**7
+    angle = 20 * np.sin(stamps / 1e9)[:, None]
+    wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+    log = read_log(write(states(ros, ["wheel"], stamps, wrapped, angle)), robot)
+    np.testing.assert_allclose(log.position, angle, atol=1e-12)
+
+
+WHEEL = """<robot name="arm"><link name="base"/>
+<link name="rim"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="wheel" type="continuous"><parent link="base"/><child link="rim"/>
+<axis xyz="0 1 0"/></joint></robot>
+"""
+
+
+def test_columns_of_a_topic_have_no_order(knee, ros, write, run):
+    path = write(states(ros, knee.actuated, *run))
+    with pytest.raises(LogError, match=r"columns of /joint_states stand in no order: list them"):
+        read_log(path, knee, LogMapping(position={"stream": TOPIC}))
+
+
+@pytest.mark.parametrize("key", ["topic", "group"])
+def test_choices_of_other_formats_are_refused(knee, good_text, write_text, key):
+    with pytest.raises(
+        LogError, match=f"{key} 'x' of the mapping chooses nothing in .* format csv"
+    ):
+        read_log(write_text(good_text), knee, LogMapping(**{key: "x"}))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"format": "xls"}, "format: Input should be 'csv', 'npz', 'parquet', 'hdf5', 'bag' or"),
+        ({"topics": "/a"}, "unknown key 'topics': choose among format, topic, group"),
+        ({"position_scale": 0}, "position_scale must not be 0"),
+        ({"idle_speed": float("nan")}, "idle_speed: Input should be"),
+        ({"time": {"unit": "h"}}, "time.unit: Input should be"),
+        ({"time": 3}, "time: "),
+    ],
+)
+def test_bad_mappings_are_refused_in_python_too(content, message):
+    with pytest.raises(OptionError, match=message) as caught:
+        LogMapping(**content)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_good_bags_give_no_warning(knee, ros, write, run):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(read_log(write(states(ros, knee.actuated, *run)), knee), run)
+
+
+def test_memory_does_not_grow_with_the_bag(knee, truth, tmp_path, set_block_rows):
+    def peak(count):
+        stamps = np.round(truth.time[:count] * 1e9).astype(np.int64)
+        columns = truth.position[:count], truth.force[:count]
+        path = write_ros1(
+            tmp_path / f"run{count}.bag", states("ros1", knee.actuated, stamps, *columns)
+        )
+        tracemalloc.start()
+        try:
+            read_log(path, knee)
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    set_block_rows(20)
+    peak(100)  # what is made once, such as the code that decodes messages
+    # A row that stayed would take some 500 bytes.
+    assert peak(1500) - peak(300) < 100 * 1200

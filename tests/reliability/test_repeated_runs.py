@@ -1,0 +1,101 @@
+"""The same results to the bit: run again, with workers, two at once, whatever the hashes."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from answers import assert_same
+from api_world import World
+
+import loopid
+from loopid.report import identification_record
+from made_runs import ARM, logged, wander
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return World(tmp_path_factory.mktemp("world"))
+
+
+@pytest.fixture(scope="module")
+def arm_files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.urdf").write_text(ARM)
+    arm = loopid.load_mechanism(folder / "arm.urdf")
+    terms = loopid.JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
+    for seed in (1, 2):
+        motion = wander(arm, seed, seconds=8.0, rate=50.0, size=(1.0, 1.2))
+        (folder / f"run{seed}.csv").write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def start(arm_files):
+    """Start the command line on a run, with its results going to a folder."""
+
+    def call(run, out, hashes=0, jobs=1):
+        words = [
+            "identify",
+            "arm.urdf",
+            f"run{run}.csv",
+            "--json",
+            "--out",
+            out,
+            "--jobs",
+            str(jobs),
+        ]
+        return subprocess.Popen(
+            [sys.executable, "-c", "from loopid.cli import main; main()", *words],
+            cwd=arm_files, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONHASHSEED": str(hashes), "OPENBLAS_NUM_THREADS": "1"},
+        )  # fmt: skip
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def alone(start, arm_files):
+    """What each run prints and writes by itself, one process after the other."""
+
+    def outcome(run):
+        printed, err = (process := start(run, f"alone{run}")).communicate()
+        assert process.returncode == 0, err
+        return printed, contents(arm_files / f"alone{run}")
+
+    return {run: outcome(run) for run in (1, 2)}
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, arm_files):
+    both = [start(run, "both", hashes=7, jobs=2) for run in (1, 2)]
+    printed = [process.communicate()[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert printed == [alone[run][0] for run in (1, 2)]
+    written = contents(arm_files / "both")
+    assert set(written) == set(alone[1][1])
+    for name, content in written.items():
+        assert content in (alone[1][1][name], alone[2][1][name]), name
+
+
+def test_different_runs_differ(alone):
+    assert alone[1][0] != alone[2][0]
+
+
+def test_everything_once_more_in_the_same_process(world):
+    def everything():
+        model = loopid.find_force_model(world.arm, "full", loopid.JointTerms(world.arm.actuated))
+        found = world.quietly(loopid.identify, model, *world.parts)
+        return (
+            model.base,
+            found.fit,
+            found.reduction,
+            found.candidates,
+            identification_record(found),
+        )
+
+    assert_same(everything(), everything())
