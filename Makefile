@@ -25,6 +25,9 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/identification.py
 	$(BIN)/python benchmarks/observation.py
 	$(BIN)/python benchmarks/logs.py
+	$(BIN)/python benchmarks/estimators.py
+	$(BIN)/python benchmarks/consistency.py
+	$(BIN)/python benchmarks/codegen.py
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/certificates.py
 

@@ -16,7 +16,9 @@ from rich.table import Table
 
 from loopid.errors import one_line
 from loopid.files import require_folder
+from loopid.mechanism import Mechanism
 from loopid.progress import Progress as Reporter
+from loopid.regressors import JointTerms
 from loopid.report import require_matplotlib
 
 RobotFile = Annotated[
@@ -78,3 +80,9 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def motor_terms(mechanism: Mechanism, terms: str) -> JointTerms | None:
+    """Terms of all motors, of kinds with commas between; None for ``none``."""
+    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
+    return None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)

@@ -14,6 +14,7 @@ from loopid.cli.console import (
     Lock,
     RobotFile,
     Tied,
+    motor_terms,
     progress_bar,
     show,
 )
@@ -27,8 +28,6 @@ from loopid.export import (
     standard_parameters_of,
 )
 from loopid.loading import load_mechanism
-from loopid.mechanism import Mechanism
-from loopid.regressors import JointTerms
 
 
 def export(
@@ -85,7 +84,7 @@ def export(
     if model is not None:
         saved = replace(saved, model=model)
     if terms is not None:
-        saved = replace(saved, joint_terms=_motor_terms(mechanism, terms))
+        saved = replace(saved, joint_terms=motor_terms(mechanism, terms))
     with progress_bar("poses") as report:
         force_model = force_model_of(saved, mechanism, progress=report)
     # All that may be refused comes before the first file is written.
@@ -106,8 +105,3 @@ def export(
         show({"written": [str(place) for place in written]}, (), as_json)
     else:  # on lines of their own, whatever the width of the terminal
         typer.echo("\n".join(map(str, written)))
-
-
-def _motor_terms(mechanism: Mechanism, terms: str) -> JointTerms | None:
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    return None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)

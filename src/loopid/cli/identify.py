@@ -12,6 +12,7 @@ from loopid.cli.console import (
     Out,
     RobotFile,
     Tied,
+    motor_terms,
     progress_bar,
     require_output,
     show,
@@ -47,7 +48,6 @@ from loopid.files import write_files
 from loopid.loading import load_mechanism
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.mechanism import Mechanism
-from loopid.regressors import JointTerms
 from loopid.report import identification_files, identification_record, identification_tables
 from loopid.trajectories import LowPass
 
@@ -84,7 +84,7 @@ def identify(
     mechanism = load_mechanism(
         file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
     )
-    joint_terms = _joint_terms(mechanism, terms)
+    joint_terms = motor_terms(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
@@ -103,11 +103,6 @@ def identify(
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)
-
-
-def _joint_terms(mechanism: Mechanism, terms: str) -> JointTerms | None:
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    return None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
 
 
 def _recording(
