@@ -158,7 +158,7 @@ def judged(
 def covers(fit: FitResult, truth: np.ndarray) -> np.ndarray:
     """Which intervals (n,) hold the truth."""
     low, high = fit.intervals().T
-    return (low <= truth) & (truth <= high)
+    return np.asarray((low <= truth) & (truth <= high))
 
 
 def bounds(case: Case, samples: FitSamples, equal: bool) -> np.ndarray:

@@ -43,6 +43,19 @@ def test_estimates_are_those_of_the_definition(make_run, seed):
     np.testing.assert_allclose(found, by_definition(samples, sizes), rtol=1e-8)
 
 
+def test_the_covariance_of_independent_errors_is_the_textbooks(make_run):
+    samples, sizes = make_run(), np.array([0.5, 2.0, 1.0, 0.0, 1.0, 1.5])
+    result = TotalLeastSquares(sizes).fit(samples.problem)
+    X, y, phi = samples.regressor.reshape(-1, 6), samples.force.ravel(), result.values
+    residual, spread = y - X @ phi, 1 + (sizes * phi) @ (sizes * phi)
+    bread = np.linalg.inv(X.T @ X - (residual @ residual) / spread * np.diag(sizes**2))
+    corrected = X + np.outer(residual, sizes**2 * phi / spread)
+    variance = residual @ residual / (len(y) - 6)
+    expected = variance * bread @ corrected.T @ corrected @ bread
+    np.testing.assert_allclose(result.covariance, expected, rtol=1e-6)
+    np.testing.assert_allclose(corrected.T @ residual, 0.0, atol=1e-8 * np.linalg.norm(y))
+
+
 def test_exact_columns_are_the_limit_of_small_errors(make_run):
     samples = make_run()
     sizes = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 1.0])

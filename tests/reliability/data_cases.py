@@ -68,6 +68,7 @@ case(
         "values": np.array(w.prior.values),
         "covariance": np.array(w.prior.covariance),
     },
+    fine=[("covariance", "infinity")],
 )
 case(
     experiment.cad_prior,

@@ -17,8 +17,9 @@ from unittest.mock import patch
 
 import beside_tests  # noqa: F401
 from fuzz_calls import calls
-from fuzz_judging import clear, faults, run
+from fuzz_judging import faults
 from fuzz_material import Material
+from fuzz_running import clear, run
 
 from loopid.paper import reproduce
 

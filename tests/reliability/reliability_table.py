@@ -14,8 +14,8 @@ from answers import refusal, wrong_inputs
 from api_cases import CASES
 from api_world import World
 from fuzz_calls import Call
-from fuzz_judging import run
 from fuzz_material import Material
+from fuzz_running import run
 from table_commands import commands
 
 PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"

@@ -103,3 +103,15 @@ def test_any_scale_gives_numbers_or_a_sentence(name, world):
             for found in numbers(answer):
                 tells = found.dtype.kind != "f" or not np.isnan(found).any()
                 assert tells or name in TELLS_NAN, (key, scale)
+
+
+@pytest.mark.parametrize("name", SWEPT)
+def test_no_samples_are_an_empty_answer_or_a_sentence(name, world):
+    case, sound = CASES[name], sound_of(name, world)
+    arrays = arrays_of(sound)
+    none = {key: value[:0] for key, value in arrays.items()}
+    for empty in ({**sound, **none}, *({**sound, key: value} for key, value in none.items())):
+        _answer(case, empty, world)
+    for key, value in arrays.items():
+        if value.ndim > 1:
+            _answer(case, {**sound, key: value[..., :0]}, world)

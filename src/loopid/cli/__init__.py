@@ -8,7 +8,7 @@ import warnings
 import typer
 from rich.console import Console
 
-from loopid.cli.console import show_warning
+from loopid.cli.console import escape_odd_names, show_warning
 from loopid.cli.export import export
 from loopid.cli.identify import identify
 from loopid.cli.motions import motions
@@ -30,6 +30,7 @@ for command in (check, base, motions, identify, export, paper):
 def main() -> None:
     """Run the command line; every refusal is one line and exit code 2."""
     warnings.showwarning = show_warning
+    escape_odd_names()
     try:
         app()
     except LoopidError as error:

@@ -39,6 +39,12 @@ Out = Annotated[
 ]
 
 
+def escape_odd_names() -> None:
+    """Print escapes for what the terminal's encoding lacks: names of files need not be text."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
 def require_output(out: str | None) -> None:
     """Refuse, before the work is done, a report that could not be drawn or written."""
     if out is not None:
@@ -48,9 +54,6 @@ def require_output(out: str | None) -> None:
 
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # Names of files may not be in the encoding of the terminal, nor even be text.
-        sys.stdout.reconfigure(errors="backslashreplace")
     if as_json:
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return

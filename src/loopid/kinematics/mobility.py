@@ -8,6 +8,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
+from loopid.errors import DataError
 from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.nearby import nearby_configurations
@@ -65,11 +66,18 @@ def mobility(
     ----------
     around : FloatArray, optional
         (n, nq), closed configurations around it, where they are known.
+
+    Raises
+    ------
+    DataError
+        When there is none around it.
     """
     q = mechanism.reference if configuration is None else configuration
     q = samples(q, mechanism.model.nq, "configuration", 1)[0]
     if around is None:
         around = nearby_configurations(mechanism, q)
+    if not len(samples(around, mechanism.model.nq, "around")):
+        raise DataError("around must hold at least one configuration, not none")
     residual, jacobian = scaled_constraint(mechanism, q[None])
     factors = Factorisation.of(jacobian)
     rank = int(factors.rank[0])

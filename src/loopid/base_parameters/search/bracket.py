@@ -16,7 +16,7 @@ from loopid.base_parameters.search.strategy import TIE_TOLERANCE
 from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
 
 FINENESS = 1e-2  # relative distance of thresholds that are worth a test of their own
-FIRST_STEP, LONGER = 1e-6, 30.0  # of relative steps up from a selection, and how they grow
+FIRST_STEP, LONGER = 2e-9, 30.0  # of relative steps up from a selection, and how they grow
 NEAR = 1.05  # ends this close call for a threshold just above the lower one
 
 

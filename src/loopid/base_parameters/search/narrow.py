@@ -68,6 +68,7 @@ class NarrowSearch:
     """
 
     def __init__(self, block: Block) -> None:
+        self._block = block
         sizes = [len(columns) for columns in block.columns]
         self._representatives = np.repeat(np.arange(block.size), sizes)
         vectors = block.vectors[self._representatives]
@@ -129,7 +130,12 @@ class NarrowSearch:
         return None if fronts is None else self._selected(fronts)
 
     def _selected(self, fronts: Fronts) -> IntArray:
-        return self._representatives[selection(self.branches, fronts)]
+        """The best selection among the states of the root."""
+        states = range(len(fronts[self.branches[-1]]))
+        found = [
+            self._representatives[selection(self.branches, fronts, state)] for state in states
+        ]
+        return max(found, key=lambda chosen: self._block.levels(chosen).smallest)
 
     def _known_for(self, wanted: Range) -> Knowledge:
         """The finest bounds that hold for a range, of the narrowest one among equally fine ones."""

@@ -128,7 +128,12 @@ def relaxed(front: Front, limit: int) -> Front:
 
 
 def restricted(front: Front, outside: Front, limit: int, width: int) -> Front:
-    """At most ``limit`` states of each excess: of each group the one that the rest suits best."""
+    """At most ``limit`` states of each excess: of each group the one that the rest suits best.
+
+    Without a boundary states are selections, some of which are taken as they come.
+    """
+    if width == 0:
+        return front.only(np.linspace(0, len(front) - 1, min(limit, len(front))).astype(np.int64))
     front, kept = maxima(front, COMPARED * limit), []
     for states in front.by_excess():
         if len(states) > limit:
@@ -142,9 +147,9 @@ def restricted(front: Front, outside: Front, limit: int, width: int) -> Front:
     return front.only(np.concatenate(kept))
 
 
-def selection(branches: Sequence[Branch], fronts: Fronts) -> IntArray:
-    """The vectors selected by the first state of the root, which must be exact, ascending."""
-    chosen, open_ = [], [(branches[-1], 0)]
+def selection(branches: Sequence[Branch], fronts: Fronts, state: int) -> IntArray:
+    """The vectors selected by a state of the root, whose fronts must be exact, ascending."""
+    chosen, open_ = [], [(branches[-1], state)]
     while open_:
         branch, state = open_.pop()
         if branch.children:
