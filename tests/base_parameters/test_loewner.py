@@ -10,7 +10,7 @@ from loopid.base_parameters.search.loewner import (
     groups,
     maximal,
     positive_definite,
-    upper_bound,
+    upper_bounds,
 )
 
 
@@ -66,12 +66,17 @@ def test_maximal_forms_exceed_all_others_and_not_each_other(forms):
     assert len(np.unique(forms[kept].reshape(len(kept), -1), axis=0)) == len(kept)
 
 
-@given(forms=stacks())
-def test_an_upper_bound_exceeds_all(forms):
-    bound = upper_bound(forms)
-    assert all(exceeds(bound, form) for form in forms)
-    if len(forms) == 1:
-        np.testing.assert_array_equal(bound, forms[0])
+@given(forms=stacks(), data=st.data())
+def test_upper_bounds_exceed_all_of_their_group(forms, data):
+    labels = np.array(
+        data.draw(st.lists(st.integers(0, 3), min_size=len(forms), max_size=len(forms)))
+    )
+    bounds = upper_bounds(forms, labels)
+    for label, bound in zip(np.unique(labels), bounds, strict=True):
+        own = forms[labels == label]
+        assert all(exceeds(bound, form) for form in own)
+        if len(own) == 1:
+            np.testing.assert_array_equal(bound, own[0])
 
 
 @given(forms=stacks(), count=st.integers(1, 5))

@@ -9,7 +9,7 @@ from typing import Any
 
 KERNELS = "loopid.base_parameters.search.kernels"
 # Pairs of forms in one call. Kernels take a second to load, and six to compile the first time.
-LEAST_PAIRS = 1 << 20
+LEAST_PAIRS = 1 << 16
 
 
 def kernels(pairs: int) -> Any | None:

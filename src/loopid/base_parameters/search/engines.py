@@ -12,7 +12,7 @@ import numpy as np
 from loopid.arrays import IntArray
 from loopid.base_parameters.search.block import Block
 from loopid.base_parameters.search.narrow import NarrowSearch
-from loopid.base_parameters.search.swaps import FRACTIONS, good_selection, walked
+from loopid.base_parameters.search.swaps import FRACTIONS, good_selection, improved, walked
 from loopid.base_parameters.search.threshold import Budget, selections_between
 
 # Selections of a block that are looked at one by one.
@@ -20,6 +20,8 @@ LARGEST_TABLE = 200
 # Larger blocks of null vectors are searched along a branch decomposition, unless that is as wide.
 LARGEST_TREE = 36
 WIDEST = 24
+# Walks from nearby that are worth their time before a pass over a large block.
+KICKS = 20
 # Nodes of a search tree at the first effort, and how many times more at every further one.
 FIRST_NODES, MORE_NODES = 1024, 4
 
@@ -131,6 +133,13 @@ class BranchEngine(Engine):
         self, above: float, below: float | None, effort: int, budget: Budget
     ) -> IntArray | None:
         return self.narrow.first(above, below, effort, budget)
+
+    def start(self, least_largest: float) -> IntArray:
+        return good_selection(self.block, KICKS, least_largest)
+
+    def polished(self, selection: IntArray) -> IntArray:
+        best = super().polished(selection)
+        return improved(self.block, best, KICKS, self.least_largest)
 
     def guess(self, above: float, below: float | None, budget: Budget) -> IntArray | None:
         return self.narrow.guess(above, below, budget)

@@ -17,7 +17,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.search.branches import Branch
 from loopid.base_parameters.search.conflicts import ZERO_PIVOT
-from loopid.base_parameters.search.loewner import maximal, positive_definite, room, sums
+from loopid.base_parameters.search.loewner import maximal, room, sums
 from loopid.base_parameters.search.threshold import Budget
 
 # Pairs of states between two looks at the budget.
@@ -170,7 +170,7 @@ def merged(
 def _completable(branch: Branch, front: Front, wanted: Range) -> BoolArray:
     """Whether the rest could make up for a state if each of its vectors gave its most."""
     rest = wanted.most[:, None, None] * np.diag(1 - branch.weights)
-    return positive_definite(front.forms + rest)
+    return room(front.forms, rest[None], enough=ZERO_PIVOT) > ZERO_PIVOT
 
 
 def _consistent(front: Front) -> BoolArray:

@@ -151,17 +151,22 @@ def _unexceeded(forms: FloatArray, diagonals: FloatArray) -> IntArray:
     return kept
 
 
-def upper_bound(forms: FloatArray) -> FloatArray:
-    """A form (kinds, w, w) that exceeds all of (N, kinds, w, w).
+def upper_bounds(forms: FloatArray, labels: IntArray) -> FloatArray:
+    """For each group a form (kinds, w, w) that exceeds all its members of (N, kinds, w, w).
 
     Of two matrices, half their sum plus half the absolute value of their difference: both
-    (A - B) / 2 and (B - A) / 2 are at most |A - B| / 2.
+    (A - B) / 2 and (B - A) / 2 are at most |A - B| / 2. Neighbours of all groups at a time.
     """
-    while len(forms) > 1:
-        odd, even = forms[1::2], forms[: len(forms) // 2 * 2 : 2]
-        joined = (odd + even + _absolute(odd - even)) / 2
-        forms = np.concatenate([joined, forms[len(forms) // 2 * 2 :]])
-    return np.asarray(forms[0], dtype=np.float64)
+    order = np.argsort(labels, kind="stable")
+    forms, labels = forms[order], labels[order]
+    while True:
+        places = np.arange(len(labels)) - np.searchsorted(labels, labels)
+        odd = np.flatnonzero(places % 2)
+        if len(odd) == 0:
+            return forms
+        joined = (forms[odd] + forms[odd - 1] + _absolute(forms[odd] - forms[odd - 1])) / 2
+        forms[odd - 1] = joined
+        forms, labels = np.delete(forms, odd, axis=0), np.delete(labels, odd)
 
 
 def _absolute(forms: FloatArray) -> FloatArray:

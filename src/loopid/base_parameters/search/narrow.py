@@ -132,9 +132,7 @@ class NarrowSearch:
     def _selected(self, fronts: Fronts) -> IntArray:
         """The best selection among the states of the root."""
         states = range(len(fronts[self.branches[-1]]))
-        found = [
-            self._representatives[selection(self.branches, fronts, state)] for state in states
-        ]
+        found = [self._representatives[selection(self.branches, fronts, state)] for state in states]
         return max(found, key=lambda chosen: self._block.levels(chosen).smallest)
 
     def _known_for(self, wanted: Range) -> Knowledge:

@@ -25,7 +25,7 @@ from loopid.base_parameters.search.fronts import (
     single,
     supported,
 )
-from loopid.base_parameters.search.loewner import groups, maximal, room, upper_bound
+from loopid.base_parameters.search.loewner import groups, maximal, room, upper_bounds
 from loopid.base_parameters.search.threshold import Budget
 
 Fronts = dict[Branch, Front]
@@ -118,9 +118,8 @@ def relaxed(front: Front, limit: int) -> Front:
     for states in front.by_excess():
         part = front.only(states)
         if len(part) > limit:
-            labels = groups(part.forms, limit)
-            bounds = [upper_bound(part.forms[labels == label]) for label in np.unique(labels)]
-            forms = np.stack(bounds)[maximal(np.stack(bounds))]
+            bounds = upper_bounds(part.forms, groups(part.forms, limit))
+            forms = bounds[maximal(bounds)]
             unknown = np.full((len(forms), 2), -1)
             part = Front(forms, part.excess[: len(forms)], unknown)
         parts.append(part)

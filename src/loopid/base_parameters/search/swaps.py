@@ -115,7 +115,12 @@ def good_selection(block: Block, kicks: int = 0, least_largest: float = 0.0) -> 
         return start
     walks = [walked(block, start, fraction, sides) for fraction in FRACTIONS for sides in SIDES]
     best = min([start, *walks], key=lambda chosen: _ratio(block.levels(chosen), least_largest))
-    random = random_generator(block.size)
+    return improved(block, best, kicks, least_largest)
+
+
+def improved(block: Block, selection: IntArray, kicks: int, least_largest: float) -> IntArray:
+    """A selection with a lower ratio, if one of so many walks from nearby comes to one."""
+    random, best = random_generator(block.size), selection
     for kick in range(kicks):
         kicked = _kicked(block, best, random)
         found = walked(block, kicked, KICK_FRACTION, SIDES[kick % len(SIDES)])
