@@ -43,9 +43,7 @@ STREET = (
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
 MODEL = {"pinocchio", "mechanism", "kinematics", "loading", "regressors"}
-NEVER = dict.fromkeys(
-    ("base_parameters", "identification", "consistency", "reduction"), MODEL
-)
+NEVER = dict.fromkeys(("base_parameters", "identification", "consistency", "reduction"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

@@ -69,7 +69,7 @@ def test_a_margin_that_none_keeps_is_refused(knee):
 
 @pytest.mark.parametrize("arguments", [{"count": 0}, {"count": 3, "margin": -0.1}])
 def test_absurd_arguments_are_refused(mechanism, arguments):
-    with pytest.raises(OptionError, match="samples must be|margin must be"):
+    with pytest.raises(OptionError, match=r"samples must be|margin must be"):
         random_configurations(mechanism, **arguments)
     with pytest.raises(OptionError):
         random_configurations(mechanism, 3, margin=np.nan)

@@ -130,6 +130,7 @@ class Bracket:
 
     def _polished(self, selection: IntArray) -> IntArray:
         """The selection after swaps that raise its smallest eigenvalue, if it stays below."""
-        walked = self.engine.polished(selection)
-        fits = self.below is None or self.engine.block.levels(walked).largest < self.below
-        return walked if fits else selection
+        block, walked = self.engine.block, self.engine.polished(selection)
+        before, after = block.levels(selection), block.levels(walked)
+        fits = self.below is None or after.largest < self.below
+        return walked if fits and after.smallest > before.smallest else selection

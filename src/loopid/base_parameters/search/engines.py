@@ -46,7 +46,7 @@ class Engine(ABC):
         return good_selection(self.block, least_largest=least_largest)
 
     def polished(self, selection: IntArray) -> IntArray:
-        """The selection (k,), or one with a higher smallest eigenvalue a few swaps away."""
+        """The selection (k,), or one a few swaps away that may be better."""
         return walked(self.block, selection, FRACTIONS[-1])
 
     def guess(self, above: float, below: float | None, budget: Budget) -> IntArray | None:
