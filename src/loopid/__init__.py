@@ -16,12 +16,22 @@ from loopid.errors import LoopidError
 from loopid.experiment import (
     ForceModel,
     Identification,
+    data_support,
     distributed_problem,
     find_force_model,
     identify,
     split_recordings,
 )
-from loopid.identification import FitResult, FitSamples, fit
+from loopid.identification import (
+    BayesianRidge,
+    Bisquare,
+    FitResult,
+    FitSamples,
+    Huber,
+    InstrumentalVariables,
+    TotalLeastSquares,
+    fit,
+)
 from loopid.kinematics import (
     assemble,
     closed_motion,
@@ -63,6 +73,8 @@ __version__ = version("loopid")
 
 __all__ = [
     "BaseParameters",
+    "BayesianRidge",
+    "Bisquare",
     "ExactSearch",
     "ExhaustiveSearch",
     "FitResult",
@@ -70,7 +82,9 @@ __all__ = [
     "ForceModel",
     "ForceParts",
     "FourierSeries",
+    "Huber",
     "Identification",
+    "InstrumentalVariables",
     "JointMotion",
     "JointTerms",
     "Log",
@@ -87,11 +101,13 @@ __all__ = [
     "Recording",
     "SearchResult",
     "SubgroupSearch",
+    "TotalLeastSquares",
     "Waypoint",
     "__version__",
     "assemble",
     "bundled_robots",
     "closed_motion",
+    "data_support",
     "distributed_problem",
     "dynamic_regressor",
     "find_base_parameters",
