@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from loopid import find_base_parameters
+from loopid.errors import SingularityWarning
 from loopid.loading.bundled import bundled_directory
 from loopid.symbolic import Geometry, base_parameter_rows
 
@@ -82,9 +83,11 @@ GEOMETRIES = st.fixed_dictionaries(
 @settings(max_examples=10)
 def test_random_geometries(table, observe_robot, strokes_around, geometry):
     home = table["3ups_rpu"]["home"]
-    found = find_base_parameters(
-        observe_robot(geometry, "3ups_rpu", strokes_around(geometry, home), 40)
-    )
+    try:
+        observation = observe_robot(geometry, "3ups_rpu", strokes_around(geometry, home), 40)
+    except SingularityWarning:  # some of these geometries are singular at their home
+        assume(False)
+    found = find_base_parameters(observation)
     assert found.structure.rank_gap > 1e8
     assert_same_base_parameters(found, geometry)
     assert found.search.certified

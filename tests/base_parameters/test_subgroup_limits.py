@@ -51,13 +51,13 @@ def test_more_combinations_than_fit_in_memory_are_refused_with_their_number(monk
 
 @pytest.mark.parametrize("alpha", [0.0, -0.1, 0.51, float("nan")])
 def test_alpha_must_be_the_papers(alpha):
-    with pytest.raises(OptionError, match=r"alpha must be in \(0, 0.5\]"):
+    with pytest.raises(OptionError, match=r"alpha must be (in \(0, 0.5\]|a number)"):
         SubgroupSearch(alpha=alpha)
 
 
 @pytest.mark.parametrize("limit", [1.0, 0.0, -5.0, float("nan")])
 def test_the_condition_limit_must_exceed_one(limit):
-    with pytest.raises(OptionError, match="condition_limit must exceed 1"):
+    with pytest.raises(OptionError, match=r"condition_limit must (exceed 1|be a number)"):
         SubgroupSearch(condition_limit=limit)
 
 
