@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.errors import DataError, OptionError
+from loopid.identification.storage import fields_in
 from loopid.parameters import Parameter, ParameterSet
 
 if TYPE_CHECKING:
@@ -49,14 +49,7 @@ def fields_of(record: dict[str, Any], source: str | Path) -> dict[str, Any]:
     DataError
         Naming the source, when something is missing or makes no sense.
     """
-    if record.get("format") != FORMAT:
-        raise DataError(f"{source} is not a saved consistent fit: its format is not {FORMAT!r}")
-    try:
-        return _fields(record)
-    except KeyError as error:
-        raise DataError(f"{source} is not a saved consistent fit: {error} is missing") from error
-    except (TypeError, ValueError, AttributeError, OptionError) as error:
-        raise DataError(f"{source} is not a saved consistent fit: {error}") from error
+    return fields_in(record, _fields, FORMAT, f"{source} is not a saved consistent fit")
 
 
 def _fields(record: dict[str, Any]) -> dict[str, Any]:

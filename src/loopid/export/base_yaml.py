@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.errors import DataError, OptionError
-from loopid.identification.storage import read_record, record_text
+from loopid.identification.storage import fields_in, read_record, record_text
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import JointTerms
 
@@ -83,14 +82,7 @@ def fields_of(record: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     DataError
         Naming the source, and what is missing or makes no sense.
     """
-    if record.get("format") != FORMAT:
-        raise DataError(f"{source} holds no base parameters: its format is not {FORMAT!r}")
-    try:
-        return _fields(record)
-    except KeyError as error:
-        raise DataError(f"{source} holds no base parameters: {error} is missing") from error
-    except (TypeError, ValueError, AttributeError, OptionError) as error:
-        raise DataError(f"{source} holds no base parameters: {error}") from error
+    return fields_in(record, _fields, FORMAT, f"{source} holds no base parameters")
 
 
 def _fields(record: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.errors import DataError, OptionError
 from loopid.identification.noise import NoiseModel
 from loopid.identification.quality import Quality
 from loopid.identification.robustness import Robustness
+from loopid.identification.storage import fields_in
 from loopid.parameters import Parameter, ParameterSet
 
 if TYPE_CHECKING:
@@ -88,14 +88,7 @@ def fields_of(record: dict[str, Any], source: str | Path) -> dict[str, Any]:
     DataError
         Naming the source, when something is missing or makes no sense.
     """
-    if record.get("format") != FORMAT:
-        raise DataError(f"{source} is not a saved fit: its format is not {FORMAT!r}")
-    try:
-        return _fields(record)
-    except KeyError as error:
-        raise DataError(f"{source} is not a saved fit: {error} is missing") from error
-    except (TypeError, ValueError, OptionError) as error:
-        raise DataError(f"{source} is not a saved fit: {error}") from error
+    return fields_in(record, _fields, FORMAT, f"{source} is not a saved fit")
 
 
 def _fields(record: dict[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -62,3 +63,26 @@ def _yaml() -> YAML:
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.default_flow_style = None
     return yaml
+
+
+def fields_in(
+    record: Mapping[str, Any],
+    parse: Callable[[Any], dict[str, Any]],
+    expected: str,
+    refusal: str,
+) -> dict[str, Any]:
+    """What a record of the expected format holds, as ``parse`` reads it.
+
+    Raises
+    ------
+    DataError
+        The refusal, then what is missing or makes no sense.
+    """
+    if record.get("format") != expected:
+        raise DataError(f"{refusal}: its format is not {expected!r}")
+    try:
+        return parse(record)
+    except KeyError as error:
+        raise DataError(f"{refusal}: {error} is missing") from error
+    except (TypeError, ValueError, AttributeError, OptionError) as error:
+        raise DataError(f"{refusal}: {error}") from error
