@@ -53,6 +53,7 @@ def names_its_cause(call: Call, sentence: str) -> bool:
         bare = word.lstrip("-")
         names |= {Path(word).name, Path(word).stem, bare, bare.replace("-", "_")}
         names |= {bare.replace("-", " "), _number(bare)}
+        names |= {repr(part) for part in bare.split(",")}
     return any(name in sentence for name in names - {"", "."}) or ". is a folder" in sentence
 
 
