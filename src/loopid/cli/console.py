@@ -16,6 +16,7 @@ from rich.table import Table
 
 from loopid.errors import one_line
 from loopid.files import require_folder
+from loopid.loading import load_mechanism
 from loopid.mechanism import Mechanism
 from loopid.progress import Progress as Reporter
 from loopid.regressors import JointTerms
@@ -83,6 +84,19 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def loaded(
+    file: str,
+    lock: list[str] | None,
+    floating_base: bool,
+    free_mimics: bool,
+    tied: bool = False,
+) -> Mechanism:
+    """The robot that the options of a command ask for."""
+    return load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+    )
 
 
 def motor_terms(mechanism: Mechanism, terms: str) -> JointTerms | None:

@@ -14,6 +14,7 @@ from loopid.cli.console import (
     Lock,
     RobotFile,
     Tied,
+    loaded,
     motor_terms,
     progress_bar,
     show,
@@ -27,7 +28,6 @@ from loopid.export import (
     regressor_code,
     standard_parameters_of,
 )
-from loopid.loading import load_mechanism
 
 
 def export(
@@ -77,9 +77,7 @@ def export(
     wanted = (robot, yaml, npz, c)
     if all(place is None for place in wanted):
         raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
-    mechanism = load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
-    )
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     saved = read_fit(fit)
     if model is not None:
         saved = replace(saved, model=model)

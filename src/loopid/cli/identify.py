@@ -12,6 +12,7 @@ from loopid.cli.console import (
     Out,
     RobotFile,
     Tied,
+    loaded,
     motor_terms,
     progress_bar,
     require_output,
@@ -45,7 +46,6 @@ from loopid.experiment import (
     identify as identify_recordings,
 )
 from loopid.files import write_files
-from loopid.loading import load_mechanism
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.mechanism import Mechanism
 from loopid.report import identification_files, identification_record, identification_tables
@@ -81,9 +81,7 @@ def identify(
     require_output(out)
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
-    mechanism = load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
-    )
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     joint_terms = motor_terms(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 

@@ -6,9 +6,17 @@ from typing import Annotated
 
 import typer
 
-from loopid.cli.console import Floating, FreeMimics, Json, Lock, RobotFile, progress_bar, show
+from loopid.cli.console import (
+    Floating,
+    FreeMimics,
+    Json,
+    Lock,
+    RobotFile,
+    loaded,
+    progress_bar,
+    show,
+)
 from loopid.kinematics.sampling import DEFAULT_MARGIN
-from loopid.loading import load_mechanism
 from loopid.report import motions_record, motions_tables
 from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
@@ -27,9 +35,7 @@ def motions(
     as_json: Json = False,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
-    mechanism = load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics
-    )
+    mechanism = loaded(file, lock, floating_base, free_mimics)
     planned = read_motion_program(program or mechanism.name)
     reviews = {}
     with progress_bar("motions") as report:

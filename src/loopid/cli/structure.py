@@ -21,10 +21,11 @@ from loopid.cli.console import (
     Lock,
     RobotFile,
     Tied,
+    loaded,
     progress_bar,
     show,
 )
-from loopid.loading import load_mechanism, second_opinion
+from loopid.loading import second_opinion
 from loopid.mechanism import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
@@ -39,9 +40,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    mechanism = load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics
-    )
+    mechanism = loaded(file, lock, floating_base, free_mimics)
     record = check_record(mechanism, second_opinion(file))
     show(record, check_tables(record), as_json)
 
@@ -68,9 +67,7 @@ def base(
 ) -> None:
     """Find the base parameters and the best way of writing them."""
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
-    )
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     with progress_bar("poses") as report:
         observation = structural_observation(mechanism, model, samples, seed, progress=report)
     with progress_bar("combinations") as report:

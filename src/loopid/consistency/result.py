@@ -12,7 +12,7 @@ import numpy as np
 from loopid.arrays import FloatArray, frozen
 from loopid.consistency.record import fields_of, record_of
 from loopid.identification.comparison import ComparedByFields
-from loopid.identification.storage import read_record, write_record
+from loopid.identification.storage import Saved, read_record
 from loopid.parameters import ParameterSet
 
 
@@ -48,7 +48,7 @@ class FitCost(ComparedByFields):
 
 
 @dataclass(frozen=True, eq=False)
-class ConsistentFit(ComparedByFields):
+class ConsistentFit(ComparedByFields, Saved):
     """Standard parameters that bodies can have, fitted to data.
 
     Attributes
@@ -121,18 +121,6 @@ class ConsistentFit(ComparedByFields):
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts; None for what is not finite."""
         return record_of(self)
-
-    def save(self, path: str | Path) -> None:
-        """Write the record to a .json, .yaml or .yml file, whole or not at all.
-
-        Raises
-        ------
-        OptionError
-            When the name ends otherwise.
-        OutputError
-            When the file cannot be written.
-        """
-        write_record(path, self.record())
 
     @classmethod
     def load(cls, path: str | Path) -> ConsistentFit:

@@ -12,11 +12,14 @@ from loopid.experiment.prior_size import body_sizes
 from loopid.identification import Prior
 from loopid.parameters import KINDS
 
+# Standard deviation of the robot file as a prior, in sizes of the parameters.
+PRIOR_DEVIATION = 0.3
+
 
 @checked
 def cad_prior(
     force_model: ForceModel,
-    relative: float = 0.3,
+    relative: float = PRIOR_DEVIATION,
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
 ) -> Prior:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from loopid.experiment.force_model import ForceModel
 from loopid.identification import FitProblem, FitResult
 
@@ -31,9 +29,5 @@ def fit_consistent(
     """
     from loopid.consistency import consistent_fit  # here: only those who ask for it wait for it
 
-    bodies = force_model.mechanism.standard_parameters(force_model.model)
-    unknown = np.zeros(len(force_model.base.parameters) - len(bodies))
-    prior = np.concatenate([bodies, unknown])
-    return consistent_fit(
-        problem, fit, force_model.base, prior, regularisation=regularisation, repair=repair
-    )
+    base, prior = force_model.base, force_model.standard_prior
+    return consistent_fit(problem, fit, base, prior, regularisation=regularisation, repair=repair)

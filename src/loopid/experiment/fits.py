@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
-from loopid.experiment.cad_prior import cad_prior
+from loopid.experiment.cad_prior import PRIOR_DEVIATION, cad_prior
 from loopid.experiment.excited import Excited
 from loopid.experiment.force_model import ForceModel
 from loopid.experiment.supported_fit import fit_supported, prior_of
@@ -24,9 +24,6 @@ from loopid.identification import (
 )
 from loopid.identification.fitting import chosen_estimator
 from loopid.reduction import Reduction, ReductionStep, eliminate
-
-# Standard deviation of the robot file as a prior, in sizes of the parameters.
-PRIOR_DEVIATION = 0.3
 
 
 def estimator_for(

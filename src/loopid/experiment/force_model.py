@@ -72,11 +72,15 @@ class ForceModel:
         return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
 
     @property
+    def standard_prior(self) -> FloatArray:
+        """Standard parameters (p,) of the robot file, zero for joint terms, unknown to it."""
+        bodies = self.mechanism.standard_parameters(self.model)
+        return np.pad(bodies, (0, len(self.base.parameters) - len(bodies)))
+
+    @property
     def prior(self) -> FloatArray:
         """Values (n,) from the robot file, zero for joint terms, which it does not know."""
-        bodies = self.mechanism.standard_parameters(self.model)
-        unknown = np.zeros(len(self.base.parameters) - len(bodies))
-        return self.base.values(np.concatenate([bodies, unknown]))
+        return self.base.values(self.standard_prior)
 
     @cached_property
     def repertoire(self) -> Repertoire:

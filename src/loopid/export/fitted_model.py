@@ -43,9 +43,7 @@ def standard_parameters_of(fit: SavedFit, model: ForceModel, repair: bool = Fals
     """
     if fit.standard is not None:
         return fit.standard
-    bodies = model.mechanism.standard_parameters(model.model)
-    prior = np.concatenate([bodies, np.zeros(len(model.base.parameters) - len(bodies))])
-    return consistent_parameters(model.base, fit.values, prior, repair=repair)
+    return consistent_parameters(model.base, fit.values, model.standard_prior, repair=repair)
 
 
 @checked

@@ -27,15 +27,6 @@ def inertia_tensor(second: FloatArray) -> FloatArray:
     return np.asarray(np.trace(second) * np.eye(3) - second, dtype=np.float64)
 
 
-def of_centre(mass: float, centre: FloatArray, second: FloatArray) -> FloatArray:
-    """P of a mass, its centre (3,) and the second moments (3, 3) about the centre."""
-    P = np.empty((4, 4))
-    P[3, 3], P[:3, 3] = mass, mass * centre
-    P[3, :3] = P[:3, 3]
-    P[:3, :3] = second + mass * np.outer(centre, centre)
-    return P
-
-
 def centre(P: FloatArray) -> FloatArray:
     """Centre of mass (3,); the origin where there is no mass."""
     return np.asarray(P[:3, 3] / P[3, 3] if P[3, 3] else np.zeros(3), dtype=np.float64)

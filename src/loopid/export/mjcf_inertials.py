@@ -10,13 +10,13 @@ import mujoco
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.consistency.moments import pseudo_inertia_of
 from loopid.errors import RobotFileError
 from loopid.export.bodies import updated_links
 from loopid.export.inertias import (
     central_moments,
     centre,
     inertia_tensor,
-    of_centre,
     second_moments,
 )
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate
@@ -63,7 +63,7 @@ class MjcfInertial:
     def inertia(self) -> FloatArray:
         """(4, 4), seen from the body."""
         tensor = self.axes @ np.diag(self.moments) @ self.axes.T
-        return of_centre(self.mass, self.centre, second_moments(tensor))
+        return pseudo_inertia_of(self.mass, self.centre, second_moments(tensor))
 
 
 def updated_mjcf(

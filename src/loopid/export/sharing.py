@@ -11,7 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.export.inertias import central_moments, centre, defect, of_centre
+from loopid.consistency.moments import pseudo_inertia_of
+from loopid.consistency.pseudo_inertia import upper_factor
+from loopid.export.inertias import central_moments, centre, defect
 
 SAME = 1e-13  # relative to a body: its parameters are as they were
 
@@ -58,7 +60,7 @@ def _stretched(
 ) -> list[FloatArray]:
     """A P Aᵀ of each with A = U' U⁻¹, from P = U Uᵀ of the sum before and P' = U' U'ᵀ after."""
     try:
-        A = _upper_factor(whole) @ np.linalg.inv(_upper_factor(before))
+        A = upper_factor(whole) @ np.linalg.inv(upper_factor(before))
     except np.linalg.LinAlgError:  # A rod or a plate cannot be stretched to another shape.
         return []
     return [A @ P @ A.T for P in links]
@@ -92,7 +94,7 @@ def shared_at_rest(
 
 
 def _moved(P: FloatArray, mass: float, centre: FloatArray) -> FloatArray:
-    return of_centre(mass, centre, central_moments(P))
+    return pseudo_inertia_of(mass, centre, central_moments(P))
 
 
 def _scaled(P: FloatArray, other: FloatArray | None = None) -> FloatArray:
@@ -100,8 +102,3 @@ def _scaled(P: FloatArray, other: FloatArray | None = None) -> FloatArray:
     size = np.sqrt(np.maximum(np.diag(P), np.trace(P[:3, :3]) / 3 * np.array([1, 1, 1, 0])))
     size[size == 0] = 1.0
     return np.asarray((P if other is None else P - other) / np.outer(size, size))
-
-
-def _upper_factor(P: FloatArray) -> FloatArray:
-    """U with P = U Uᵀ, upper triangular: but for scale, an affine map of points (x, 1)."""
-    return np.asarray(np.linalg.cholesky(P[::-1, ::-1])[::-1, ::-1], dtype=np.float64)

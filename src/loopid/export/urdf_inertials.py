@@ -12,12 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray
+from loopid.consistency.moments import pseudo_inertia_of
 from loopid.errors import RobotFileError
 from loopid.export.inertias import (
     central_moments,
     centre,
     inertia_tensor,
-    of_centre,
     second_moments,
 )
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate
@@ -53,7 +53,7 @@ class UrdfInertial:
     def inertia(self) -> FloatArray:
         """(4, 4), seen from the link."""
         second = second_moments(self.axes @ self.tensor @ self.axes.T)
-        return of_centre(self.mass, self.centre, second)
+        return pseudo_inertia_of(self.mass, self.centre, second)
 
     def replaced(self, inertia: FloatArray) -> UrdfInertial:
         """The numbers of another inertia along the same axes."""

@@ -17,7 +17,7 @@ from loopid.identification.problem import FitProblem
 from loopid.identification.quality import Quality, fit_quality
 from loopid.identification.record import fields_of, record_of
 from loopid.identification.robustness import Robustness
-from loopid.identification.storage import read_record, write_record
+from loopid.identification.storage import Saved, read_record
 from loopid.parameters import ParameterSet
 
 # Fewer degrees of freedom tell no interval.
@@ -25,7 +25,7 @@ LEAST_FREEDOM = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class FitResult(ComparedByFields):
+class FitResult(ComparedByFields, Saved):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -143,18 +143,6 @@ class FitResult(ComparedByFields):
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts; None for what is not finite."""
         return record_of(self)
-
-    def save(self, path: str | Path) -> None:
-        """Write the record to a .json, .yaml or .yml file, whole or not at all.
-
-        Raises
-        ------
-        OptionError
-            When the name ends otherwise.
-        OutputError
-            When the file cannot be written.
-        """
-        write_record(path, self.record())
 
     @classmethod
     def load(cls, path: str | Path) -> FitResult:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from io import StringIO
 from pathlib import Path
@@ -15,6 +16,26 @@ from loopid.errors import DataError, MissingFileError, OptionError
 from loopid.files import why_no_file, write_file
 
 SUFFIXES = (".json", ".yaml", ".yml")
+
+
+class Saved(ABC):
+    """Results that are written as their record."""
+
+    @abstractmethod
+    def record(self) -> dict[str, Any]:
+        """All of it in plain numbers, lists and texts; None for what is not finite."""
+
+    def save(self, path: str | Path) -> None:
+        """Write the record to a .json, .yaml or .yml file, whole or not at all.
+
+        Raises
+        ------
+        OptionError
+            When the name ends otherwise.
+        OutputError
+            When the file cannot be written.
+        """
+        write_record(path, self.record())
 
 
 def write_record(path: str | Path, record: dict[str, Any]) -> None:
