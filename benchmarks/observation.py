@@ -43,7 +43,7 @@ from loopid import (
     tree_regressor,
 )
 from loopid.kinematics import constraint_jacobian, measured_coordinates, random_motions
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.triangular import triangular_factor
 from tables import show, write_json
 

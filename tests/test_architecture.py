@@ -22,7 +22,7 @@ STREET = (
     "lengths",
     "regions",
     "observation",
-    "mechanism",
+    "robot",
     "kinematics",
     "loading",
     "regressors",
@@ -42,7 +42,7 @@ STREET = (
 )
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
-MODEL = {"pinocchio", "mechanism", "kinematics", "loading", "regressors"}
+MODEL = {"pinocchio", "robot", "kinematics", "loading", "regressors"}
 NEVER = dict.fromkeys(("base_parameters", "identification", "consistency", "reduction"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
 
@@ -89,13 +89,13 @@ def test_rooms_import_only_rooms_to_their_left(file):
 @pytest.mark.parametrize(
     ("room", "source", "culprit"),
     [
-        ("mechanism", "from loopid.kinematics import assemble", "kinematics"),
-        ("mechanism", "import loopid.regressors.tree", "regressors"),
-        ("mechanism", "from loopid import loading", "loading"),
-        ("mechanism", "from ..cli import main", "cli"),
-        ("mechanism", "def lazily():\n    from loopid.report import table", "report"),
+        ("robot", "from loopid.kinematics import assemble", "kinematics"),
+        ("robot", "import loopid.regressors.tree", "regressors"),
+        ("robot", "from loopid import loading", "loading"),
+        ("robot", "from ..cli import main", "cli"),
+        ("robot", "def lazily():\n    from loopid.report import table", "report"),
         ("base_parameters", "import pinocchio as pin", "pinocchio"),
-        ("base_parameters", "from loopid.mechanism import Mechanism", "mechanism"),
+        ("base_parameters", "from loopid.robot import Mechanism", "robot"),
         ("symbolic", "from loopid.threads import one_blas_thread", "threads"),
         ("arrays", "import loopid.symbolic", "symbolic"),
         ("regressors", "from loopid import load_mechanism", "load_mechanism"),

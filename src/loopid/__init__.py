@@ -43,7 +43,7 @@ from loopid.kinematics import (
 )
 from loopid.loading import bundled_robots, load_mechanism
 from loopid.logs import Log, Recording, prepare_recording, read_log
-from loopid.mechanism import LoopClosure, Mechanism
+from loopid.robot import LoopClosure, Mechanism
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import (
     ForceParts,

@@ -18,7 +18,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import SingularityError
 from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.regressors import motion_regressor, tree_regressor
 from loopid.regressors.parts import standard_values
 

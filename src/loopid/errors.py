@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Iterable
 
 
@@ -115,3 +117,11 @@ class ClosureWarning(UserWarning):
 
 class ModelWarning(UserWarning):
     """A robot file says something that the model leaves out, or contradicts itself."""
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Warn at the line that called loopid, however deep inside it the reason was found."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("loopid."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(one_line(message), category, stacklevel=level - 1)

@@ -11,7 +11,7 @@ from loopid.base_parameters.candidates import spacing
 from loopid.base_parameters.coefficients import ACCIDENTS, PLAIN
 from loopid.base_parameters.forms import FORMS
 from loopid.lengths import NamedLength
-from loopid.mechanism import named_lengths
+from loopid.robot import named_lengths
 from loopid.parameters import KINDS, ParameterSet
 
 

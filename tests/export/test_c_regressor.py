@@ -28,7 +28,7 @@ from loopid.export.codegen.compiled import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.scaling import row_scales
-from loopid.mechanism import Body
+from loopid.robot import Body
 from loopid.regressors import motion_parameters, motion_regressor
 
 pytestmark = [

@@ -22,7 +22,7 @@ from loopid.export import (
 )
 from loopid.identification import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.mechanism import inertia_defects
+from loopid.robot import inertia_defects
 from loopid.regressors import motion_regressor
 from made_runs import ARM, modelled, wander
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 JOINTS = 12
 

@@ -20,7 +20,7 @@ import pinocchio_loops
 from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.linear import null_space
-from loopid.mechanism.closure import CLOSURE_ROWS
+from loopid.robot.closure import CLOSURE_ROWS
 
 AXES = {
     "z": ((0, 0, 1), (0, 0, 1)),

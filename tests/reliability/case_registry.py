@@ -11,7 +11,7 @@ from api_world import World
 ROOMS = (
     "loopid", "loopid.base_parameters", "loopid.consistency", "loopid.experiment", "loopid.export",
     "loopid.identification", "loopid.kinematics", "loopid.loading", "loopid.logs",
-    "loopid.mechanism", "loopid.paper", "loopid.reduction", "loopid.regressors",
+    "loopid.robot", "loopid.paper", "loopid.reduction", "loopid.regressors",
     "loopid.trajectories",
 )  # fmt: skip
 # What only the package makes, and tells in fields.

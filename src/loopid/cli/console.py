@@ -17,7 +17,7 @@ from rich.table import Table
 from loopid.errors import one_line
 from loopid.files import require_folder
 from loopid.loading import load_mechanism
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.progress import Progress as Reporter
 from loopid.regressors import JointTerms
 from loopid.report import require_matplotlib

@@ -47,7 +47,7 @@ from loopid.experiment import (
 )
 from loopid.files import write_files
 from loopid.logs import Recording, prepare_recording, read_log
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.report import identification_files, identification_record, identification_tables
 from loopid.trajectories import LowPass
 

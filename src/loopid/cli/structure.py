@@ -26,7 +26,7 @@ from loopid.cli.console import (
     show,
 )
 from loopid.loading import second_opinion
-from loopid.mechanism import named_lengths
+from loopid.robot import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
 from loopid.report import base_record, base_tables, check_record, check_tables

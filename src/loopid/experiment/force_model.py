@@ -15,7 +15,7 @@ from loopid.experiment.repertoire import Repertoire
 from loopid.identification import FitSamples
 from loopid.kinematics import closed_motion
 from loopid.logs import Recording
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.parameters import KINDS, ParameterSet
 from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation

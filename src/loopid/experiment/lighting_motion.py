@@ -11,7 +11,7 @@ from loopid.experiment.lighting import NAMED, Lighting
 from loopid.experiment.moving import moved
 from loopid.experiment.repertoire import Reach
 from loopid.kinematics import singularity_measure
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.trajectories import JointMotion
 
 # What is done at another pose: of the reach, a small and slow motion around it.

@@ -9,7 +9,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import SingularityError, SingularityWarning
 from loopid.kinematics.displacement import displaced
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Closure residual, in characteristic lengths, that counts as closed.
 CLOSED = 1e-7

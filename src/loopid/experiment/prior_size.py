@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.experiment.force_model import ForceModel
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.parameters import KINDS
 
 # Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.kinematics import random_configurations, random_motions
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Random states: at least so many, and so many rows for each column.
 LEAST_STATES = 60

@@ -13,7 +13,7 @@ from loopid.errors import DataError, RobotFileError
 from loopid.export.inertias import require_feasible
 from loopid.export.sharing import shared, shared_at_rest
 from loopid.loading.closures import link_frames
-from loopid.mechanism import Body, Mechanism, tie_matrix
+from loopid.robot import Body, Mechanism, tie_matrix
 from loopid.parameters import KINDS, MODELS, ParameterSet
 
 # Relative difference between a body as its links in the file make it and as it was loaded.

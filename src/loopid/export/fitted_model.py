@@ -11,7 +11,7 @@ from loopid.errors import DataError
 from loopid.experiment import ForceModel, find_force_model
 from loopid.export.base_values import require_same
 from loopid.export.saved_fit import SavedFit, likely_models
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.progress import Progress
 
 ALIKE = 1e-6  # relative difference of coefficients

@@ -30,7 +30,7 @@ from loopid.export.written import (
 )
 from loopid.loading.mjcf.compiling import compile_mjcf
 from loopid.loading.mjcf.names import Names, read_names
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet
 
 ORIENTATIONS = {"quat", "axisangle", "xyaxes", "zaxis", "euler"}

@@ -13,7 +13,7 @@ from loopid.export.urdf_inertials import read_inertials, rewritten
 from loopid.export.written import require_faithful
 from loopid.files import write_file
 from loopid.loading.tree_file import MJCF, find_files
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet
 
 

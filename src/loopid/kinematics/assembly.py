@@ -18,7 +18,7 @@ from loopid.kinematics.path_following import (
     follow_paths,
 )
 from loopid.kinematics.trajectory_following import follow_trajectory
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.threads import one_blas_thread
 
 

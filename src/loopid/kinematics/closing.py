@@ -13,7 +13,7 @@ from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.newton import SHORT
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 STEPS = 100
 POLISH_STEPS = 12

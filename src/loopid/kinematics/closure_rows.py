@@ -7,7 +7,7 @@ from functools import cache
 from loopid.kinematics.orientation_rows import Align, Square, Turn, across
 from loopid.kinematics.pairs import Rows
 from loopid.kinematics.position_rows import Distance, Point, Slide
-from loopid.mechanism import LoopClosure
+from loopid.robot import LoopClosure
 
 
 @cache

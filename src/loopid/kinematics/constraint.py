@@ -14,7 +14,7 @@ from loopid.arrays import FloatArray, samples
 from loopid.kinematics.blocks import in_blocks
 from loopid.kinematics.loops import LoopPose, loop_pose
 from loopid.kinematics.tree import tree_motion
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @checked

@@ -14,7 +14,7 @@ from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.loops import loop_pose
 from loopid.kinematics.per_mechanism import per_mechanism
 from loopid.kinematics.scaling import coordinate_scales, scaled_by_samples
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Fewer matrices than this are not worth another method than that of each alone.
 FEW = 30

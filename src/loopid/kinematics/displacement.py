@@ -13,7 +13,7 @@ from loopid.kinematics.closing import constraint_gap, polish
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.projected_blocks import BlockProjection, Partition
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 LONGEST_STEP = 0.3  # rad or characteristic lengths
 

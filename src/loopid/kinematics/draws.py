@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.measured import measured_coordinates
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 BATCH = 64  # draws between which the spread adapts
 MOST_AHEAD = 8

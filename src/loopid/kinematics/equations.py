@@ -17,7 +17,7 @@ from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.elimination import Elimination
 from loopid.kinematics.loops import loop_pose
 from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_by_samples
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 class Linearisation(NamedTuple):

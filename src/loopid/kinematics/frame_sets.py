@@ -10,7 +10,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.kinematics.layout import joint_layout
 from loopid.kinematics.per_mechanism import per_mechanism
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from loopid.kinematics.blocks import in_blocks
 from loopid.kinematics.frame_poses import FramePoses, frame_motions
 from loopid.kinematics.frame_sets import frame_set
 from loopid.kinematics.tree import tree_motion, tree_pose
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

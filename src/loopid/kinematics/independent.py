@@ -12,7 +12,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.errors import MobilityError
 from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import RANK_TOLERANCE, null_space
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Motors are taken in their order as long as this much of each is its own.
 WELL_APART = (0.05, 1e-2, 1e-4)

@@ -13,7 +13,7 @@ import pinocchio as pin
 from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.per_mechanism import per_mechanism
 from loopid.kinematics.spans import Span, span
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

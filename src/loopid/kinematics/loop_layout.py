@@ -13,7 +13,7 @@ from loopid.kinematics.layout import joint_layout
 from loopid.kinematics.pairs import FramePair, Rows
 from loopid.kinematics.per_mechanism import per_mechanism
 from loopid.kinematics.spans import span
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from loopid.kinematics.frame_poses import FrameMotions, FramePoses, frame_motion
 from loopid.kinematics.loop_layout import LoopLayout, loop_layout
 from loopid.kinematics.pairs import FramePair, PairMotion, PairPose, Rows
 from loopid.kinematics.tree import TreeMotion, TreePose, tree_pose
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from loopid.kinematics.equations import MeasuredCoordinates, scaled_constraint
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured_joints import JointCoordinates
 from loopid.kinematics.measured_platform import PlatformCoordinates
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 __all__ = ["MeasuredCoordinates", "measured_coordinates"]
 

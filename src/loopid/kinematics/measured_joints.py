@@ -18,7 +18,7 @@ from loopid.kinematics.equations import (
 )
 from loopid.kinematics.projection import partition
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 class JointCoordinates(MeasuredCoordinates):

@@ -15,7 +15,7 @@ from loopid.kinematics.frames import FrameKinematics, frame_kinematics
 from loopid.kinematics.pairs import relative_quaternion
 from loopid.kinematics.platform import declared_platform, platform_coordinates
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 class PlatformCoordinates(MeasuredCoordinates):

@@ -12,7 +12,7 @@ from loopid.errors import DataError
 from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.nearby import nearby_configurations
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 

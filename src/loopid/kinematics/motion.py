@@ -11,7 +11,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
 from loopid.kinematics.projection import Projection
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from loopid.kinematics.equations import scaled_constraint
 from loopid.kinematics.frames import integrate
 from loopid.kinematics.linear import null_space
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
 STEPS = 3

@@ -18,7 +18,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.kinematics.pairs import PairMotion, PairPose, Rows
 from loopid.kinematics.vectors import along, cross, dot, rotated, rotated_back
-from loopid.mechanism.closure import Axis
+from loopid.robot.closure import Axis
 
 
 class Turn(Rows):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar
 
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 Found = TypeVar("Found")
 

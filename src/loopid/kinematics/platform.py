@@ -11,7 +11,7 @@ from loopid.kinematics.constraint import constraint_drift, constraint_jacobian
 from loopid.kinematics.frames import frame_accelerations, frame_kinematics
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.scaling import coordinate_scales, row_scales
-from loopid.mechanism import Mechanism, Platform
+from loopid.robot import Mechanism, Platform
 
 
 @checked

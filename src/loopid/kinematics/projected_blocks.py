@@ -17,7 +17,7 @@ from loopid.kinematics.loops import LoopPose, loop_pose
 from loopid.kinematics.refusals import NEAR_SINGULARITY, refuse_dependent, refuse_singular
 from loopid.kinematics.scaling import coordinate_scales, row_scales, scaled_by_samples
 from loopid.kinematics.tree import TreeMotion, tree_motion
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 class Partition:

@@ -16,7 +16,7 @@ from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
 from loopid.kinematics.refusals import NEAR_SINGULARITY, measure_of
 from loopid.kinematics.scaling import scaled_jacobian
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 __all__ = [
     "NEAR_SINGULARITY",

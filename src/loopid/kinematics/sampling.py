@@ -15,7 +15,7 @@ from loopid.kinematics.draws import BATCH, Draws
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
 DEFAULT_MARGIN = 0.02

@@ -12,7 +12,7 @@ import numpy as np
 from loopid.arrays import FloatArray, frozen
 from loopid.kinematics.closure_rows import closure_rows
 from loopid.kinematics.per_mechanism import per_mechanism
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 ROUND_OFF = 1e-13  # of the characteristic length
 

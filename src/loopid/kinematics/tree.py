@@ -23,7 +23,7 @@ from loopid.kinematics.joint_frames import (
 )
 from loopid.kinematics.layout import JointLayout, joint_layout
 from loopid.kinematics.vectors import by_place, cross, rotated
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.starts import attempts
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 ENOUGH = 24  # closed configurations to choose the best of, where none suits
 LIMIT_TOLERANCE = 1e-6  # rad or m

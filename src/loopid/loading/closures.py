@@ -11,8 +11,8 @@ import pinocchio as pin
 from loopid.errors import RobotFileError
 from loopid.loading.closure_description import ClosureDescription, Vector
 from loopid.loading.description import Description, PlatformDescription
-from loopid.mechanism import JointCoupling, LoopClosure, Platform
-from loopid.mechanism.closure import X, Y, Z
+from loopid.robot import JointCoupling, LoopClosure, Platform
+from loopid.robot.closure import X, Y, Z
 
 
 def find_closures(

@@ -15,7 +15,7 @@ from loopid.errors import (
 from loopid.kinematics.mobility import Mobility, mobility
 from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.loading.source import TreeSource
-from loopid.mechanism import Mechanism, inertia_defects, unequal_links
+from loopid.robot import Mechanism, inertia_defects, unequal_links
 
 LEVEL = 4  # the caller of load_mechanism
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from loopid.errors import RobotFileError
 from loopid.loading.source import TreeSource
-from loopid.mechanism import Body, LinkGroup
+from loopid.robot import Body, LinkGroup
 
 
 def find_groups(

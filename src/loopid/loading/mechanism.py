@@ -21,7 +21,7 @@ from loopid.loading.source import TreeSource
 from loopid.loading.tree import build_tree
 from loopid.loading.tree_file import RobotFiles, find_files
 from loopid.loading.urdf import read_urdf_source
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 @checked

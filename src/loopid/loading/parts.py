@@ -12,7 +12,7 @@ from loopid.loading.closures import link_frames
 from loopid.loading.description import Description
 from loopid.loading.reference import Reference, read_joint, written_reference
 from loopid.loading.source import TreeSource
-from loopid.mechanism import Body
+from loopid.robot import Body
 
 
 def locked_values(

@@ -10,7 +10,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.kinematics.closing import close_by_continuation, close_loops
 from loopid.kinematics.frames import integrate
 from loopid.loading.reference import write_joint
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts

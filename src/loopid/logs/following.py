@@ -12,7 +12,7 @@ from loopid.errors import AssemblyError, LogError, LogWarning
 from loopid.kinematics import singularity_measure, try_assemble
 from loopid.logs.masks import Extent, describe, extent
 from loopid.logs.recording import Dropped
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.order_statistics import largest
 from loopid.progress import Progress
 from loopid.scratch import Spool, mapped_rows, row_blocks

@@ -14,7 +14,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray, spread_rows
 from loopid.errors import LogWarning
 from loopid.logs.recording import Recording
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.regressors import force_parts
 from loopid.scratch import picked
 

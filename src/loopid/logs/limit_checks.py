@@ -10,7 +10,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.errors import LogError, LogWarning
 from loopid.logs.messages import rows_text
 from loopid.logs.stream import MOST_BAD_ROWS, Channel, Stream
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.scratch import row_blocks, rows_where
 
 # Of the range of a joint: how far outside its limits a value may be without a word, and from how

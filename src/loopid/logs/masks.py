@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.logs.recording import Dropped
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.order_statistics import percentile
 from loopid.scratch import row_blocks
 from loopid.trajectories import LowPass

@@ -25,7 +25,7 @@ from loopid.logs.signal_checks import (
 from loopid.logs.sources import by_joint, read_streams
 from loopid.logs.stream import Stream
 from loopid.logs.text_lines import stream_name
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows
 
 

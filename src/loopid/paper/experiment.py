@@ -8,7 +8,7 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.logs import Recording
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.paper.printed import FORCE_NOISE
 from loopid.progress import Progress
 from loopid.regressors import ForceParts, JointTerms, force_parts

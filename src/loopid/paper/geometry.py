@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Table I measures the angles of points 2 and 3 from opposite sides of the x axis.
 SIGNS = {2: 1.0, 3: -1.0}

@@ -14,7 +14,7 @@ from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics.motion import ClosedMotion
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.parameters import Parameter, ParameterSet
 
 # Units for a sliding and for a turning joint.

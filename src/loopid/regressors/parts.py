@@ -10,7 +10,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError
 from loopid.kinematics.motion import closed_motion
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.regressors.tree import tree_regressor
 
 

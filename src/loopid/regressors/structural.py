@@ -10,7 +10,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, random_motions
 from loopid.kinematics.sampling import configuration_batches
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.observation import Observation
 from loopid.progress import Progress
 from loopid.regressors.closed_loop import gravity_regressor

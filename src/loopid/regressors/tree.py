@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
-from loopid.mechanism import Mechanism, tie_matrix
+from loopid.robot import Mechanism, tie_matrix
 from loopid.parameters import model_kinds
 
 

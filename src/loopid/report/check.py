@@ -15,7 +15,7 @@ from loopid.kinematics import (
 )
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.loading import SecondReading
-from loopid.mechanism import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
+from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.report.style import plain_table
 
 

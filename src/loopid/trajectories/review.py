@@ -9,7 +9,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.kinematics.sampling import DEFAULT_MARGIN
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 from loopid.trajectories.joint_motion import JointMotion
 
 

@@ -13,8 +13,8 @@ from loopid.export.codegen.joints import constant, elementary_joints
 from loopid.export.codegen.tree import Frame
 from loopid.kinematics.orientation_rows import across
 from loopid.kinematics.scaling import row_scales
-from loopid.mechanism import LoopClosure, Mechanism
-from loopid.mechanism.closure import Axis
+from loopid.robot import LoopClosure, Mechanism
+from loopid.robot.closure import Axis
 
 Pose = tuple[Any, Any]  # rotation and origin
 

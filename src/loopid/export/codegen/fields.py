@@ -8,7 +8,7 @@ from importlib.metadata import version
 from loopid.arrays import FloatArray
 from loopid.experiment import ForceModel
 from loopid.kinematics.projected_blocks import Partition
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
 SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3

@@ -16,7 +16,7 @@ from loopid.export.codegen.regressor import base_columns
 from loopid.export.codegen.tree import tree_frames
 from loopid.kinematics.projected_blocks import Partition
 from loopid.kinematics.scaling import coordinate_scales
-from loopid.mechanism import Mechanism
+from loopid.robot import Mechanism
 
 
 def c_functions(model: ForceModel, name: str) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from loopid.experiment import ForceModel
 from loopid.export.codegen.tree import Frame, tree_frames
-from loopid.mechanism import Mechanism
-from loopid.mechanism.identical import tie_indices
+from loopid.robot import Mechanism
+from loopid.robot.identical import tie_indices
 from loopid.parameters import KINDS, Parameter, model_kinds
 from loopid.regressors import JointTerms
 

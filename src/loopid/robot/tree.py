@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray, frozen
 from loopid.errors import OptionError
-from loopid.mechanism.coordinates import coordinate_names, is_sliding
+from loopid.robot.coordinates import coordinate_names, is_sliding
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.mechanism.body import Body
-from loopid.mechanism.mechanism import Mechanism
+from loopid.robot.body import Body
+from loopid.robot.mechanism import Mechanism
 
 # Relative to the largest principal moment; robot files are rounded to a few digits.
 INERTIA_TOLERANCE = 1e-6

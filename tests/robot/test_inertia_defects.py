@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from loopid import load_mechanism
 from loopid.errors import InertiaWarning
-from loopid.mechanism import inertia_defects
+from loopid.robot import inertia_defects
 
 seeds = st.integers(0, 2**32 - 1)
 

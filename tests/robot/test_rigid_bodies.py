@@ -7,7 +7,7 @@ import pytest
 from lxml import etree
 
 from loopid.errors import OptionError
-from loopid.mechanism import LoopClosure
+from loopid.robot import LoopClosure
 from loopid.parameters import KINDS, model_kinds
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from loopid.mechanism.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism
 
 
 def lock_options(mechanism: Mechanism) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray, frozen
-from loopid.mechanism.body import Body
-from loopid.mechanism.closure import JointCoupling, LoopClosure
-from loopid.mechanism.identical import LinkGroup, tie_indices, tied_names
-from loopid.mechanism.platform import Platform
-from loopid.mechanism.tree import Tree
+from loopid.robot.body import Body
+from loopid.robot.closure import JointCoupling, LoopClosure
+from loopid.robot.identical import LinkGroup, tie_indices, tied_names
+from loopid.robot.platform import Platform
+from loopid.robot.tree import Tree
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.errors import DataError
-from loopid.mechanism import ROTATIONS, TRANSLATIONS, Platform
+from loopid.robot import ROTATIONS, TRANSLATIONS, Platform
 
 some_translations = st.lists(st.sampled_from(TRANSLATIONS), unique=True)
 some_turns = st.sampled_from([turns for n in range(4) for turns in permutations(ROTATIONS, n)])

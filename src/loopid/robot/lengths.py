@@ -15,9 +15,9 @@ import pinocchio as pin
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.lengths import NamedLength
-from loopid.mechanism.closure import LoopClosure
-from loopid.mechanism.identical import in_groups
-from loopid.mechanism.mechanism import Mechanism
+from loopid.robot.closure import LoopClosure
+from loopid.robot.identical import in_groups
+from loopid.robot.mechanism import Mechanism
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
 ZERO_LENGTH = 1e-12
