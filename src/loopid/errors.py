@@ -124,4 +124,4 @@ def warn(message: str, category: type[Warning]) -> None:
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("loopid."):
         level, frame = level + 1, frame.f_back
-    warnings.warn(one_line(message), category, stacklevel=level - 1)
+    warnings.warn(one_line(message), category, stacklevel=level)
