@@ -115,16 +115,16 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
             "ros1",
             rb"index_pos=.{8}",
             b"index_pos=" + bytes(8),
-            "has no index: recording was not fi",
+            "Bag is not indexed, reindex before reading",
         ),
-        ("ros1", rb"V2\.0", b"V1.2", "does not begin with '#ROSBAG V2.0'"),
-        ("ros1", rb"compression=none", b"compression=blosc"[:16], "chunks are packed by 'blos'"),
-        ("ros1", rb"md5sum=3066", b"md5sum=3067", "/joint_states have another definition than"),
+        ("ros1", rb"V2\.0", b"V1.2", "Bag version 102 is not supported"),
+        ("ros1", rb"compression=none", b"compression=blosc"[:16], "Compression 'blos' is not supported"),
+        ("ros1", rb"md5sum=3066", b"md5sum=3067", "JointState' hash mismatch"),
         (
             "mcap",
             rb"\x04\x00\x00\x00ros2",
             b"\x04\x00\x00\x00ros1",
-            "of profile 'ros1', but of MCAP",
+            "Profile is not ros2",
         ),
         (
             "mcap",
@@ -133,7 +133,7 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
             "has 120 messages, but .* says 121",
         ),
         ("db3", rb"message_count: 120", b"message_count: 119", "has 120 messages, but .* says 119"),
-        ("db3", rb"RIHS01_a", b"RIHS01_b", "/joint_states have another definition than"),
+        ("db3", rb"RIHS01_a", b"RIHS01_b", "JointState' hash mismatch"),
         ("db3", rb"serialization_format: cdr", b"serialization_format: xdr", "'xdr'} is not supp"),
         (
             "db3",
@@ -166,7 +166,7 @@ def test_encrypted_bags_are_refused(knee, copy):
     header = (length + 16).to_bytes(4, "little") + data[start + 4 : body] + field
     rest = (padding - 16).to_bytes(4, "little") + data[body + 20 :]
     path.write_bytes(data[:start] + header + rest)
-    with pytest.raises(LogError, match="is encrypted by 'ab': decrypt it first"):
+    with pytest.raises(LogError, match="Bag encryption 'ab' is not supported"):
         read_log(path, knee)
 
 

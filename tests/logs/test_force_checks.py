@@ -9,8 +9,11 @@ import pytest
 from logged_runs import LOGS
 
 from loopid.errors import AssemblyError, LogWarning
-from loopid.logs import Recording, force_checks, prepare_recording, read_log
-from loopid.logs.force_checks import check_forces
+from loopid.logs import Recording, checks, prepare_recording, read_log
+
+
+def check_forces(robot, recording):
+    checks.check_forces(robot, recording.name, recording.motion, recording.force, recording.used)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +78,7 @@ def test_a_close_call_is_none(knee, simulated, monkeypatch):
     force[:, 0], force[:, 1] = 0.45 * own + 0.55 * other, 0.55 * own + 0.45 * other
     mixed = replace(simulated, force=force)
     check_forces(knee, mixed)
-    monkeypatch.setattr(force_checks, "CLEARLY_BETTER", 1.0)
+    monkeypatch.setattr(checks, "CLEARLY_BETTER", 1.0)
     with pytest.warns(LogWarning, match="leg1_stroke, leg2_stroke look exchanged"):
         check_forces(knee, mixed)
 

@@ -6,7 +6,7 @@ from simulated_logs import EPOCH, table
 
 from loopid.errors import LogError, MissingFileError
 from loopid.logs import LogMapping, read_log
-from loopid.logs.sources import read_streams
+from loopid.logs.log import read_streams
 
 
 @pytest.fixture

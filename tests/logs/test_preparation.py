@@ -5,7 +5,7 @@ import pytest
 
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual
-from loopid.logs import Log, default_lowpass, following, prepare_recording
+from loopid.logs import Log, default_lowpass, prepare_recording, recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
 
@@ -205,20 +205,20 @@ def test_a_log_of_another_robot_does_not_assemble(knee, log):
 
 def test_near_a_singularity_samples_are_left_out(knee, log, truth, monkeypatch):
     margin = float(np.median(truth.motion.singularity))
-    monkeypatch.setattr(following, "SINGULARITY_MARGIN", margin)
+    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", margin)
     with pytest.warns(LogWarning, match="run: the robot is near a singularity in .* left out"):
         recording = prepare_recording(knee, log)
     assert (recording.motion.singularity >= margin).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.stretches) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
-    monkeypatch.setattr(following, "SINGULARITY_MARGIN", 1.0)
+    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", 1.0)
     with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
         prepare_recording(knee, log)
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):
-    monkeypatch.setattr("loopid.logs.following.BLOCK", 512)
+    monkeypatch.setattr("loopid.logs.recording.BLOCK", 512)
     told = []
     prepare_recording(
         knee, log, decimate=False, progress=lambda done, all_: told.append((done, all_))

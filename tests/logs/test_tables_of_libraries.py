@@ -11,7 +11,7 @@ from simulated_logs import EPOCH
 
 from loopid.errors import LogError, LogWarning
 from loopid.logs import LogMapping, read_log
-from loopid.logs.sources import read_streams
+from loopid.logs.log import read_streams
 
 COUNT = 300
 
@@ -110,7 +110,6 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
     [
         ([[1.0]] * COUNT, "List"),
         ([{"x": 1.0}] * COUNT, "Struct"),
-        (["1.0"] * COUNT, "String"),
         ([b"1"] * COUNT, "Binary"),
         ([True] * COUNT, "Boolean"),
         ([datetime.date(2020, 1, 1)] * COUNT, "Date"),
@@ -118,7 +117,7 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
 )
 @pytest.mark.parametrize("name", ["leg3_stroke.position", "time"])
 def test_columns_of_other_kinds_are_refused_by_name(knee, columns, parquet, cells, kind, name):
-    with pytest.raises(LogError, match=rf"column '{name}' holds {kind}.*, not numbers"):
+    with pytest.raises(LogError, match=rf"column '{name}' holds {kind}.*, not (numbers|times)"):
         read_log(parquet(columns | {name: cells}), knee)
 
 

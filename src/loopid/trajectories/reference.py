@@ -1,4 +1,4 @@
-"""Motions that others have sampled: text with a row a sample and a column a coordinate."""
+"""Reference motions of other programs: text with a row a sample and a column a coordinate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray
 from loopid.errors import LogError, MissingFileError, OptionError
 from loopid.files import why_no_file
 from loopid.trajectories.filtering import LowPass, differentiate
@@ -46,66 +45,65 @@ def read_reference(
         Naming the line that is not c finite numbers, or when there are too few.
     OptionError
         When a name comes twice, or the rate or the cut-off frequency does not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import loopid
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "reference.txt"
+    ...     np.savetxt(path, np.linspace(0, 1, 301))
+    ...     loopid.read_reference(path, ["crank_joint"], rate=100)
+    <Motion of crank_joint: 301 samples, 3 s>
     """
     if not names or len(set(names)) < len(names):
         raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
     if not 0 < rate < np.inf:
         raise OptionError(f"the rate must be positive, not {rate} Hz")
     file = Path(path)
-    values = _numbers(file, _rows(file, names))
+    rows = [_row(file, number, line, names) for number, line in enumerate(_lines(file), 1)]
     least = lowpass.least_samples(rate)
-    if len(values) < least:
+    if len(rows) < least:
         raise LogError(
-            f"{file}: {len(values)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
+            f"{file}: {len(rows)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
             f"takes {least} at {rate:g} Hz"
         )
-    position = lowpass.apply(values, rate)
+    position = lowpass.apply(np.array(rows), rate)
     velocity = differentiate(position, rate)
     time = np.arange(len(position)) / rate
     return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))
 
 
-def _rows(file: Path, names: Sequence[str]) -> list[list[str]]:
-    """The words of each line, without empty lines at the end."""
-    rows = [line.split() for line in _text(file).rstrip().splitlines()]
-    for number, row in enumerate(rows, start=1):
-        if len(row) != len(names):
-            raise LogError(
-                f"{file}, line {number}: {len(row)} columns, but {len(names)} coordinates "
-                f"({', '.join(names)})"
-            )
-    return rows
-
-
-def _text(file: Path) -> str:
+def _lines(file: Path) -> list[str]:
+    """All lines, without empty ones at the end."""
     problem = why_no_file(file)
     if problem:
         raise MissingFileError(f"{file} {problem}")
     try:
         packed = file.read_bytes()
-        return (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
+        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise LogError(f"{file} cannot be read as text: {error}") from error
+    return text.rstrip().splitlines()
 
 
-def _numbers(file: Path, rows: list[list[str]]) -> FloatArray:
-    """Finite values (N, c) of words."""
-    try:
-        values = np.array(rows, dtype=np.float64)
-    except ValueError:
-        values = np.array([[_number(word) for word in row] for row in rows])
-    wrong = np.argwhere(~np.isfinite(values))
-    if len(wrong):
-        line, column = wrong[0]
+def _row(file: Path, number: int, line: str, names: Sequence[str]) -> list[float]:
+    """The finite numbers (c,) of a line."""
+    words, values = line.split(), []
+    if len(words) != len(names):
         raise LogError(
-            f"{file}, line {line + 1}: column {column + 1} must be a finite number, "
-            f"not {rows[line][column]!r:.30}"
+            f"{file}, line {number}: {len(words)} columns, but {len(names)} coordinates "
+            f"({', '.join(names)})"
         )
+    for column, word in enumerate(words, 1):
+        try:
+            values.append(float(word))
+        except ValueError:
+            values.append(np.nan)
+        if not np.isfinite(values[-1]):
+            raise LogError(
+                f"{file}, line {number}: column {column} must be a finite number, not {word!r:.30}"
+            )
     return values
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return np.nan
