@@ -9,7 +9,6 @@ from __future__ import annotations
 import mmap
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from math import prod
 from typing import Any
 from weakref import WeakSet
 
@@ -44,17 +43,16 @@ def release_pages() -> None:
             mapping.madvise(mmap.MADV_DONTNEED)
 
 
-def large_array(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
-    """A writable array of zeros, in a file if it is large."""
-    kind = np.dtype(dtype)
-    size = prod(shape) * kind.itemsize
-    if size <= SPOOLED_BYTES or not size:
-        return np.zeros(shape, kind)
+def empty_columns(count: int, width: int) -> NDArray[np.float64]:
+    """A writable array (N, k), stored column after column, in a file if it is large."""
+    size = 8 * count * width
+    if size <= SPOOLED_BYTES:
+        return np.empty((width, count)).T
     with tempfile.TemporaryFile() as file:
         file.truncate(size)
         mapping = mmap.mmap(file.fileno(), size)
     _mappings.add(mapping)
-    return np.frombuffer(mapping, kind).reshape(shape)
+    return np.frombuffer(mapping, np.float64).reshape(width, count).T
 
 
 def spooled(blocks: Iterable[NDArray[Any]]) -> NDArray[Any]:

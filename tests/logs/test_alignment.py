@@ -24,7 +24,7 @@ def signal(seconds):
 def stream(stamps, name="a"):
     stamps = np.asarray(stamps, dtype=np.int64)
     channels = tuple(Channel("position", f"{name}{k}", f"{name}{k}", 1.0, 0.0) for k in range(2))
-    values = signal((stamps - EPOCH) / 1e9)
+    values = tuple(signal((stamps - EPOCH) / 1e9).T)
     return Stream(name, channels, np.arange(len(stamps)) + 2, stamps, values)
 
 
@@ -48,7 +48,7 @@ def test_equal_stamps_pass_unchanged():
     stamps = EPOCH + PERIOD * np.arange(500)
     streams = [stream(stamps), stream(stamps, "b")]
     aligned = align(streams)
-    np.testing.assert_allclose(aligned.position[:, :2], streams[0].values, atol=1e-13)
+    np.testing.assert_allclose(aligned.position[:, :2].T, streams[0].values, atol=1e-13)
     np.testing.assert_allclose(aligned.time, 0.01 * np.arange(500), atol=1e-12)
     assert aligned.dropped == ()
 

@@ -118,7 +118,12 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
             "Bag is not indexed, reindex before reading",
         ),
         ("ros1", rb"V2\.0", b"V1.2", "Bag version 102 is not supported"),
-        ("ros1", rb"compression=none", b"compression=blosc"[:16], "Compression 'blos' is not supported"),
+        (
+            "ros1",
+            rb"compression=none",
+            b"compression=blosc"[:16],
+            "Compression 'blos' is not supported",
+        ),
         ("ros1", rb"md5sum=3066", b"md5sum=3067", "JointState' hash mismatch"),
         (
             "mcap",

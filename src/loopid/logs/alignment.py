@@ -16,7 +16,7 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import LogError
 from loopid.logs.streams import LEAST_ROWS, Dropped, Stream
-from loopid.scratch import large_array, release_pages
+from loopid.scratch import empty_columns, release_pages
 
 # A step between stamps longer than so many median steps is a gap.
 GAP_PERIODS = 5.0
@@ -72,7 +72,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
         raise LogError(_no_overlap(streams, times))
     time = np.concatenate([np.linspace(g.first, g.last, g.steps + 1) for g in grids])
     stretches = np.repeat(np.arange(len(grids)), [grid.steps + 1 for grid in grids])
-    tables = {what: large_array((len(time), len(joints))) for what in ("position", "force")}
+    tables = {what: empty_columns(len(time), len(joints)) for what in ("position", "force")}
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():
             for joint, values in stream.signals(quantity):

@@ -12,7 +12,7 @@ from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.streams import MOST_BAD_ROWS, Stream, rows_text
 from loopid.regressors import force_parts
 from loopid.robot import Mechanism
-from loopid.scratch import large_array, picked
+from loopid.scratch import picked
 from loopid.trajectories import JointMotion
 
 # Median steps (s) that a log may have: others mean that the unit of the time is another.
@@ -79,9 +79,10 @@ def check_moving(streams: Sequence[Stream]) -> None:
     """Warn of joints whose position or force never changes; refuse when no position does."""
     source = streams[0].source
     for quantity in ("position", "force"):
-        signals = [signal for stream in streams for signal in stream.signals(quantity)]
-        dead = [joint for joint, values in signals if not np.ptp(values)]
-        if quantity == "position" and len(dead) == len(signals):
+        signals = (signal for stream in streams for signal in stream.signals(quantity))
+        moves = {joint: bool(np.ptp(values)) for joint, values in signals}
+        dead = [joint for joint, moved in moves.items() if not moved]
+        if quantity == "position" and len(dead) == len(moves):
             raise LogError(f"{source}: no position ever changes, so nothing moves")
         if dead:
             warn(
@@ -187,10 +188,10 @@ def _unwrapped(mechanism: Mechanism, stream: Stream) -> Stream:
     turning = {j for j, _ in stream.signals("position") if mechanism.joint(j).nq == 2}
     if not turning:
         return stream
-    values = large_array(stream.values.shape)
-    for k, (channel, column) in enumerate(zip(stream.channels, stream.values.T, strict=True)):
-        turns = channel.quantity == "position" and channel.joint in turning
-        values[:, k] = np.unwrap(column) if turns else column
+    values = tuple(
+        np.unwrap(signal) if what.quantity == "position" and what.joint in turning else signal
+        for what, signal in zip(stream.channels, stream.values, strict=True)
+    )
     return replace(stream, values=values)
 
 
@@ -207,8 +208,8 @@ def check_forces(
     not matter, as the prediction may be scaled.
     """
     rows, motors = spread_rows(len(force), MOST_SAMPLES), mechanism.independent
-    columns = motion.configurations, motion.velocities, motion.accelerations
-    configurations, velocity, acceleration = (picked(column, rows) for column in columns)
+    state = motion.configurations, motion.velocities, motion.accelerations
+    configurations, velocity, acceleration = (picked(values, rows) for values in state)
     predicted = force_parts(mechanism, configurations, velocity, acceleration).total
     force, used = picked(force, rows), picked(used, rows)
     _check_size(name, force, predicted)
@@ -261,10 +262,10 @@ def _fits(
         if present.sum() < LEAST_SAMPLES:
             continue
         rate, forces = velocity[present, i], force[present]
-        columns = np.stack([predicted[present, i], np.sign(rate), rate], axis=1)
-        solution = np.linalg.lstsq(columns, forces, rcond=None)[0]
+        terms = np.stack([predicted[present, i], np.sign(rate), rate], axis=1)
+        solution = np.linalg.lstsq(terms, forces, rcond=None)[0]
         squares = (forces**2).sum(axis=0)
-        unexplained = ((forces - columns @ solution) ** 2).sum(axis=0)
+        unexplained = ((forces - terms @ solution) ** 2).sum(axis=0)
         left[i] = np.where(squares > 0, unexplained / np.where(squares > 0, squares, 1.0), 1.0)
         factors[i] = solution[:2, i]
     return left, factors

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
@@ -12,7 +14,7 @@ from loopid.errors import LogError
 from loopid.logs.log import Log
 from loopid.logs.streams import Dropped
 from loopid.robot import Mechanism
-from loopid.scratch import large_array, mapped_rows, release_pages
+from loopid.scratch import empty_columns, mapped_rows, release_pages
 from loopid.trajectories import LowPass, differentiate
 
 # The default cut-off frequency, as a fraction of the sample rate.
@@ -58,12 +60,11 @@ class Filtered:
 
     def select(self, flags: BoolArray) -> Filtered:
         """The samples (N,) that are flagged, in order."""
-        columns = [getattr(self, field.name) for field in fields(self)]
-        chosen = [
-            mapped_rows(lambda rows, column=column: column[rows][flags[rows]], len(flags))  # type: ignore[misc]
-            for column in columns
-        ]
-        return Filtered(*chosen)
+
+        def chosen(signal: NDArray[Any]) -> NDArray[Any]:
+            return mapped_rows(lambda rows: signal[rows][flags[rows]], len(flags))
+
+        return Filtered(*(chosen(getattr(self, field.name)) for field in fields(self)))
 
 
 @checked
@@ -116,25 +117,29 @@ def filter_log(
         )
     samples = np.concatenate([rows for _, rows in chosen])
     shape, full = (len(samples), len(log.joints)), np.empty((len(samples), len(log.joints)), bool)
-    position, velocity, acceleration, force = (large_array(shape) for _ in range(4))
+    position, velocity, acceleration, force = (empty_columns(*shape) for _ in range(4))
     done = 0
     for part, rows in chosen:
         rate, inner, place = log.rate(part), rows - part.start, slice(done, done + len(rows))
         around = np.ones(2 * _reach(lowpass, rate) + 1, dtype=bool)
         done += len(rows)
         for k, limit in enumerate(saturation):
-            q, f = log.position[part, k], log.force[part, k]
-            near_limit = np.abs(f) >= limit * (1.0 - SATURATION_TOLERANCE)
-            full[place, k] = binary_dilation(near_limit, around)[inner]
-            if lowpass is not None:
-                q, f = lowpass.apply(q, rate), lowpass.apply(f, rate)
-            v = differentiate(q, rate)
-            a = differentiate(v, rate)
-            position[place, k], velocity[place, k] = q[inner], v[inner]
-            acceleration[place, k], force[place, k] = a[inner], f[inner]
+            raw, at = log.force[part, k], (place, k)
+            near_limit = np.abs(raw) >= limit * (1.0 - SATURATION_TOLERANCE)
+            full[at] = binary_dilation(near_limit, around)[inner]
+            force[at] = _filtered(raw, lowpass, rate)[inner]
+            signal = _filtered(log.position[part, k], lowpass, rate)
+            position[at] = signal[inner]
+            signal = differentiate(signal, rate)
+            velocity[at] = signal[inner]
+            acceleration[at] = differentiate(signal, rate)[inner]
             release_pages()
-    signals = position, velocity, acceleration, force
-    return Filtered(log.time[samples], *signals, full, log.stretches[samples]), (*dropped,)
+    tables = position, velocity, acceleration, force
+    return Filtered(log.time[samples], *tables, full, log.stretches[samples]), (*dropped,)
+
+
+def _filtered(signal: FloatArray, lowpass: LowPass | None, rate: float) -> FloatArray:
+    return signal if lowpass is None else lowpass.apply(signal, rate)
 
 
 def idle_speeds(mechanism: Mechanism, velocity: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
 from loopid.logs.mapping import Channel, TimeColumn
-from loopid.scratch import Spool, mapped_rows
+from loopid.scratch import Spool, mapped_rows, release_pages
 
 # Fraction of the rows that may be left out before a log is refused.
 MOST_BAD_ROWS = 0.1
@@ -67,8 +67,8 @@ class Stream:
         (R,), row numbers in the file.
     stamps : IntArray
         (R,) in ns, increasing.
-    values : FloatArray
-        (R, k) in SI units, one column a channel.
+    values : tuple of FloatArray
+        For each channel (R,), in SI units.
     left_out : tuple of (str, IntArray)
         Why rows were left out, and their numbers.
     """
@@ -77,7 +77,7 @@ class Stream:
     channels: tuple[Channel, ...]
     rows: IntArray
     stamps: IntArray
-    values: FloatArray
+    values: tuple[FloatArray, ...]
     left_out: tuple[tuple[str, IntArray], ...] = ()
 
     def __len__(self) -> int:
@@ -85,7 +85,8 @@ class Stream:
 
     def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
         """Joints whose position or force is here, and the values (R,)."""
-        for channel, values in zip(self.channels, self.values.T, strict=True):
+        for channel, values in zip(self.channels, self.values, strict=True):
+            release_pages()
             if channel.quantity == quantity:
                 yield channel.joint, values
 
@@ -101,11 +102,15 @@ class Stream:
             return self
         numbers, good = self.rows[bad], ~bad
         refuse_or_warn(self.source, numbers, len(self), reason)
+
+        def left(values: FloatArray) -> FloatArray:
+            return mapped_rows(lambda rows: values[rows][good[rows]], len(self))
+
         return replace(
             self,
             rows=self.rows[good],
             stamps=self.stamps[good],
-            values=mapped_rows(lambda rows: self.values[rows][good[rows]], len(self)),
+            values=tuple(map(left, self.values)),
             left_out=(*self.left_out, (reason, numbers)),
         )
 
@@ -129,14 +134,15 @@ def make_stream(
         When there are too few rows, or too many bad ones.
     """
     names = [*(channel.column for channel in channels), time.name]
-    values, rows, stamps, bad, garbled = Spool(), [], [], [], []
+    values, rows, stamps, bad, garbled = [Spool() for _ in channels], [], [], [], []
     without_number, cut_off = np.zeros(len(names), dtype=bool), None
     for batch in batches:
-        columns = [c.scale * numbers_in(source, batch.cells[c.column]) + c.offset for c in channels]
+        found = [c.scale * numbers_in(source, batch.cells[c.column]) + c.offset for c in channels]
         at = time.stamps(source, batch.cells)
-        flags = np.stack([*map(np.isnan, columns), at == NO_STAMP], axis=1)
+        flags = np.stack([*map(np.isnan, found), at == NO_STAMP], axis=1)
         fine = ~flags.any(axis=1)
-        values.append(np.stack(columns, axis=1)[fine])
+        for spool, column in zip(values, found, strict=True):
+            spool.append(column[fine])
         rows.append(batch.rows[fine])
         stamps.append(at[fine])
         bad.append(batch.rows[~fine])
@@ -158,7 +164,8 @@ def make_stream(
         left_out.append(("last row without an end: cut off?", np.array([cut_off])))
     if len(good) < LEAST_ROWS:
         raise LogError(f"{source} has {len(good)} rows of numbers: it takes at least {LEAST_ROWS}")
-    return Stream(source, channels, good, np.concatenate(stamps), values.array(), tuple(left_out))
+    signals = tuple(spool.array() for spool in values)
+    return Stream(source, channels, good, np.concatenate(stamps), signals, tuple(left_out))
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None:
