@@ -4,7 +4,7 @@ import pytest
 from small_urdf import BRANCHES, frame, robot
 
 from loopid.errors import RobotFileError
-from loopid.loading.urdf import read_urdf_source
+from loopid.loading.urdf import read_urdf
 
 
 @pytest.fixture
@@ -12,7 +12,7 @@ def closures(tmp_path):
     def of(*frames):
         file = tmp_path / "robot.urdf"
         file.write_text(robot(*BRANCHES, *frames))
-        return read_urdf_source(file).description.all_closures
+        return read_urdf(file).description.all_closures
 
     return of
 

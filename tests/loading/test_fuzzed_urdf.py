@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from broken_robots import FAMILY, KNEE, mutilated
 from loopid.errors import LoopidError
-from loopid.loading.urdf import read_urdf_source
+from loopid.loading.urdf import read_urdf
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def read(tmp_path_factory):
         file.write_text(text, encoding="utf-8")
         source, refusal = None, f"{file}: "
         try:
-            source = read_urdf_source(file, floating_base)
+            source = read_urdf(file, floating_base)
         except LoopidError as error:
             refusal = str(error)
         assert refusal.startswith(f"{file}: ")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
 from loopid.errors import ClosureWarning, RobotFileError
-from loopid.loading.urdf.angles import DECIMALS, STEP, exact_angle
+from loopid.loading.urdf_file import DECIMALS, STEP, exact_angle
 
 steps = st.integers(-72, 72).filter(bool)
 

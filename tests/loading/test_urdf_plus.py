@@ -7,7 +7,7 @@ from small_urdf import BRANCHES, body, frame, joint, robot
 
 from loopid import gravity_regressor, load_mechanism, random_configurations
 from loopid.errors import RobotFileError
-from loopid.loading.urdf import read_urdf_source
+from loopid.loading.urdf import read_urdf
 
 AXIS = '<axis xyz="0 0 2"/>'
 
@@ -16,7 +16,7 @@ AXIS = '<axis xyz="0 0 2"/>'
 def read(tmp_path):
     def written(*parts):
         (tmp_path / "robot.urdf").write_text(robot(*parts))
-        return read_urdf_source(tmp_path / "robot.urdf")
+        return read_urdf(tmp_path / "robot.urdf")
 
     return written
 

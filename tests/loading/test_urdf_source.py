@@ -6,14 +6,14 @@ import pytest
 from small_urdf import BRANCHES, body, frame, joint, robot
 
 from loopid.errors import RobotFileError
-from loopid.loading.urdf import read_urdf_source
+from loopid.loading.urdf import read_urdf
 
 
 @pytest.fixture
 def read(tmp_path):
     def written(*parts, floating_base=False, space=""):
         (tmp_path / "robot.urdf").write_text(robot(*parts, space=space))
-        return read_urdf_source(tmp_path / "robot.urdf", floating_base)
+        return read_urdf(tmp_path / "robot.urdf", floating_base)
 
     return written
 
