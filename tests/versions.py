@@ -2,9 +2,9 @@
 
 ``--recorded`` only says, by its exit code, whether the requirements have been tested as they are.
 
-Each interpreter of the machine that loopid supports gets the newest packages that pip finds; the oldest
-one also gets the lowest version that pyproject.toml allows of each package. Where all pass, the record
-beside this file says with which versions, for which requirements.
+Each interpreter of the machine that loopid supports gets the newest packages that pip finds; the
+oldest one also gets the lowest version that pyproject.toml allows of each package. Where all pass,
+the record beside this file says with which versions, for which requirements.
 """
 
 import hashlib
