@@ -8,7 +8,7 @@ import pytest
 
 URDF = Path(__file__).parents[2] / "urdf"
 BASE_KEYS = {
-    "robot",
+    "mechanism",
     "model",
     "standard_parameters",
     "nonzero_parameters",
