@@ -8,7 +8,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import MobilityError, OptionError, RobotFileError
+from loopid.errors import MissingExtraError, MobilityError, OptionError, RobotFileError
 from loopid.loading.checks import warn_of_findings
 from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
 from loopid.loading.description import Description, merged
@@ -99,8 +99,10 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
         raise OptionError(
             f"{files.tree}: an MJCF says itself whether its base floats: add a freejoint"
         )
-    from loopid.loading.mjcf import read_mjcf  # here, as it needs MuJoCo
-
+    try:
+        from loopid.loading.mjcf import read_mjcf  # here, as it needs MuJoCo
+    except ImportError as error:
+        raise MissingExtraError("mujoco", "mjcf") from error
     return read_mjcf(files.tree)
 
 

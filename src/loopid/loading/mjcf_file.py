@@ -10,16 +10,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.errors import MissingExtraError, MissingFileError, RobotFileError
-
-try:
-    import mujoco
-except ImportError as error:
-    raise MissingExtraError("mujoco", "mjcf") from error
+from loopid.errors import MissingFileError, RobotFileError
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
