@@ -5,7 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,7 +36,6 @@ NO_BIAS = int(mujoco.mjtBias.mjBIAS_NONE)
 NO_DYNAMICS = int(mujoco.mjtDyn.mjDYN_NONE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-PLURALS = {"body": "bodies", "equality": "equalities"}
 Terms = dict[int, float]  # coefficients of joint coordinates
 
 
@@ -422,44 +421,38 @@ def _leaders(
 # What is left out.
 
 
-def _notes(scene: Scene, motors: Motors) -> Iterator[str]:
+def _notes(scene: Scene, motors: Motors) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled, names = scene.compiled, scene.names
     tendons = [name or f"number {index}" for index, name in enumerate(names.tendons)]
-    for what, prefix, owners in (("joint", "jnt", names.joints), ("tendon", "tendon", tendons)):
-        springs = _where(owners, _springs(compiled, prefix))
-        yield from _note(what, springs, "springs, whose forces are not modelled", has="have")
-    lifted = _where(names.bodies, compiled.body_gravcomp != 0)
-    yield from _note("body", lifted, "gravity compensation, which is not modelled", has="have")
-    if compiled.opt.density or compiled.opt.viscosity:
-        yield "the fluid around the robot is not modelled"
-    if compiled.nflex:
-        yield "flexible parts are not modelled"
-
     equalities = [_equality_name(scene, equality) for equality in range(compiled.neq)]
     active = compiled.eq_active0 != 0
-    yield from _note("equality", _where(equalities, ~active), "inactive and left out")
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
-    held = _where(equalities, active & mocap)
-    yield from _note("equality", held, "left out, as motion capture drives it from outside")
-
-    rest = "not modelled, as no force or torque of a joint stands for it"
-    yield from _note("actuator", motors.idle, rest)
+    balls = np.array([scene.joint_kind(joint) == "ball" for joint in range(compiled.njnt)], bool)
+    left_out = {
+        "springs of joints are not modelled": _where(names.joints, _springs(compiled, "jnt")),
+        "springs of tendons are not modelled": _where(tendons, _springs(compiled, "tendon")),
+        "gravity compensation of bodies is not modelled": _where(
+            names.bodies, compiled.body_gravcomp != 0
+        ),
+        "inactive equalities are left out": _where(equalities, ~active),
+        "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
+        "actuators that drive no joint are not modelled": motors.idle,
+        "actuators of several joints count as a motor at each, though one force drives all": (
+            motors.shared
+        ),
+        "limits of ball joints are not checked": _where(
+            names.joints, balls & (compiled.jnt_limited != 0)
+        ),
+    }
+    notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
     if motors.idle and motors.joints is None:
-        yield "no actuator tells the motors: without 'name_mot' all hinges and slides count"
-    rest = "taken for motors at each of the joints, though one force drives them all"
-    yield from _note("actuator", motors.shared, rest)
-
-    balls = [scene.joint_kind(joint) == "ball" for joint in range(compiled.njnt)]
-    limited = _where(names.joints, np.array(balls, bool) & (compiled.jnt_limited != 0))
-    yield from _note("joint", limited, "limited in all directions at once, which is not checked")
-
-
-def _note(what: str, names: Sequence[str], rest: str, has: str = "are") -> Iterator[str]:
-    if len(names) == 1:
-        yield f"{what} {names[0]} {'is' if has == 'are' else 'has'} {rest}"
-    elif names:
-        yield f"{PLURALS.get(what, f'{what}s')} {', '.join(names)} {has} {rest}"
+        notes.append("no actuator drives a joint: without 'name_mot' all hinges and slides count")
+    if compiled.opt.density or compiled.opt.viscosity:
+        notes.append("the fluid around the robot is not modelled")
+    if compiled.nflex:
+        notes.append("flexible parts are not modelled")
+    return notes
 
 
 def _springs(compiled: mujoco.MjModel, prefix: str) -> BoolArray:
