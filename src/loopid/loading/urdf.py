@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +23,7 @@ from loopid.loading.urdf_file import (
     LEAST_AXIS,
     Element,
     UrdfFile,
+    child,
     label,
     naming,
     numbers,
@@ -196,26 +197,23 @@ def _loops(root: Element, model: pin.Model) -> list[ClosureDescription]:
     """
     closures = []
     for loop in _named_tags(root, "loop"):
-        kind = LOOPS.get(loop.get("type", ""))
-        if kind is None:
-            what, listed = f"unknown type {loop.get('type', '')!r}", ", ".join(LOOPS)
-            raise RobotFileError(f"{label(loop)}: {what}: choose among {listed}")
-        bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-        links = _ends(loop, bodies)
         with naming(label(loop)):
-            content = {"axes": (_axis(loop),) * 2} if kind in AXIAL else {}
-            frames = [_mount(loop, *end, model) for end in zip(SIDES, links, strict=True)]
-        closures.append(
-            ClosureDescription.model_validate({"type": kind, "frames": frames, **content})
-        )
+            kind = LOOPS.get(loop.get("type", ""))
+            if kind is None:
+                listed = ", ".join(LOOPS)
+                raise RobotFileError(
+                    f"unknown type {loop.get('type', '')!r}: choose among {listed}"
+                )
+            links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+            ends = zip(SIDES, _ends(loop, links), strict=True)
+            content: dict[str, Any] = {"axes": (_axis(loop),) * 2} if kind in AXIAL else {}
+            content |= {"type": kind, "frames": [_mount(loop, *end, model) for end in ends]}
+        closures.append(ClosureDescription.model_validate(content))
     return closures
 
 
 def _axis(loop: Element) -> tuple[float, ...]:
-    axis = loop.find("axis")
-    if axis is None:
-        raise RobotFileError("<axis> is missing")
-    values = numbers(axis, "xyz", 3)
+    values = numbers(child(loop, "axis"), "xyz", 3)
     if max(map(abs, values)) < LEAST_AXIS:
         raise RobotFileError("<axis> is zero")
     return values
@@ -249,10 +247,12 @@ def _couplings(urdf: UrdfFile) -> Couplings:
     """
     found = []
     for element in _named_tags(urdf.root, "coupling"):
-        ends = _ends(element, [link.name for link in urdf.robot.links])
         with naming(label(element)):
+            ends = _ends(element, [link.name for link in urdf.robot.links])
             to_predecessor, to_successor = _branches(urdf, ends)
-            ratio = _ratio(element)
+            (ratio,) = numbers(child(element, "ratio"), "value")
+            if ratio == 0:
+                raise RobotFileError("<ratio> is zero")
         joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
         found.append((to_successor[-1], ClosureDescription(type="coupling", joints=joints)))
     return found
@@ -280,16 +280,6 @@ def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
     return branches
 
 
-def _ratio(coupling: Element) -> float:
-    ratio = coupling.find("ratio")
-    if ratio is None:
-        raise RobotFileError("<ratio> is missing")
-    (value,) = numbers(ratio, "value")
-    if value == 0:
-        raise RobotFileError("<ratio> is zero")
-    return value
-
-
 def _named_tags(root: Element, tag: str) -> list[Element]:
     """All tags of one kind, each with a name of its own."""
     elements = root.findall(tag)
@@ -303,18 +293,14 @@ def _ends(element: Element, links: Collection[str]) -> tuple[str, str]:
     """Links of predecessor and successor."""
     found = []
     for side in SIDES:
-        end = element.find(side)
-        if end is None:
-            raise RobotFileError(f"{label(element)} has no <{side}>")
-        link = (end.get("link") or "").strip()
+        link = child(element, side).get("link", "").strip()
         if link not in links:
-            what = f"{label(element)}: unknown link {link!r} in <{side}>"
-            raise RobotFileError(f"{what}: choose among {', '.join(links)}")
+            listed = ", ".join(links)
+            raise RobotFileError(f"unknown link {link!r} in <{side}>: choose among {listed}")
         found.append(link)
     predecessor, successor = found
     if predecessor == successor:
-        what = f"link {predecessor!r} as predecessor and as successor"
-        raise RobotFileError(f"{label(element)} has {what}")
+        raise RobotFileError(f"link {predecessor!r} is its predecessor and its successor")
     return predecessor, successor
 
 

@@ -34,7 +34,7 @@ TAGS = {
     "inertial": ("origin", "mass", "inertia"),
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
 }
-REQUIRED = {"inertial": ("mass", "inertia"), "joint": ("parent", "child")}
+REQUIRED = ("mass", "inertia", "parent", "child")
 NAMES = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
 NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
     "origin": {"xyz": (3, "0 0 0"), "rpy": (3, "0 0 0")},
@@ -150,6 +150,14 @@ def label(element: Element) -> str:
     return f"<{element.tag!s}>" if name is None else f"<{element.tag!s} name={name!r}>"
 
 
+def child(element: Element, tag: str) -> Element:
+    """A tag that must be there."""
+    found = element.find(tag)
+    if found is None:
+        raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
+    return found
+
+
 def required(element: Element, attribute: str) -> str:
     """Text of an attribute that must be there."""
     text = (element.get(attribute) or "").strip()
@@ -221,11 +229,9 @@ def _sound(element: Element) -> Element:
     for attribute, (count, default) in NUMBERS.get(tag, {}).items():
         copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
     for inner in TAGS.get(tag, ()):
-        child = element.find(inner)
-        if child is None and inner in REQUIRED.get(tag, ()):
-            raise RobotFileError(f"<{tag}> has no <{inner}>")
-        if child is not None and not (inner == "axis" and kind in ("fixed", "floating")):
-            copy.append(_sound(child))
+        there = child(element, inner) if inner in REQUIRED else element.find(inner)
+        if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
+            copy.append(_sound(there))
     return copy
 
 
