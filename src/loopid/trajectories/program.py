@@ -14,8 +14,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.bundled import find_motion_file
-from loopid.loading.yaml_files import Section, read_yaml
+from loopid.loading import Section, find_motion_file, read_yaml
 from loopid.trajectories.motion import Arc, Motion, Waypoint, point_to_point
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
