@@ -122,6 +122,16 @@ def test_epoch_times_keep_every_nanosecond(write_text, write_folder, truth, knee
             np.testing.assert_array_equal(stream.stamps, stamps)
 
 
+def test_times_with_exponents_are_exact(write_text, truth, knee):
+    stamps = EPOCH * 10**9 + 10**7 * np.arange(100) + np.arange(100) % 3
+    text = table(range(100), truth.position[:100], truth.force[:100], knee.actuated)
+    header, *rows = text.splitlines()
+    cells = [f"{stamp}e-9,{row.split(',', 1)[1]}" for stamp, row in zip(stamps, rows, strict=True)]
+    path = write_text("\n".join([header, *cells, ""]))
+    (stream,) = read_streams(path, knee.actuated, LogMapping())
+    np.testing.assert_array_equal(stream.stamps, stamps)
+
+
 def test_npz_with_matrices(truth, knee, check, tmp_path):
     np.savez(tmp_path / "run.npz", time=truth.time, position=truth.position, force=truth.force)
     log = read_log(tmp_path / "run.npz", knee)

@@ -5,7 +5,8 @@ import pytest
 
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual
-from loopid.logs import Log, default_lowpass, prepare_recording, recording as preparation
+from loopid.logs import Log, default_lowpass, prepare_recording
+from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
 

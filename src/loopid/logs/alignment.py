@@ -8,7 +8,6 @@ linearly: they are off by at most h²/8 times their second derivative by time, h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,25 +21,13 @@ from loopid.scratch import empty_columns, release_pages
 GAP_PERIODS = 5.0
 
 
-@dataclass(frozen=True)
-class Aligned:
-    """Streams on one grid.
+class Aligned(NamedTuple):
+    """Streams on one grid."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s from the first stamp of the first stream.
-    position, force : FloatArray
-        (N, m), one column a motor.
-    stretches : IntArray
-        (N,).
-    dropped : tuple of Dropped
-    """
-
-    time: FloatArray
-    position: FloatArray
-    force: FloatArray
-    stretches: IntArray
+    time: FloatArray  # (N,) in s from the first stamp of the first stream
+    position: FloatArray  # (N, m), one column a motor
+    force: FloatArray  # (N, m)
+    stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
 
@@ -122,8 +109,7 @@ def _left_out(time: FloatArray, grids: Sequence[Grid], step: float) -> tuple[Dro
             missing = max(round((following - last) / step) - 1, 1)
             dropped.append(Dropped("gap in the time stamps", missing, last, following))
         elif start < end:
-            ends = (float(time[start]), float(time[end - 1]))
-            dropped.append(Dropped("not in all streams", int(end - start), *ends))
+            dropped.append(Dropped.at("not in all streams", time[start:end]))
     return tuple(dropped)
 
 

@@ -276,16 +276,16 @@ def _looks_exchanged(name: str, names: Sequence[str], left: FloatArray) -> bool:
     # Slow to import, and only needed for logs.
     from scipy.optimize import linear_sum_assignment
 
-    motors, forces = linear_sum_assignment(left)
-    moved = np.flatnonzero(motors != forces)
-    best, given = left[moved, forces[moved]], left[moved, moved]
+    order = linear_sum_assignment(left)[1]
+    moved = np.flatnonzero(order != np.arange(len(order)))
+    best, given = left[moved, order[moved]], left[moved, moved]
     exchanged = len(moved) > 0 and bool(
         (best < WELL_FITTED).all() and given.sum() > CLEARLY_BETTER * best.sum()
     )
     if exchanged:
-        fits = ", ".join(f"that of {names[forces[k]]} fits {names[k]}" for k in moved)
+        fits = ", ".join(f"that of {names[order[k]]} fits {names[k]}" for k in moved.tolist())
         warn(
-            f"{name}: the forces or positions of {', '.join(names[k] for k in moved)} "
+            f"{name}: the forces or positions of {', '.join(names[k] for k in moved.tolist())} "
             f"look exchanged: of the forces, {fits} ({given.mean():.0%} of their squares stay "
             f"unexplained in the given order, {best.mean():.0%} exchanged)",
             LogWarning,

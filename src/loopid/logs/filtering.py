@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,29 +33,16 @@ IDLE_FRACTION = 0.05
 DITHER_FRACTION = 0.01
 
 
-@dataclass(frozen=True)
-class Filtered:
-    """Samples that are kept after filtering.
+class Filtered(NamedTuple):
+    """Samples that are kept after filtering."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s.
-    position, velocity, acceleration, force : FloatArray
-        (N, m).
-    saturated : BoolArray
-        (N, m).
-    stretches : IntArray
-        (N,).
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    force: FloatArray
-    saturated: BoolArray
-    stretches: IntArray
+    time: FloatArray  # (N,) in s
+    position: FloatArray  # (N, m)
+    velocity: FloatArray  # (N, m)
+    acceleration: FloatArray  # (N, m)
+    force: FloatArray  # (N, m)
+    saturated: BoolArray  # (N, m)
+    stretches: IntArray  # (N,)
 
     def select(self, flags: BoolArray) -> Filtered:
         """The samples (N,) that are flagged, in order."""
@@ -64,7 +50,7 @@ class Filtered:
         def chosen(signal: NDArray[Any]) -> NDArray[Any]:
             return mapped_rows(lambda rows: signal[rows][flags[rows]], len(flags))
 
-        return Filtered(*(chosen(getattr(self, field.name)) for field in fields(self)))
+        return Filtered(*map(chosen, self))
 
 
 @checked
@@ -101,12 +87,13 @@ def filter_log(
         rate, time = log.rate(part), log.time[part]
         least = LEAST_SAMPLES if lowpass is None or rate == 0 else lowpass.least_samples(rate)
         if len(time) < max(least, LEAST_SAMPLES):
-            dropped.append(_dropped("stretch too short to filter", time))
+            dropped.append(Dropped.at("stretch too short to filter", time))
             continue
         # Accelerations are wrong where a filter does not know what comes next.
         end = _reach(lowpass, rate) if trim else 0
         if end:
-            dropped.append(_dropped("end of a stretch", np.append(time[:end], time[-end:])))
+            ends = np.append(time[:end], time[-end:])
+            dropped.append(Dropped.at("end of a stretch", ends))
         step = _stride(rate, lowpass) if decimate else 1
         chosen.append((part, np.arange(part.start + end, part.stop - end, step)))
     if not chosen:
@@ -176,7 +163,3 @@ def _stride(rate: float, lowpass: LowPass | None) -> int:
         return 1
     # Rates are measured: one that is a little short of a whole number of times is meant to be it.
     return max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)
-
-
-def _dropped(reason: str, time: FloatArray) -> Dropped:
-    return Dropped(reason, len(time), float(time[0]), float(time[-1]))

@@ -10,8 +10,9 @@ import gzip
 import io
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -58,27 +59,11 @@ class Batch(NamedTuple):
 
 
 class LogFormat(ABC):
-    """A log of some format.
+    """A log of some format; of one with a ``choice``, perhaps only the chosen stream."""
 
-    Parameters
-    ----------
-    path : Path
-    chosen : str, optional
-        The only stream to look at, in formats with a ``choice``.
-
-    Attributes
-    ----------
-    name : str
-        Of the format in a mapping.
-    choice : str or None
-        The key of a mapping that chooses among the streams.
-    ordered : bool
-        Whether the columns of a stream stand in an order that says something.
-    """
-
-    name: ClassVar[str]
-    choice: ClassVar[str | None] = None
-    ordered: ClassVar[bool] = True
+    name: ClassVar[str]  # in a mapping
+    choice: ClassVar[str | None] = None  # the key of a mapping that chooses among the streams
+    ordered: ClassVar[bool] = True  # whether the columns stand in an order that says something
 
     def __init__(self, path: Path, chosen: str | None = None) -> None:
         self.path = path
@@ -137,16 +122,26 @@ def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
     elif kind.is_integer():
         whole = column
     elif kind == polars.String or kind.is_numeric():
-        # Epoch times have more digits than a float.
-        digits = len(str(unit)) - 1
+        # Epoch times have more digits than a float. Polars' decimals take no exponents.
         text = column.cast(polars.String).str.strip_chars(AROUND_CELLS)
-        whole, unit = text.cast(polars.Decimal(38, digits), strict=False).to_physical(), 1
+        if text.str.contains("[eE]").any():
+            return np.array([_exact(cell, unit) for cell in text.to_list()], dtype=np.int64)
+        decimals = text.cast(polars.Decimal(38, len(str(unit)) - 1), strict=False)
+        whole, unit = decimals.to_physical(), 1
     else:
         raise LogError(f"{source}: column {column.name!r} holds {kind}, not times")
     whole = whole.cast(polars.Int64, strict=False).fill_null(NO_STAMP)
     cells, largest = whole.to_numpy(), LARGEST_STAMP // unit
     valid = (cells >= -largest) & (cells <= largest)
     return np.where(valid, np.where(valid, cells, 0) * unit, NO_STAMP)
+
+
+def _exact(cell: str | None, unit: int) -> int:
+    try:
+        stamp = Decimal(cell or "nan") * unit
+        return round(stamp) if abs(stamp) <= LARGEST_STAMP else int(NO_STAMP)
+    except ArithmeticError:  # no number, or too large for any
+        return int(NO_STAMP)
 
 
 # ---- text -------------------------------------------------------------------------------------
@@ -161,14 +156,21 @@ class TextFormat(LogFormat):
     def accepts(cls, path: Path) -> bool:
         return is_text_name(path) and not path.is_dir()
 
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        return {stream_name(self.path): self.path}
+
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream_name(self.path): read_header(self.path).names}
+        return {stream: read_header(file).names for stream, file in self._files.items()}
+
+    def source(self, stream: str) -> str:
+        return str(self._files[stream])
 
     def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
-        return read_text(self.path, names)
+        return read_text(self._files[stream], names)
 
 
-class FolderFormat(LogFormat):
+class FolderFormat(TextFormat):
     """A folder with one table of text a stream, each with time stamps of its own."""
 
     name = "folder"
@@ -179,28 +181,19 @@ class FolderFormat(LogFormat):
 
     @cached_property
     def _files(self) -> dict[str, Path]:
-        listed = sorted(self.path.glob("*"))
-        files = {stream_name(file): file for file in listed if is_text_name(file)}
+        files = [file for file in sorted(self.path.glob("*")) if is_text_name(file)]
         if not files:
             raise LogError(
                 f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz"
             )
-        return files
+        return {stream_name(file): file for file in files}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        found: dict[str, tuple[str, ...]] = {}
+        found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
         for stream, file in self._files.items():
-            try:
+            with suppress(LogError):  # matters only if its columns are needed
                 found[stream] = read_header(file).names
-            except LogError:  # matters only if its columns are needed
-                found[stream] = ()
         return found
-
-    def source(self, stream: str) -> str:
-        return str(self._files[stream])
-
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
-        return read_text(self._files[stream], names)
 
 
 class Header(NamedTuple):
@@ -339,7 +332,7 @@ def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.Dat
     return table
 
 
-def _lines(path: Path) -> Iterator[list[bytes]]:
+def _lines(path: Path) -> Generator[list[bytes]]:
     """Lines with their ends, some at a time."""
     try:
         with path.open("rb") as file:
@@ -469,8 +462,8 @@ class Hdf5Format(LogFormat):
 
     @contextmanager
     def _opened(self) -> Iterator[h5py.File]:
-        with optional("h5py"):
-            import h5py
+        import h5py
+
         with (
             refusals(self.path, "HDF5 file"),
             h5py.File(self.path, "r", rdcc_nbytes=CACHE_BYTES) as file,
@@ -480,51 +473,40 @@ class Hdf5Format(LogFormat):
     @cached_property
     def _streams(self) -> dict[str, dict[str, Column]]:
         """Columns by name, for each group that holds any."""
+        with optional("h5py"):
+            import h5py
         streams: dict[str, dict[str, Column]] = {}
+
+        def collect(_: str, item: Any) -> None:
+            if not isinstance(item, h5py.Dataset) or not item.shape:
+                return
+            columns = streams.setdefault(item.parent.name, {})
+            for name, column in _hdf5_columns(self.path, item).items():
+                if name in columns:
+                    raise LogError(
+                        f"{self.path}: group {item.parent.name} has column {name!r} in "
+                        f"{columns[name].array} and {item.name}"
+                    )
+                columns[name] = column
+
         with self._opened() as file:
-            groups, arrays = _contents(file)
             start = file if self.chosen is None else file.get(self.chosen)
-            if start is None or (start is not file and start.name not in groups):
-                valid = ", ".join(group.removeprefix("/") for group in groups)
-                raise LogError(
-                    f"{self.path} has no group {self.chosen!r}: "
-                    f"{f'choose among {valid}' if groups else 'it has no groups'}"
-                )
-            inside = start.name.rstrip("/") + "/"
-            for array in arrays:
-                if not array.name.startswith(inside):
-                    continue
-                columns = streams.setdefault(array.parent.name, {})
-                for name, column in _hdf5_columns(self.path, array).items():
-                    if name in columns:
-                        raise LogError(
-                            f"{self.path}: group {array.parent.name} has column {name!r} in "
-                            f"{columns[name].array} and {array.name}"
-                        )
-                    columns[name] = column
+            if not isinstance(start, h5py.Group):
+                raise LogError(f"{self.path} has no group {self.chosen!r}: {_groups(file)}")
+            start.visititems(collect)
+            place = start.name
         streams = {name: columns for name, columns in streams.items() if columns}
         if not streams:
-            raise LogError(
-                f"{self.path} holds no arrays with one or two axes in {inside.rstrip('/') or '/'}"
-            )
+            raise LogError(f"{self.path} holds no arrays with one or two axes in {place}")
         return streams
 
 
-def _contents(file: h5py.File) -> tuple[list[str], list[h5py.Dataset]]:
-    """Names of all groups, and all arrays."""
+def _groups(file: h5py.File) -> str:
     import h5py
 
-    groups: list[str] = []
-    arrays: list[h5py.Dataset] = []
-
-    def visit(_: str, item: Any) -> None:
-        if isinstance(item, h5py.Group):
-            groups.append(item.name)
-        elif isinstance(item, h5py.Dataset) and item.shape:
-            arrays.append(item)
-
-    file.visititems(visit)
-    return groups, arrays
+    names: list[str] = []
+    file.visititems(lambda at, item: names.append(at) if isinstance(item, h5py.Group) else None)
+    return f"choose among {', '.join(names)}" if names else "it has no groups"
 
 
 def _hdf5_columns(path: Path, array: h5py.Dataset) -> dict[str, Column]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import polars
@@ -67,25 +67,19 @@ class StreamColumns(Section):
         return self
 
 
-def _form(value: Any) -> str:
-    """Tag of what is given: something by joint, one number for all, or columns of a stream."""
-    if isinstance(value, StreamColumns):
-        return "<several>"
-    if isinstance(value, dict):
-        return "<several>" if {"stream", "columns"} & set(value) else "<by joint>"
-    return "<one>"
+def _columns_tag(value: Any) -> str:
+    listed = isinstance(value, StreamColumns)
+    listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
+    return "<several>" if listed else "<by joint>"
 
 
 Columns = Annotated[
     Annotated[StreamColumns, Tag("<several>")] | Annotated[dict[str, str], Tag("<by joint>")],
-    Discriminator(lambda value: "<several>" if _form(value) == "<several>" else "<by joint>"),
+    Discriminator(_columns_tag),
 ]
-Scales = Annotated[
-    Annotated[Finite, Tag("<one>")] | Annotated[dict[str, Finite], Tag("<by joint>")],
-    Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
-]
-Limits = Annotated[
-    Annotated[Positive, Tag("<one>")] | Annotated[dict[str, Positive], Tag("<by joint>")],
+Number = TypeVar("Number")
+OneOrEach = Annotated[
+    Annotated[Number, Tag("<one>")] | Annotated[dict[str, Number], Tag("<by joint>")],
     Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
 ]
 
@@ -110,11 +104,11 @@ class LogMapping(Section):
     time: TimeColumns | None = None
     position: Columns | None = None
     force: Columns | None = None
-    position_scale: Scales = 1.0
-    position_offset: Scales = 0.0
-    force_scale: Scales = 1.0
-    force_offset: Scales = 0.0
-    saturation: Limits | None = None
+    position_scale: OneOrEach[Finite] = 1.0
+    position_offset: OneOrEach[Finite] = 0.0
+    force_scale: OneOrEach[Finite] = 1.0
+    force_offset: OneOrEach[Finite] = 0.0
+    saturation: OneOrEach[Positive] | None = None
     idle_speed: Positive | None = None
 
     def __init__(self, **content: Any) -> None:
@@ -207,21 +201,10 @@ class TimeColumn(NamedTuple):
 
 @dataclass(frozen=True)
 class ColumnFinder:
-    """Finds columns of a log by name, as a mapping says or as they are usually called.
+    """Finds columns of a log by name, as a mapping says or as they are usually called."""
 
-    Attributes
-    ----------
-    source : str
-        The log, for messages.
-    streams : mapping
-        Names of the columns of each stream.
-    format : type
-        Of the log.
-    mapping : LogMapping
-    """
-
-    source: str
-    streams: Mapping[str, tuple[str, ...]]
+    source: str  # the log, for messages
+    streams: Mapping[str, tuple[str, ...]]  # names of the columns
     format: type[LogFormat]
     mapping: LogMapping
 

@@ -40,45 +40,31 @@ class Dropped:
     first: float
     last: float
 
+    @classmethod
+    def at(cls, reason: str, time: FloatArray) -> Dropped:
+        """Samples at times (N,)."""
+        return cls(reason, len(time), float(time[0]), float(time[-1]))
+
     def __str__(self) -> str:
         return f"{self.reason}: {self.count} samples between {self.first:.2f} and {self.last:.2f} s"
 
 
 def flagged(reasons: Sequence[str], flags: BoolArray, time: FloatArray) -> tuple[Dropped, ...]:
     """For each column of flags (N, k) that is set anywhere, what is left out at times (N,)."""
-    found = []
-    for reason, column in zip(reasons, flags.T, strict=True):
-        at = time[column]
-        if len(at):
-            found.append(Dropped(reason, len(at), float(at[0]), float(at[-1])))
-    return tuple(found)
+    columns = zip(reasons, flags.T, strict=True)
+    return tuple(Dropped.at(reason, time[column]) for reason, column in columns if column.any())
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Values at time stamps.
+    """Values at time stamps."""
 
-    Attributes
-    ----------
-    source : str
-        The file, for messages.
-    channels : tuple of Channel
-    rows : IntArray
-        (R,), row numbers in the file.
-    stamps : IntArray
-        (R,) in ns, increasing.
-    values : tuple of FloatArray
-        For each channel (R,), in SI units.
-    left_out : tuple of (str, IntArray)
-        Why rows were left out, and their numbers.
-    """
-
-    source: str
+    source: str  # the file, for messages
     channels: tuple[Channel, ...]
-    rows: IntArray
-    stamps: IntArray
-    values: tuple[FloatArray, ...]
-    left_out: tuple[tuple[str, IntArray], ...] = ()
+    rows: IntArray  # (R,), row numbers in the file
+    stamps: IntArray  # (R,) in ns, increasing
+    values: tuple[FloatArray, ...]  # of each channel (R,), in SI units
+    left_out: tuple[tuple[str, IntArray], ...] = ()  # why rows were, and their numbers
 
     def __len__(self) -> int:
         return len(self.rows)
