@@ -175,6 +175,23 @@ def prepare_recording(
     LogWarning
         Of samples that do not close the loops or are near a singularity, and of forces that look
         like those of another motor, in other units, or with the wrong sign.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import loopid
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(duration=4.0))
+    >>> run = loopid.simulate_measurement(robot, motion)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.npz"
+    ...     np.savez(path, time=run.time, position=run.position, force=run.force)
+    ...     log = loopid.read_log(path, robot)
+    >>> loopid.prepare_recording(robot, log)
+    <Recording 'run': 91 samples, filtered at 5 Hz, forces used: crank_joint 100%>
     """
     require_known_motion(mechanism)
     if log.joints != mechanism.actuated:

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from logged_runs import LOGS, read_stream
 
+from loopid import platform_coordinates
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual
-from loopid.logs import Log, default_lowpass, prepare_recording
+from loopid.logs import Log, default_lowpass, prepare_recording, read_log
 from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
@@ -283,3 +285,55 @@ def test_a_crank_that_turns_on_and_on(four_bars):
     # Passive hinges are known up to whole turns.
     error = recording.motion.configurations - motion.configurations[rows]
     assert np.abs(np.sin(0.5 * error)).max() < 1e-5
+
+
+@pytest.fixture(scope="module")
+def folder(mechanism, shared):
+    return shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
+
+
+@pytest.fixture(scope="module")
+def real_log(mechanism, folder):
+    return read_log(folder, mechanism)
+
+
+@pytest.fixture(scope="module")
+def real_recording(mechanism, real_log):
+    return prepare_recording(mechanism, real_log)
+
+
+def test_nearly_all_rows_are_read(real_log, folder):
+    stamps, positions = read_stream(folder / "joint_position.txt.gz")
+    assert len(stamps) - 5 < len(real_log) <= len(stamps)
+    assert not real_log.stretches.any()
+    assert {part.reason for part in real_log.dropped} == {"not in all streams"}
+    assert real_log.rate(slice(None)) == pytest.approx(100, abs=0.01)
+    nearest = np.searchsorted((stamps - stamps[0]) / 1e9, real_log.time - 0.005)
+    # Stamps jitter by 0.2 ms at 0.03 m/s, and drift against the even grid by less than half a row.
+    assert np.abs(real_log.position - positions[nearest]).max() < 0.03 * 0.006
+
+
+def test_strokes_give_the_logged_pose(mechanism, real_log, folder):
+    real_recording = prepare_recording(mechanism, real_log, lowpass=None, decimate=False)
+    assert len(real_recording) == len(real_log)
+    found = platform_coordinates(mechanism, real_recording.motion.configurations)
+    read_at, _ = read_stream(folder / "joint_position.txt.gz")
+    written_at, poses = read_stream(folder / "x_coord.txt.gz")
+    # Of a cycle the position comes first: its pose is the next row.
+    nearest = read_at[np.searchsorted((read_at - read_at[0]) / 1e9, real_log.time - 0.005)]
+    following = np.minimum(np.searchsorted(written_at, nearest), len(poses) - 1)
+    assert np.median(np.abs(found - poses[following])) < 2e-6
+
+
+def test_idle_motors_are_named(real_recording, mechanism):
+    reasons = {part.reason: part.count for part in real_recording.dropped}
+    for k, joint in enumerate(mechanism.actuated):
+        assert reasons[f"{joint} stands still"] == (~real_recording.used[:, k]).sum()
+    assert (real_recording.used.mean(axis=0) > 0.5).all()
+
+
+def test_few_samples_carry_the_same(real_recording, real_log):
+    rate = 1 / np.median(np.diff(real_recording.motion.time))
+    assert real_recording.cutoff == pytest.approx(5, rel=1e-3)
+    assert rate == pytest.approx(25, rel=1e-3)
+    assert len(real_recording) == pytest.approx(len(real_log) / 4, abs=25)
