@@ -12,7 +12,7 @@ from loopid.paper.base import compare_base_parameters, matching_rows, rows_of_ta
 from loopid.paper.geometry import measured_geometry
 from loopid.paper.printed import TABLE_I, TABLE_II
 from loopid.report.paper_base_tables import transfer_table
-from loopid.symbolic import base_parameter_rows, read_geometry
+from loopid.paper.symbolic import base_parameter_rows, read_geometry
 
 FIELDS = {"d_s": "ds"}
 STEMS = {"m12": "leg1_stem.m", "m22": "leg2_stem.m", "m32": "leg3_stem.m"}

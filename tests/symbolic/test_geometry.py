@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import MissingFileError, OptionError, RobotFileError
-from loopid.symbolic import Geometry, base_points, platform_points, read_geometry
+from loopid.paper.symbolic import Geometry, base_points, platform_points, read_geometry
 
 TABLE = Path(__file__).parents[2] / "urdf" / "geometry.yaml"
 

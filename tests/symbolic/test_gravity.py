@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from loopid.errors import DataError, SingularityError
-from loopid.symbolic import (
+from loopid.paper.symbolic import (
     GRAVITY_LABELS,
     POSE,
     Geometry,

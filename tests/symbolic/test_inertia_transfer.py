@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from loopid.symbolic import (
+from loopid.paper.symbolic import (
     GRAVITY,
     POSE,
     Geometry,

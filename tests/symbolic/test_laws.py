@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from loopid.symbolic import (
+from loopid.paper.symbolic import (
     GRAVITY,
     GRAVITY_LABELS,
     Geometry,

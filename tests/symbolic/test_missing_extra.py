@@ -8,7 +8,7 @@ import sys
 sys.modules["sympy"] = None
 from loopid.errors import MissingExtraError
 try:
-    import loopid.symbolic
+    import loopid.paper.symbolic
 except MissingExtraError as error:
     sys.exit(0 if "symbolic" in str(error) else "the extra is not named")
 sys.exit("no error")

@@ -10,8 +10,8 @@ from loopid import (
     platform_coordinates,
     random_configurations,
 )
-from loopid.symbolic import gravity_regressor as symbolic_regressor
-from loopid.symbolic import read_geometry, strokes
+from loopid.paper.symbolic import gravity_regressor as symbolic_regressor
+from loopid.paper.symbolic import read_geometry, strokes
 
 POSES = 1000
 
