@@ -171,13 +171,6 @@ def test_usage_errors_exit_with_2_and_no_traceback(run, arguments):
     assert "Traceback" not in done.err
 
 
-def test_a_refusal_in_a_process_of_its_own():
-    script = [sys.executable, "-c", "from loopid.cli import main; main()", "check", "nowhere"]
-    done = subprocess.run(script, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("loopid: error: nowhere does not exist")
-
-
 def test_heavy_libraries_are_imported_only_when_needed():
     heavy = ("yourdfpy", "trimesh", "mujoco", "dask", "sympy", "matplotlib")
     script = (

@@ -1,4 +1,4 @@
-"""The paper's page: every table and figure is there, true to the numbers, and nothing is cut off."""
+"""The paper's page: every table and figure is there, true to the numbers, nothing cut off."""
 
 import io
 import re
@@ -76,12 +76,8 @@ def test_whether_the_papers_value_fits_is_said(paper):
     sure = replace(simulated.eight, covariance=1e-12 * simulated.eight.covariance)
     verdicts = []
     for expected, single in (((14.12,) + (9.0,) * 7, (0.0, 1.5)), ((9.0,) * 8, (20.0, 30.0))):
-        found = replace(
-            simulated,
-            eight=sure,
-            expected=np.array(expected),
-            expected_range=np.array([single] * 8),
-        )
+        ranges = np.array([single] * 8)
+        found = replace(simulated, eight=sure, expected=np.array(expected), expected_range=ranges)
         verdicts.append(list(simulated_table(found).columns[-1].cells))
     assert verdicts[0][:4] == ["yes", "no", "single", "no"]
     assert set(verdicts[1]) == {"no"}
