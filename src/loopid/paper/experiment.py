@@ -101,8 +101,8 @@ class Experiment:
         noisy = []
         for k, name in enumerate(names or self.samples):
             samples = self.samples[name]
-            rubbing = samples.with_force(samples.force + friction_forces(samples))
-            noisy.append(with_noise(rubbing, seed, part, k))
+            total = samples.with_force(samples.force + friction_forces(samples))
+            noisy.append(with_noise(total, seed, part, k))
         return FitSamples.combined(noisy)
 
 

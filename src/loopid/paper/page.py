@@ -14,7 +14,7 @@ from loopid.base_parameters import expression
 from loopid.identification import FitResult
 from loopid.paper.experiment import ForceShares
 from loopid.paper.figures import CAPTIONS, paper_figures
-from loopid.paper.printed import CONDITION_NUMBERS, TIMES, TABLE_I, TABLE_II, TABLE_IV, TABLE_V
+from loopid.paper.printed import CONDITION_NUMBERS, TABLE_I, TABLE_II, TABLE_IV, TABLE_V, TIMES
 from loopid.paper.reproduction import (
     EIGHT,
     LEVEL,

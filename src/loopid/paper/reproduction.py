@@ -45,7 +45,7 @@ from loopid.seeds import derived_seed
 Stage = Callable[[str], AbstractContextManager[Progress]]
 RATE = 10.0  # Hz, of the simulated forces
 COVERAGE_RATE = 1.0  # Hz, of each repetition
-REPETITIONS = 500
+REPETITIONS = 300
 LEVEL, REACH = 0.95, 1.96  # of all intervals; standard deviations of a normal one
 EIGHT = range(len(TABLE_IV))  # columns of the eight parameters that the paper keeps
 # The platform goes up and down, as in the paper's warm-up.
@@ -93,7 +93,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
     single, truth = experiment.frictionless(seed), experiment.truth[BODIES]
     whole, first = FitSamples.combined(list(single.values())), len(EIGHT)
     fifteen = quiet_fit(whole, "ols")
-    bent = np.stack([truncated_values(part.problem, truth, first) for part in single.values()])
+    biased = [truncated_values(part.problem, truth, first) for part in single.values()]
     force = np.linalg.norm(whole.force)
     partial = np.cumsum(whole.regressor * fifteen.values, axis=2)
     left = np.linalg.norm(whole.force[:, :, None] - partial, axis=(0, 1))
@@ -102,7 +102,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
         fifteen=fifteen,
         eight=quiet_fit(whole.select(EIGHT), "ols"),
         expected=truncated_values(whole.problem, truth, first),
-        expected_range=np.stack([bent.min(axis=0), bent.max(axis=0)], axis=1),
+        expected_range=np.stack([np.min(biased, axis=0), np.max(biased, axis=0)], axis=1),
         condition_numbers={
             name: _conditions(part) for name, part in ({"all": whole} | single).items()
         },
@@ -182,17 +182,11 @@ def measure_coverage(
 def coverage_samples(experiment: Experiment, rate: float) -> FitSamples:
     """About so many samples a second of all trajectories, columns (15,) as in Table II."""
     every = max(1, round(experiment.rate / rate))
-    return FitSamples.combined(
-        [
-            FitSamples.of(
-                part.parameters,
-                part.actuators,
-                part.regressor[::every],
-                part.force[::every],
-            ).select(range(BODIES.stop))
-            for part in experiment.samples.values()
-        ]
-    )
+    thinned = [
+        FitSamples.of(part.parameters, part.actuators, part.regressor[::every], part.force[::every])
+        for part in experiment.samples.values()
+    ]
+    return FitSamples.combined(thinned).select(range(BODIES.stop))
 
 
 @dataclass(frozen=True)
@@ -295,23 +289,21 @@ def fit_actual(
         FitSamples.combined([model.samples(part).select(experiment.order) for part in parts])
         for parts in split_recordings(recordings)
     )
-    width, joints = len(fitted.parameters), np.arange(BODIES.stop, len(fitted.parameters))
-    eight = quiet_fit(fitted.select([*EIGHT, *joints]))
-    fifteen, informed = quiet_fit(fitted), quiet_fit(fitted, BayesianRidge(cad_prior(model)))
-    gravity_less = fitted.less(fitted.select(range(BODIES.stop)).predicted(cad))
-    rubbing = quiet_fit(gravity_less.select(joints)).values
-
-    def filled(first: FloatArray, friction: FloatArray) -> FloatArray:
-        return np.concatenate([first, np.zeros(width - len(first) - len(friction)), friction])
-
-    values = {
-        "robot file": filled(cad, rubbing),
-        "eight": filled(eight.values[: len(EIGHT)], eight.values[len(EIGHT) :]),
-        "fifteen": fifteen.values,
-        "CAD as prior": informed.values,
+    joints = range(BODIES.stop, len(fitted.parameters))
+    kept = [*EIGHT, *joints]
+    eight, fifteen = quiet_fit(fitted.select(kept)), quiet_fit(fitted)
+    informed = quiet_fit(fitted, BayesianRidge(cad_prior(model)))
+    cad_gravity = fitted.select(range(BODIES.stop)).predicted(cad)
+    friction = quiet_fit(fitted.less(cad_gravity).select(joints)).values
+    robot_file = np.concatenate([cad, friction])
+    tried = {
+        "robot file": (new, robot_file),
+        "eight": (new.select(kept), eight.values),
+        "fifteen": (new, fifteen.values),
+        "CAD as prior": (new, informed.values),
     }
     shown = model.samples(recordings[0]).select(experiment.order)
-    W, friction = shown.regressor[:, :, BODIES], shown.regressor[:, :, BODIES.stop :]
+    W, W_friction = shown.regressor[:, :, BODIES], shown.regressor[:, :, BODIES.stop :]
     return ActualFit(
         sources=tuple(recording.name for recording in recordings),
         cad=cad,
@@ -319,14 +311,17 @@ def fit_actual(
         eight=eight,
         fifteen=fifteen,
         informed=informed,
-        new_errors={k: fit_quality(new.problem, v).residual_rms for k, v in values.items()},
+        new_errors={
+            name: fit_quality(samples.problem, values).residual_rms
+            for name, (samples, values) in tried.items()
+        },
         time=recordings[0].motion.time,
         used=shown.used,
         force=shown.force,
-        gravity=shown.force - friction @ informed.values[BODIES.stop :],
-        cad_force=shown.predicted(values["robot file"]),
+        gravity=shown.force - W_friction @ informed.values[BODIES.stop :],
+        cad_force=shown.predicted(robot_file),
         cad_gravity=W @ cad,
-        eight_force=shown.predicted(values["eight"]),
+        eight_force=shown.select(kept).predicted(eight.values),
         informed_gravity=W @ informed.values[BODIES],
         informed_reach=prediction_reach(W, informed.covariance[BODIES, BODIES]),
     )
