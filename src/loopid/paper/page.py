@@ -185,7 +185,9 @@ def search_table(comparison: BaseComparison) -> Table:
     table.add_row("least cond(V22)", "not given", f"{search.condition_number:.6f}")
     proof = f"proven, one of {search.ties:,} equally good" if search.certified else "not proven"
     table.add_row("is it the least?", "all were tried", proof)
-    table.add_row("time on its own machine", TIMES, f"{1e3 * comparison.seconds:.1f} ms, exact")
+    table.add_row(
+        "time, each on its own machine", TIMES, f"{1e3 * comparison.seconds:.1f} ms, exact"
+    )
     return table
 
 
@@ -232,7 +234,13 @@ def _paper_fits(printed: float, expected: float, error: float, single: tuple[flo
 
 def fifteen_table(simulated: SimulatedFit, coverage: Coverage) -> Table:
     """All fifteen from the same forces, and how often their intervals cover the true values."""
-    columns = (">", "base parameter", ">CAD", ">loopid ± 95 %", f">{LEVEL:.0%} intervals cover")
+    columns = (
+        ">",
+        "base parameter",
+        ">CAD",
+        ">loopid ± 95 %",
+        f">{100 * LEVEL:g} % intervals cover",
+    )
     table = plain_table("all 15 base parameters, simulated (kg, kg m)", *columns)
     for k, truth in enumerate(simulated.truth):
         value, share = _reach(simulated.fifteen, k, ".4f", ".4f"), f"{coverage.shares[k]:.1%}"
