@@ -401,6 +401,13 @@ def reproduce_paper(
         Fits that the coverage of the intervals is measured on.
     rate : float
         Samples a second of the simulated forces.
+
+    Raises
+    ------
+    OptionError
+        When the seed is negative, or the rate not positive.
+    LogError, MissingFileError
+        When a log cannot be used, before anything is computed.
     """
     stage = stage or (lambda title: nullcontext(lambda done, total: None))
     mechanism = load_mechanism("3ups_rpu")
