@@ -25,7 +25,6 @@ from loopid.cli.console import (
 from loopid.errors import LoopidError
 from loopid.files import write_files
 from loopid.kinematics.sampling import DEFAULT_MARGIN
-from loopid.loading import second_opinion
 from loopid.paper import paper_files, paper_tables, reproduce_paper
 from loopid.regressors import structural_observation
 from loopid.report import (
@@ -49,7 +48,7 @@ def check(
 ) -> None:
     """Report joints, closures, mobility and distance to singularity."""
     mechanism = loaded(file, lock, floating_base, free_mimics)
-    record = check_record(mechanism, second_opinion(file))
+    record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
 

@@ -15,7 +15,6 @@ from loopid.base_parameters.expressions import equations
 from loopid.kinematics import Factorisation, mobility, scaled_constraint, singularity_measure
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.lengths import NamedLength
-from loopid.loading import SecondReading
 from loopid.report.tables import json_number, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.trajectories import MotionReview
@@ -23,11 +22,8 @@ from loopid.trajectories import MotionReview
 # loopid check: joints, closures, mobility, distance to singularity.
 
 
-def check_record(mechanism: Mechanism, second: SecondReading | None = None) -> dict[str, Any]:
-    """All findings about a mechanism at its reference, ready for JSON.
-
-    With what another reader makes of its URDF, if one was asked.
-    """
+def check_record(mechanism: Mechanism) -> dict[str, Any]:
+    """All findings about a mechanism at its reference, ready for JSON."""
     found = mobility(mechanism)
     measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
     return {
@@ -56,14 +52,6 @@ def check_record(mechanism: Mechanism, second: SecondReading | None = None) -> d
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
-        "second_reader": None
-        if second is None
-        else {
-            "name": "yourdfpy",
-            "links": second.links,
-            "joints": second.joints,
-            "differences": list(second.differences),
-        },
     }
 
 
@@ -154,18 +142,9 @@ def _summary_table(record: dict[str, Any]) -> Table:
     if record["unequal_links"]:
         rows["not identical in the file"] = "; ".join(record["unequal_links"])
     rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
-    rows["read a second time"] = _agreement(record["second_reader"])
     for row in rows.items():
         table.add_row(*row)
     return table
-
-
-def _agreement(second: dict[str, Any] | None) -> str:
-    if second is None:
-        return "not applicable: not a URDF"
-    if second["differences"]:
-        return f"{second['name']} differs: {'; '.join(second['differences'])}"
-    return f"{second['name']} agrees on {second['links']} links and {second['joints']} joints"
 
 
 # loopid base: base parameters and how sure they are.
