@@ -161,7 +161,9 @@ def test_usage_errors_exit_with_2_and_no_traceback(run, arguments):
 def test_heavy_libraries_are_imported_only_when_needed():
     heavy = ("yourdfpy", "trimesh", "mujoco", "dask", "sympy", "matplotlib")
     loaded = f"print([m for m in {heavy} if m in sys.modules])"
-    script = f"import sys, loopid, loopid.cli; {loaded}; loopid.load_mechanism('3ups_rpu'); {loaded}"
+    script = (
+        f"import sys, loopid, loopid.cli; {loaded}; loopid.load_mechanism('3ups_rpu'); {loaded}"
+    )
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[:2] == ["[]", "['yourdfpy', 'trimesh']"]
