@@ -123,6 +123,8 @@ def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
         lower, upper = mechanism.limits(joint)
         if not lower < upper:  # limits that leave no room are none
             continue
+        if lower <= values.min() and values.max() <= upper:
+            continue
         distance = np.maximum(lower - values, values - upper)
         outside = distance > OUTSIDE * (upper - lower)
         far = distance > FAR_OUTSIDE * (upper - lower)

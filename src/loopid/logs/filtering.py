@@ -111,6 +111,7 @@ def filter_log(
         around = np.ones(2 * _reach(lowpass, rate) + 1, dtype=bool)
         done += len(rows)
         for k, limit in enumerate(saturation):
+            release_pages()
             raw, at = log.force[part, k], (place, k)
             near_limit = np.abs(raw) >= limit * (1.0 - SATURATION_TOLERANCE)
             full[at] = binary_dilation(near_limit, around)[inner]
@@ -120,7 +121,6 @@ def filter_log(
             signal = differentiate(signal, rate)
             velocity[at] = signal[inner]
             acceleration[at] = differentiate(signal, rate)[inner]
-            release_pages()
     tables = position, velocity, acceleration, force
     return Filtered(log.time[samples], *tables, full, log.stretches[samples]), (*dropped,)
 
@@ -146,7 +146,7 @@ def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     exporters write that there is none.
     """
     limits = mechanism.model.upperEffortLimit[mechanism.velocity_indices(mechanism.actuated)]
-    largest = np.array([np.abs(column).max() for column in force.T])
+    largest = np.array([max(column.max(), -column.min()) for column in force.T])
     exceeded = largest > limits * (1.0 + SATURATION_TOLERANCE)
     return np.where((limits > 0) & ~exceeded, limits, np.inf)
 

@@ -285,30 +285,28 @@ def read_text(path: Path, names: Sequence[str]) -> Iterator[Batch]:
     MissingFileError, LogError
         When it is not there, or no table.
     """
-    header = read_header(path)
-    separator = (header.separator or " ").encode()
-    separators = len(header.names) - 1
-    places = [header.names.index(name) for name in names]
-    row = found = 0
+    header, read, found = read_header(path), 0, 0
+    separator, width = (header.separator or " ").encode(), len(header.names)
+    places = {name: header.names.index(name) for name in names}
     with closing(_lines(path)) as blocks:
         for lines in blocks:
-            numbered = list(enumerate(lines, row + 1))
-            row += len(lines)
-            numbered = [(at, line) for at, line in numbered if at > header.lines and line.strip()]
-            cut_off = (
-                numbered.pop()[0] if numbered and not numbered[-1][1].endswith(b"\n") else None
-            )
+            numbered = [(row, line) for row, line in enumerate(lines, read + 1) if line.strip()]
+            numbered = [(row, line) for row, line in numbered if row > header.lines]
+            read, cut_off = read + len(lines), None
+            if numbered and not numbered[-1][1].endswith(b"\n"):
+                cut_off, _ = numbered.pop()
             if header.separator is None:
-                numbered = [(at, b" ".join(line.split()) + b"\n") for at, line in numbered]
-            counts = np.array([line.count(separator) for _, line in numbered], dtype=np.int64)
-            rows = np.array([at for at, _ in numbered], dtype=np.int64)
-            whole = counts == separators
-            text = b"".join(line for (_, line), good in zip(numbered, whole, strict=True) if good)
+                numbered = [(row, b" ".join(line.split()) + b"\n") for row, line in numbered]
+            whole: list[tuple[int, bytes]] = []
+            garbled: list[tuple[int, bytes]] = []
+            for row, line in numbered:
+                (whole if line.count(separator) == width - 1 else garbled).append((row, line))
+            found += len(whole)
+            text = b"".join(line for _, line in whole)
             if header.separator != ",":
                 text = text.replace(b",", b".")  # decimal commas
-            found += int(whole.sum())
-            cells = _cells(text, separator.decode(), dict(zip(names, places, strict=True)))
-            yield Batch(cells, rows[whole], rows[~whole], cut_off)
+            rows, others = (np.array([n for n, _ in part], np.int64) for part in (whole, garbled))
+            yield Batch(_cells(text, separator.decode(), places), rows, others, cut_off)
     if not found:
         raise LogError(f"{path} has no rows of {len(header.names)} cells below its header")
 
@@ -362,7 +360,7 @@ class NpzFormat(LogFormat):
     def _columns(self) -> dict[str, NDArray[Any]]:
         columns = {}
         with refusals(self.path, ".npz of numbers"), self.path.open("rb") as file:
-            for name, array in np.load(file).items():
+            for name, array in np.lib.npyio.NpzFile(file).items():
                 if array.ndim == 1:
                     columns[name] = array
                 elif array.ndim == 2:

@@ -120,38 +120,38 @@ def make_stream(
         When there are too few rows, or too many bad ones.
     """
     names = [*(channel.column for channel in channels), time.name]
-    values, rows, stamps, bad, garbled = [Spool() for _ in channels], [], [], [], []
+    rows, stamps, *values = (Spool() for _ in range(2 + len(channels)))
+    bad: list[IntArray] = []
+    garbled: list[IntArray] = []
     without_number, cut_off = np.zeros(len(names), dtype=bool), None
     for batch in batches:
         found = [c.scale * numbers_in(source, batch.cells[c.column]) + c.offset for c in channels]
         at = time.stamps(source, batch.cells)
         flags = np.stack([*map(np.isnan, found), at == NO_STAMP], axis=1)
         fine = ~flags.any(axis=1)
-        for spool, column in zip(values, found, strict=True):
+        columns = (batch.rows, at, *found)
+        for spool, column in zip((rows, stamps, *values), columns, strict=True):
             spool.append(column[fine])
-        rows.append(batch.rows[fine])
-        stamps.append(at[fine])
         bad.append(batch.rows[~fine])
         garbled.append(batch.garbled)
         without_number |= flags.any(axis=0)
         cut_off = batch.cut_off
-    good, left_out = np.concatenate(rows), []
     named = ", ".join(name for name, flag in zip(names, without_number, strict=True) if flag)
     reasons = (
         (f"no number in {named}", np.concatenate(bad)),
         ("another number of cells than in the header", np.concatenate(garbled)),
     )
-    count = len(good) + sum(len(numbers) for _, numbers in reasons)
+    left_out, count = [], len(rows) + sum(len(numbers) for _, numbers in reasons)
     for reason, numbers in reasons:
         if len(numbers):
             refuse_or_warn(source, numbers, count, reason)
             left_out.append((reason, numbers))
     if cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([cut_off])))
-    if len(good) < LEAST_ROWS:
-        raise LogError(f"{source} has {len(good)} rows of numbers: it takes at least {LEAST_ROWS}")
+    if len(rows) < LEAST_ROWS:
+        raise LogError(f"{source} has {len(rows)} rows of numbers: it takes at least {LEAST_ROWS}")
     signals = tuple(spool.array() for spool in values)
-    return Stream(source, channels, good, np.concatenate(stamps), signals, tuple(left_out))
+    return Stream(source, channels, rows.array(), stamps.array(), signals, tuple(left_out))
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None:
