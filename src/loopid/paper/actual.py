@@ -133,7 +133,7 @@ def _shown(found: Identification, recording: Recording) -> dict[str, Any]:
     model = found.force_model
     bodies, joints = model.body_columns, model.joint_columns
     W, baseline = model.regressor(recording.motion), found.baseline.values
-    supported = found.supported
+    supported = found.essential
     friction = W[:, :, joints] @ baseline[joints]
     cad = W[:, :, bodies] @ baseline[bodies]
     spread = supported.covariance[np.ix_(bodies, bodies)]

@@ -3,9 +3,11 @@
 from loopid.report.base import base_record, base_tables
 from loopid.report.check import check_record, check_tables
 from loopid.report.drawing import require_matplotlib
-from loopid.report.identify import identification_record
-from loopid.report.identify_page import identification_files
-from loopid.report.identify_tables import identification_tables
+from loopid.report.identify import (
+    identification_files,
+    identification_record,
+    identification_tables,
+)
 from loopid.report.motions import motions_record, motions_tables
 from loopid.report.paper import paper_files, paper_tables
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from loopid.paper import PaperReproduction
-from loopid.report.identify import findings
-from loopid.report.identify_tables import candidates_table
+from loopid.report.identify import candidates_table, findings
 from loopid.report.markdown import markdown_table
 from loopid.report.motions import motions_record, motions_tables
 from loopid.report.paper_base_tables import (

@@ -120,7 +120,7 @@ def actual_table(actual: ActualFit) -> Table:
     title = f"Table V: base parameters from {source} (rows of Table II; kg, kg m)"
     columns = (">row", ">CAD", ">paper", ">eight ± 95 %", ">fifteen ± 95 %", ">rest as CAD ± std")
     table = plain_table(title, *columns, *([">truth"] if actual.is_stand_in else []))
-    model, supported = actual.identification.force_model, actual.identification.supported
+    model, supported = actual.identification.force_model, actual.identification.essential
     errors = np.sqrt(np.diag(supported.covariance))
     for k, column in enumerate(actual.order):
         first = k < FIRST
