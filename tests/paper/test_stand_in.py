@@ -122,7 +122,7 @@ def test_figures_show_forces_that_belong_together(fitted, stand_in):
 
 
 def test_the_band_about_the_fit_is_as_wide_as_its_parameters_are_uncertain(fitted):
-    supported = fitted.identification.supported
+    supported = fitted.identification.essential
     bodies = fitted.identification.force_model.body_columns
     spread = supported.covariance[np.ix_(bodies, bodies)]
     assert ((fitted.fitted_reach > 0).any(axis=0) == spread.any()).all()

@@ -127,9 +127,9 @@ class World:
         return mechanism.named_lengths(self.arm)
 
     @cached_property
-    def lighting(self):
+    def wanted_motion(self):
         still = loopid.find_force_model(self.arm, "full")
-        return self.quietly(experiment.data_support, still, self.slow).weak[0].lighting
+        return self.quietly(experiment.identifiability, still, self.slow).weak[0].exciting_motion
 
     @cached_property
     def slow(self):

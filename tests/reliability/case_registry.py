@@ -17,14 +17,14 @@ ROOMS = (
 # What only the package makes, and tells in fields.
 RECORDS = (
     "Assembly", "BaseParameters", "BaseValues", "Body", "Candidate", "ClosedMotion",
-    "CoefficientName", "CompiledRegressor", "ConsistentFit", "DataSupport", "Dropped", "Estimate",
-    "Estimator", "Factorisation", "FitCost", "FitResult", "ForceModel", "ForceParts",
-    "Identification", "InertiaDefect", "JointCoupling", "JointRange", "Lighting", "LinkGroup",
+    "CoefficientName", "CompiledRegressor", "ConsistentFit", "Dropped", "Estimate",
+    "Estimator", "Excitation", "ExcitingMotion", "Factorisation", "FitCost", "FitResult", "ForceModel", "ForceParts",
+    "Identifiability", "Identification", "InertiaDefect", "JointCoupling", "JointRange", "LinkGroup",
     "LogMapping", "LoopClosure", "LoopidError", "Mechanism", "Mobility", "MotionProgram",
     "MotionReview", "NoiseModel", "OrdinaryLeastSquares", "PaperReproduction", "PivotedQR",
     "PlannedMotion", "Platform", "PriorDefect", "Projection", "Quality", "Recording", "Reduction",
     "ReductionStep", "RegressorCode", "Robustness", "SampleEstimator", "SavedFit", "SearchResult",
-    "SearchStrategy", "SecondReading", "Structure", "WeakDirection", "WeightedLeastSquares",
+    "SearchStrategy", "SecondReading", "SimulatedFit", "Structure", "WeakDirection", "WeightedLeastSquares",
     "WorkingFit",
 )  # fmt: skip
 

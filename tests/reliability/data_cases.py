@@ -127,13 +127,13 @@ case(
     sources=([],),
 )
 case(
-    experiment.data_support,
+    experiment.identifiability,
     lambda w: {"force_model": w.force_model, "recordings": w.parts[0]},
     recordings=([],),
 )
 case(
-    experiment.lighting_motion,
-    lambda w: {"mechanism": w.arm, "lighting": w.lighting, "samples": 8},
+    experiment.exciting_motion,
+    lambda w: {"mechanism": w.arm, "wanted": w.wanted_motion, "samples": 8},
     samples=(0, 1),
 )
 for function in (experiment.prediction_error, experiment.prediction_reach):
