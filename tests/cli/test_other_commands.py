@@ -44,7 +44,7 @@ OPTIONS = {
         "--model",
         "--terms",
         "--estimator",
-        "--on-dark",
+        "--unidentifiable",
         "--prior-deviation",
         "--consistent",
         "--repair",

@@ -238,7 +238,7 @@ def test_recordings_are_split_in_time(knee_model, motions, truth):
     for fraction in (0.0, 1.0, -0.5, 1.5):
         with pytest.raises(OptionError, match="between 0 and 1"):
             split_recordings(recordings, fraction)
-    with pytest.raises(OptionError, match="fraction must be a number"):
+    with pytest.raises(OptionError, match="fraction must be a finite number"):
         split_recordings(recordings, float("nan"))
 
 

@@ -27,7 +27,6 @@ from loopid.experiment import DEFAULT_FRACTION, find_force_model, split_recordin
 from loopid.files import write_files
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.report import identification_files, identification_record, identification_tables
-from loopid.robot import Mechanism
 from loopid.trajectories import LowPass
 
 Logs = Annotated[

@@ -259,10 +259,10 @@ def exciting_motion(mechanism: Mechanism, wanted: ExcitingMotion, samples: int =
 
     Examples
     --------
-    >>> import loopid
+    >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
     >>> model = loopid.find_force_model(robot)
-    >>> start = robot.reference[robot.position_indices(robot.actuated)]
+    >>> start = np.array([1.7, 0.7])
     >>> rest = loopid.point_to_point(robot.actuated, start, [loopid.Waypoint(start, 1.0)], 20.0)
     >>> motion = loopid.joint_motion(robot, rest)
     >>> force = loopid.simulate_measurement(robot, motion).force

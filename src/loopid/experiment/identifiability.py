@@ -362,12 +362,10 @@ def identifiability(
     --------
     A five-bar of which only one crank moves:
 
-    >>> import loopid
+    >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> start = robot.reference[robot.position_indices(robot.actuated)]
-    >>> way = loopid.point_to_point(
-    ...     robot.actuated, start, [loopid.Waypoint(start + [0.4, 0.0], 2.0)], rate=20.0
-    ... )
+    >>> there = loopid.Waypoint(np.array([2.1, 0.7]), seconds=2.0)
+    >>> way = loopid.point_to_point(robot.actuated, np.array([1.7, 0.7]), [there], rate=20.0)
     >>> motion = loopid.joint_motion(robot, way)
     >>> force = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
     >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)

@@ -84,7 +84,11 @@ class Identification:
         lines = [
             f"Identification({model.mechanism.name}, {model.model} model by {self.fit.estimator}: "
             f"{fitted} samples fitted, {fresh} to validate)",
-            *(f"  {candidate!r}" for candidate in self.candidates),
+            *(
+                f"  {each.name}: {each.fitted} parameters fitted, squared error on new data "
+                "{:.2f} ± {:.2f} of the robot file's".format(*each.error_ratio)
+                for each in self.candidates
+            ),
             f"  {found.rank} of {found.structural_rank} combinations excited by the data, "
             f"{found.well_determined} better known than by the robot file",
         ]
@@ -183,15 +187,16 @@ def identify(
     >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
     >>> friction = loopid.JointTerms(robot.actuated, ("Fv",))
-    >>> start = robot.reference[robot.position_indices(robot.actuated)]
-    >>> sine, cosine = 0.2 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.1, start, sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(10.0, 30.0))
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> noise, values = loopid.Noise(gaussian=0.01), np.array([1.0, 2.0])
     >>> log = loopid.simulate_measurement(robot, motion, noise, 0, None, friction, values)
     >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
     >>> model = loopid.find_force_model(robot, "gravity", friction)
-    >>> found = loopid.identify(model, *loopid.split_recordings([run]))
+    >>> found = loopid.identify(model, *loopid.split_recordings([run], 0.5))
+    >>> np.round(found.fit.values[model.joint_columns], 1)
+    array([1., 2.])
     """
     if unidentifiable not in UNIDENTIFIABLE:
         raise OptionError.unknown("unidentifiable", unidentifiable, UNIDENTIFIABLE)
