@@ -94,17 +94,15 @@ class Excitation:
         K, n = weights[:, None] * random, len(columns)
         R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
         # A joint term has its effect in the data, or that in random states if they hardly move it.
-        anywhere = np.sqrt((K**2).mean(axis=(0, 1)))
-        effect = np.where(np.isin(np.arange(len(anywhere)), base.base), HARDLY_MOVED, 1) * anywhere
-        effect[base.base[columns]] = np.maximum(
-            effect[base.base[columns]], np.linalg.norm(R, axis=0)
-        )
+        effect, leading = np.sqrt((K**2).mean(axis=(0, 1))), base.base[columns]
+        effect[base.base] *= HARDLY_MOVED
+        effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
         joints = effect[len(bodies) :]
         joint_sizes = 1.0 / np.where(joints > 0, joints, 1.0)
         scaled = base.matrix[columns] * np.concatenate([bodies, joint_sizes])
         L = np.asarray(np.linalg.qr(scaled.T, mode="r")).T
         _, effects, right = np.linalg.svd(R @ L)
-        rows = K[:, :, base.base[columns]].reshape(-1, n) @ L
+        rows = K[:, :, leading].reshape(-1, n) @ L
         structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
         return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
 
