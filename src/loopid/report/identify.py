@@ -19,8 +19,7 @@ from loopid.experiment import (
 from loopid.identification.storage import record_text
 from loopid.logs import Recording
 from loopid.report.identify_figures import identification_figures
-from loopid.report.markdown import markdown_table
-from loopid.report.style import plain_table
+from loopid.report.tables import markdown_table, plain_table
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
@@ -191,7 +190,7 @@ def identification_tables(found: Identification) -> list[Table]:
         *([_weak_table(told)] if told.unidentifiable or told.weak else []),
         _essential_table(found),
         *([] if found.consistent is None else [_consistent_table(found.consistent)]),
-        candidates_table(found),
+        _candidates_table(found),
         _noise_table(found),
         _dropped_table(found),
         said,
@@ -246,7 +245,7 @@ def _consistent_table(found: ConsistentFit) -> Table:
     return table
 
 
-def candidates_table(found: Identification) -> Table:
+def _candidates_table(found: Identification) -> Table:
     """Prediction errors of the robot file, all parameters and the essential ones."""
     columns = [f">{candidate.name.removesuffix(' parameters')}" for candidate in found.candidates]
     title = "prediction errors on fitted and on new data: RMS ± std (R²)"
