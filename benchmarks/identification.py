@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from loopid.reduction import eliminate
 
 from loopid import (
     JointTerms,
@@ -35,7 +36,6 @@ from loopid import (
     simulate_measurement,
 )
 from loopid.identification import WeightedLeastSquares, quiet_fit
-from loopid.reduction import eliminate
 from tables import show, write_json
 
 RUNS = 5

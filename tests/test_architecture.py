@@ -33,7 +33,6 @@ STREET = (
     "base_parameters",
     "identification",
     "consistency",
-    "reduction",
     "experiment",
     "export",
     "paper",
@@ -43,7 +42,7 @@ STREET = (
 # Beside the street: what a room may import at all, or never, whatever its place.
 ONLY = {"symbolic": {"errors", "arrays", "parameters"}}
 MODEL = {"pinocchio", "robot", "kinematics", "loading", "regressors"}
-NEVER = dict.fromkeys(("base_parameters", "identification", "consistency", "reduction"), MODEL)
+NEVER = dict.fromkeys(("base_parameters", "identification", "consistency"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
 
 

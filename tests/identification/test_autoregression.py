@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loopid.identification.autoregression import LARGEST_ORDER, burg_covariances, run_lengths
+from loopid.identification.correlation import ErrorModel
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from loopid.identification.autoregression import LARGEST_REFLECTION, Autoregression
-from loopid.identification.burg import LARGEST_ORDER, burg_covariances, run_lengths
-from loopid.identification.error_model import ErrorModel
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
 

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag, toeplitz
 from loopid.errors import CorrelationWarning, ExcitationWarning, OptionError
 from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, fit
 from loopid.identification.autoregression import Autoregression
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import quiet_fit
 
 DEVIATIONS = np.array([0.5, 4.0])
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0, 2.0, -4.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import quiet_fit
 
 DEVIATIONS = np.array([0.5, 4.0])
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0, 2.0, -4.0])

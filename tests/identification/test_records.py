@@ -8,7 +8,7 @@ import pytest
 from loopid import Parameter, ParameterSet
 from loopid.errors import DataError, MissingFileError, OptionError, OutputError
 from loopid.identification import FitResult, FitSamples, WeightedLeastSquares
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import quiet_fit
 
 NAMES = ParameterSet(
     (Parameter("a.b", "m"), Parameter("leg1", "mx"), Parameter("slide", "Fc", "N"))

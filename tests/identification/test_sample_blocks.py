@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import lfilter
-
-from block_sizes import set_block_rows
-from loopid.identification import FitSamples, fit_in_steps
-from loopid.identification.burg import (
+from loopid.identification.autoregression import (
     LARGEST_ORDER,
     PAIRS_PER_COEFFICIENT,
     WHITE_FLOOR,
     burg_covariances,
     run_lengths,
 )
-from loopid.identification.fitting import quiet_fit
-from loopid.identification.lagged import lagged_grams
-from loopid.reduction import eliminate
-from loopid.reduction.validation import mean_squared_error
+from loopid.identification.correlation import lagged_grams
+from loopid.identification import eliminate
+from loopid.identification.selection import mean_squared_error
+from scipy.signal import lfilter
+
+from block_sizes import set_block_rows
+from loopid.identification import FitSamples, fit_in_steps
+from loopid.identification import quiet_fit
 
 __all__ = ["set_block_rows"]
 

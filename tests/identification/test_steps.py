@@ -5,7 +5,7 @@ import pytest
 
 from loopid.errors import OptionError, RankError
 from loopid.identification import WeightedLeastSquares, fit_in_steps
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import quiet_fit
 
 TRUTH = np.array([3.0, -1.0, 5.0, 10.0, 2.0, -4.0])
 KNOWN = ("link4.m", "link1.m")

@@ -15,8 +15,7 @@ import numpy as np
 from loopid.arrays import FloatArray, frozen
 from loopid.experiment.force_model import ForceModel
 from loopid.experiment.prior_size import joint_sizes, prior_factor
-from loopid.identification import FitProblem
-from loopid.identification.excitation import excited_rank
+from loopid.identification import FitProblem, excited_rank
 from loopid.parameters import ParameterSet
 
 # Part of a parameter's size that must be dark for its value to rest on the robot file.

@@ -19,11 +19,13 @@ from loopid.identification import (
     Estimator,
     FitResult,
     FitSamples,
+    Reduction,
+    ReductionStep,
     WeightedLeastSquares,
+    chosen_estimator,
+    eliminate,
     quiet_fit,
 )
-from loopid.identification.fitting import chosen_estimator
-from loopid.reduction import Reduction, ReductionStep, eliminate
 
 
 def estimator_for(

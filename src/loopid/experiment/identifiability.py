@@ -25,8 +25,7 @@ from loopid.experiment.weak_directions import (
     dark_directions,
     doubtful_directions,
 )
-from loopid.identification import FitSamples
-from loopid.identification.excitation import LEAST_EXCITATION
+from loopid.identification import LEAST_EXCITATION, FitSamples
 from loopid.logs import Recording
 from loopid.parameters import ParameterSet
 from loopid.scratch import row_blocks

@@ -10,9 +10,8 @@ from loopid.arguments import checked
 from loopid.experiment.candidate import Candidate
 from loopid.experiment.force_model import ForceModel
 from loopid.experiment.identifiability import DataSupport
-from loopid.identification import FitResult, FitSamples
+from loopid.identification import FitResult, FitSamples, Reduction
 from loopid.logs import Recording
-from loopid.reduction import Reduction
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit

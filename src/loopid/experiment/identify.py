@@ -20,12 +20,12 @@ from loopid.identification import (
     Estimator,
     FitResult,
     FitSamples,
+    Reduction,
     fit,
     fit_in_steps,
+    warn_of_insignificant,
 )
-from loopid.identification.excitation import warn_of_unsupported
 from loopid.logs import Recording
-from loopid.reduction import Reduction
 from loopid.trajectories import JointMotion
 
 # What to do where no force of the data depends on a combination of parameters.
@@ -159,7 +159,7 @@ def _fitted(
         return fit(samples, estimator)
     if not isinstance(estimator, BayesianRidge):
         fitted = fit_shown(force_model, samples, estimator)
-        warn_of_unsupported(fitted)
+        warn_of_insignificant(fitted)
         return fitted
     try:
         fitted = fit(samples, estimator)

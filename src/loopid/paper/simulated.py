@@ -8,11 +8,16 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.experiment import ForceModel
-from loopid.identification import FitResult, FitSamples, quiet_fit
+from loopid.identification import (
+    FitResult,
+    FitSamples,
+    influence,
+    quiet_fit,
+    truncated_values,
+)
 from loopid.paper.base import BaseComparison
 from loopid.paper.experiment import DRAWS, Experiment, frictionless_recordings
 from loopid.paper.printed import TABLE_IV
-from loopid.reduction import influence, truncated_values
 from loopid.seeds import derived_seed, random_generator
 
 FIRST = len(TABLE_IV)

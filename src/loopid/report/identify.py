@@ -77,7 +77,7 @@ def findings(found: Identification) -> list[str]:
     said = [_conditions(found), *support_sentences(found.support)]
     said += [] if found.consistent is None else consistent_sentences(found.consistent)
     said += [_compared(full), _compared(supported)]
-    weak = found.fit.unsupported()
+    weak = found.fit.insignificant()
     if weak or not full.beats_baseline:
         said.append(
             "Of all parameters together, the data do not tell these from zero: "

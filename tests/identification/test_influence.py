@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from loopid.errors import DataError, OptionError
 from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares
-from loopid.reduction import influence, truncated_values, truncation_bias
+from loopid.identification import influence, truncated_values, truncation_bias
 
 TRUTH = np.array([3.0, -1.0, 5.0, 10.0, 2.0, -4.0])
 NAMES = ["link4.m", "link0.m", "link3.m"]

@@ -5,7 +5,7 @@ import pytest
 
 from loopid.identification import FitSamples, quiet_fit
 from loopid.parameters import ParameterSet
-from loopid.reduction import eliminate
+from loopid.identification import eliminate
 
 NAMES = ParameterSet.from_labels([f"body{j}.m" for j in range(5)])
 TRUTH = np.array([5.0, -2.0, 3.0, 0.0, 0.0])

@@ -5,8 +5,8 @@ import pytest
 
 from loopid.errors import DataError, OptionError
 from loopid.identification import WeightedLeastSquares
-from loopid.identification.fitting import quiet_fit
-from loopid.reduction import eliminate
+from loopid.identification import quiet_fit
+from loopid.identification import eliminate
 
 TRUTH = np.array([3.0, 0.0, 5.0, 0.0, 0.0, -4.0])
 REAL = ("link0.m", "link2.m", "link5.m")
