@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from loopid.reduction import eliminate
 
 from loopid import (
     JointTerms,
@@ -35,7 +34,7 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.identification import WeightedLeastSquares, quiet_fit
+from loopid.identification import WeightedLeastSquares, eliminate, quiet_fit
 from tables import show, write_json
 
 RUNS = 5

@@ -139,11 +139,10 @@ def test_weights_converge_however_small_the_noise():
         np.testing.assert_allclose(deviations, max(level, 1e-10), rtol=0.1)
 
 
-@pytest.mark.parametrize("processor", ["Haswell", "Nehalem"])
-def test_weights_of_little_noise_are_the_same_on_other_processors(processor):
+def test_weights_of_little_noise_are_the_same_on_another_processor():
     program = "import json, test_least_squares as t; print(t.nearly_exact_weights().tolist())"
     paths = os.pathsep.join(path for path in sys.path if path)
-    environment = {**os.environ, "OPENBLAS_CORETYPE": processor, "PYTHONPATH": paths}
+    environment = {**os.environ, "OPENBLAS_CORETYPE": "Nehalem", "PYTHONPATH": paths}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
     )
@@ -155,13 +154,13 @@ def test_an_actuator_that_its_own_parameters_explain_has_no_weight():
     W = rng.normal(size=(20, 2, 2)) * np.array([[1, 0], [0, 1]])
     used = np.ones((20, 2), dtype=bool)
     used[1:, 1] = False
-    with pytest.raises(DataError, match="actuator b is fitted without error.*use ols"):
+    with pytest.raises(DataError, match=r"actuator b is fitted without error.*use ols"):
         WeightedLeastSquares().fit(named_samples(W, rng.normal(size=(20, 2)), used).problem)
 
 
 def test_forces_of_zero_leave_no_weight():
     samples = made()
-    with pytest.raises(DataError, match="actuator a is fitted without error.*use ols"):
+    with pytest.raises(DataError, match=r"actuator a is fitted without error.*use ols"):
         WeightedLeastSquares().fit(samples.with_force(0 * samples.force).problem)
 
 

@@ -1,4 +1,4 @@
-"""Samples and their triangular factors: parts, masks, selections, whatever is in memory at a time."""
+"""Samples and their triangular factors: parts, masks, selections, blocks of any size."""
 
 import numpy as np
 import pytest

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from loopid.errors import ExcitationWarning
-from loopid.identification import FitSamples
+from loopid.identification import FitSamples, influence, truncated_values
 from loopid.paper.printed import FORCE_NOISE, TABLE_IV
 from loopid.paper.simulated import fit_simulated, ordered_samples, ordered_truth
-from loopid.reduction import influence, truncated_values
 
 SEEDS = range(1, 6)
 # Of the robot file, in the order of Table II (kg, kg m).
