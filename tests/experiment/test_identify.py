@@ -166,7 +166,7 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
     bodies = [knee_model.parameters.labels[j] for j in knee_model.body_columns]
     weak = [label for label in bodies if label in str(caught[0].message)]
     assert len(weak) >= 12
-    assert set(weak) <= set(found.fit.unsupported())
+    assert set(weak) <= set(found.fit.insignificant())
     doubt = str(caught[1].message)
     assert doubt.startswith(f"the data tell {len(found.support.doubtful)} of 23 combinations")
     assert found.support.doubtful[0].text in doubt

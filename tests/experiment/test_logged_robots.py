@@ -36,7 +36,7 @@ def test_the_first_part_predicts_the_rest_better_than_the_robot_file(found):
 
 
 def test_what_the_data_do_not_support_is_named(found):
-    weak = found.fit.unsupported()
+    weak = found.fit.insignificant()
     assert len(weak) >= 5
     errors = dict(zip(found.fit.parameters.labels, found.fit.standard_errors, strict=True))
     # Intervals of the weakest exceed what such a link can have by far: they say so.
