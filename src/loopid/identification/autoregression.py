@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.scratch import row_blocks, spooled
+from loopid.scratch import row_blocks
 
 # Keeps errors that hardly return to zero from never returning.
 LARGEST_REFLECTION = 0.9999
@@ -98,29 +97,18 @@ class Autoregression:
         pieces : tuple of slice
             Rows of each evenly sampled stretch; errors of different ones are independent.
         """
-        count = total = 0.0
-        for piece in pieces:
-            state = None
-            for rows in row_blocks(piece):
-                ones = np.asarray(present[rows], dtype=np.float64)[:, None]
-                past, state = self.past_part(ones, state)
-                count, total = count + float(ones.sum()), total + float(np.vdot(ones, past))
-        return 2 * total - float(self.covariances[0]) * count
+        ones = np.asarray(present, dtype=np.float64)[:, None]
+        past = sum(float(np.vdot(ones[piece], self.past_part(ones[piece])[0])) for piece in pieces)
+        return 2 * past - float(self.covariances[0]) * float(ones.sum())
 
 
 def run_lengths(used: BoolArray, pieces: tuple[slice, ...]) -> IntArray:
     """Length of the unbroken run of used samples of its piece that ends with each sample (N,)."""
-
-    def runs() -> Iterator[IntArray]:
-        for piece in pieces:
-            last = piece.start
-            for rows in row_blocks(piece):
-                place = np.arange(rows.start, rows.stop) + 1
-                breaks = np.maximum.accumulate(np.where(used[rows], last, place))
-                last = int(breaks[-1])
-                yield place - breaks
-
-    return spooled(runs())
+    places = np.arange(1, len(used) + 1)
+    breaks = np.where(used, 0, places)
+    for piece in pieces:
+        breaks[piece] = np.maximum.accumulate(np.maximum(breaks[piece], piece.start))
+    return places - breaks
 
 
 def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:

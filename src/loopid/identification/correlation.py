@@ -64,26 +64,9 @@ def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
 class ErrorModel:
     """Autoregressive errors of one actuator, corrected for what the fit has taken up of them.
 
-    Parameters
-    ----------
-    columns : FloatArray
-        (N, n), regressor of the actuator, such that columns over all actuators are orthonormal;
-        zero where a sample is not used.
-    residual : FloatArray
-        (N,), weighted as the columns are.
-    used : BoolArray
-        (N,).
-    pieces : tuple of slice
-        Rows of each stretch.
-    least : float
-        Deviation, weighted as the residual is, that independent errors have at least.
-
-    Attributes
-    ----------
-    samples : int
-    model : Autoregression
-    sums : FloatArray
-        (n, n), covariance of the sums Σ_t x_t e_t.
+    Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
+    used, weighted residuals (N,), the stretches' rows, and the least deviation of the errors.
+    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e.
     """
 
     def __init__(
@@ -110,10 +93,7 @@ class ErrorModel:
     def taken_up(self, sums: FloatArray) -> FloatArray:
         """By how much a fit lowers Σ_t e_t e_{t+k} over used pairs, on average; (p + 1,).
 
-        Parameters
-        ----------
-        sums : FloatArray
-            (n, n), as ``sums``, over all actuators.
+        With ``sums`` (n, n) those over all actuators.
         """
         left = np.einsum("ij,kij->k", sums, self._grams[: len(self._shared)])
         return np.asarray(self._shared - left, dtype=np.float64)
@@ -180,14 +160,9 @@ def lagged_grams(
 def past_sums(
     model: Autoregression, columns: FloatArray, used: BoolArray, pieces: tuple[slice, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """What the past part Z of Ω X adds up to in a pass forwards.
+    """With the past part Z of Ω X: Xᵀ Z (n, n), and Σ_t u_t z_t · (x_{t+k} + x_{t-k}) (p + 1,).
 
-    Returns
-    -------
-    sums : FloatArray
-        (n, n), Xᵀ Z.
-    shared : FloatArray
-        (order + 1,), Σ_t u_t z_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
+    u_t = 1 where a sample is used.
     """
     width = columns.shape[1]
     sums, shared = np.zeros((width, width)), np.zeros(model.order + 1)
@@ -217,7 +192,7 @@ def _error_models(
         weight = float(result.weights[i])
         models[i] = ErrorModel(
             columns=_columns(samples, i, weight * inverse),
-            residual=_scaled(residual[:, i], 0.0 if exact[i] else weight),
+            residual=(0.0 if exact[i] else weight) * residual[:, i],
             used=samples.used[:, i],
             pieces=samples.pieces,
             least=weight * float(samples.least_errors[i]),
@@ -229,10 +204,6 @@ def _columns(samples: FitSamples, i: int, inverse: FloatArray) -> FloatArray:
     """Regressor (N, n) of one actuator times a matrix, zero where it is not used."""
     W, used = samples.regressor[:, i], samples.used[:, i, None]
     return mapped_rows(lambda rows: (W[rows] @ inverse) * used[rows], len(samples))
-
-
-def _scaled(series: FloatArray, factor: float) -> FloatArray:
-    return mapped_rows(lambda rows: factor * series[rows], len(series))
 
 
 def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
@@ -254,12 +225,14 @@ def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel
 def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
     """Name the actuators that have clearly fewer effective samples than rows."""
     noise = result.noise
-    if noise is None or not (noise.effective_samples < CLEARLY_FEWER * noise.samples).any():
+    assert noise is not None
+    few = np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
+    if not len(few):
         return
     actuators = "; ".join(
         f"{noise.actuators[i]} (lag-one autocorrelation {noise.lag_one[i]:.3f}, "
         f"{noise.effective_samples[i]:.0f} effective of {noise.samples[i]} samples)"
-        for i in np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
+        for i in few
     )
     reach, plain = (np.ptp(fit.intervals(), axis=1) for fit in (result, independent))
     ratio = reach / plain

@@ -104,19 +104,8 @@ class InstrumentalVariables(SampleEstimator):
 class Projection:
     """The weighted regressor X on the instruments Z, by the factors of [Z | X | y].
 
-    Attributes
-    ----------
-    own : FloatArray
-        Triangular factor (n, n) of the instruments, Z = Q Rz.
-    shared : FloatArray
-        P = Qᵀ X (n, n): the projection of the regressor is X̂ = Q P.
-    values : FloatArray
-        Estimates (n,).
-
-    Raises
-    ------
-    RankError
-        When instruments are linearly dependent, or too weak.
+    ``own`` (n, n) is the triangular factor of the instruments, Z = Q Rz; ``shared`` (n, n) is
+    P = Qᵀ X, so that X̂ = Q P; ``values`` (n,) are the estimates.
     """
 
     def __init__(self, problem: FitProblem, factors: FloatArray, weights: FloatArray) -> None:

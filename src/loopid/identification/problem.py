@@ -28,7 +28,7 @@ from loopid.arrays import (
 )
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
-from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, rows_where, spooled
+from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, spooled
 from loopid.triangular import triangular_factor
 
 # Residuals of an actuator, relative to its force, that are but round-off.
@@ -246,12 +246,7 @@ class FitSamples(ComparedByFields):
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
         """Rows of each stretch."""
-        numbers = self.stretches
-
-        def changes(rows: slice) -> BoolArray:
-            return np.asarray(numbers[rows] != numbers[rows.start + 1 : rows.stop + 1])
-
-        bounds = 1 + rows_where(changes, len(self) - 1)
+        bounds = 1 + np.flatnonzero(np.diff(self.stretches))
         return tuple(slice(*pair) for pair in pairwise([0, *bounds.tolist(), len(self)]))
 
     def predicted(self, values: FloatArray) -> FloatArray:
@@ -279,8 +274,7 @@ class FitSamples(ComparedByFields):
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
-        left = mapped_rows(lambda rows: self.force[rows] - force[rows], len(self))
-        return self.with_force(left)
+        return self.with_force(self.force - force)
 
     def with_instruments(self, instruments: FloatArray) -> FitSamples:
         """The same samples with instruments (N, dof, n), which go wherever the samples go.
@@ -310,13 +304,15 @@ class FitSamples(ComparedByFields):
         instruments = [part.instruments for part in parts if part.instruments is not None]
         if 0 < len(instruments) < len(parts):
             raise DataError("samples to combine must all have instruments, or none of them")
+        offsets = np.cumsum([0, *(int(part.stretches.max()) + 1 for part in parts[:-1])])
+        shifted = [part.stretches + k for part, k in zip(parts, offsets, strict=True)]
         return cls(
             first.parameters,
             first.actuators,
             _concatenated([part.regressor for part in parts]),
             _concatenated([part.force for part in parts]),
             _concatenated([part.used for part in parts]),
-            _concatenated_stretches([part.stretches for part in parts]),
+            frozen(np.concatenate(shifted), np.int64),
             np.max([part.least_errors for part in parts], axis=0),
             _concatenated(instruments) if instruments else None,
         )
@@ -332,13 +328,3 @@ def _force(force: FloatArray, regressor: FloatArray) -> FloatArray:
 
 def _concatenated(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
-
-
-def _concatenated_stretches(parts: Sequence[IntArray]) -> IntArray:
-    largest = [max(int(part[rows].max()) for rows in row_blocks(len(part))) for part in parts]
-    offsets = np.cumsum([0, *(number + 1 for number in largest[:-1])])
-    return spooled(
-        part[rows] + offset
-        for part, offset in zip(parts, offsets, strict=True)
-        for rows in row_blocks(len(part))
-    )

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from loopid.arguments import checked_fields
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import FloatArray, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.least_squares import (
     SampleEstimator,
@@ -27,8 +28,7 @@ from loopid.identification.least_squares import (
 )
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.quality import Robustness, fit_quality
-from loopid.order_statistics import median
-from loopid.scratch import mapped_rows, row_blocks, spooled
+from loopid.scratch import row_blocks
 from loopid.threads import one_blas_thread
 
 ITERATIONS = 200
@@ -87,7 +87,7 @@ class RobustEstimator(SampleEstimator):
         """The last iterate, from weighted least squares on."""
         plain = WeightedLeastSquares().fit(samples.problem)
         counts, slope = samples.problem.samples.astype(float), np.ones(len(samples.actuators))
-        scale = residual_scales(samples, plain.values)
+        scale = residual_scales(samples, samples.residual(plain.values))
         start = Iterate(samples, self, plain.values, scale, counts, slope, plain.weights)
         return start.iterated(tolerance)
 
@@ -179,16 +179,19 @@ class Iterate:
         DataError
             When they do not, or residuals have no normal core.
         """
-        state, problem = self, self.samples.problem
+        state, samples, problem = self, self.samples, self.samples.problem
         for k in range(ITERATIONS):
             if k < HELD_FROM:
                 state = state._with_slopes(hold_scale)
-            state = replace(state, weights=state._deviation_weights())
-            blocks = map(state._reweighted, row_blocks(len(self.samples)))
-            values, _ = solved(FitProblem.combined(blocks), state.weights)
+            R = problem.weighted(state.weights)[:-1, :-1]
+            freedom = state.counts - leverages(problem, state.weights, R)
+            weights = inverse_deviations(problem, (state.errors**2).sum(axis=0), freedom)
+            roots, blocks = np.sqrt(state.row_weights / state.slope), row_blocks(len(samples))
+            reweighted = FitProblem.combined(samples.block_problem(b, roots[b]) for b in blocks)
+            values, _ = solved(reweighted, weights)
             step = problem.factors[:, :, :-1] @ (values - state.values)
-            moved = np.sqrt((step**2).sum(axis=1) / len(self.samples))
-            state = replace(state, values=values)
+            moved = np.sqrt((step**2).sum(axis=1) / len(samples))
+            state = replace(state, values=values, weights=weights)
             if (moved <= tolerance * state.scale).all():
                 return state
         raise DataError(
@@ -201,46 +204,41 @@ class Iterate:
 
         These would look like samples without error, and spoil the model of autocorrelation.
         """
-        samples, count = self.samples, len(self.samples)
-
-        def force(rows: slice) -> FloatArray:
-            predicted = samples.regressor[rows] @ self.values
-            return np.asarray(predicted + self._errors(rows), dtype=np.float64)
-
-        used = mapped_rows(self._counting, count)
-        working = replace(samples, force=mapped_rows(force, count), used=used)
+        force, used = self.samples.predicted(self.values) + self.errors, self.row_weights > 0
+        working = replace(self.samples, force=frozen(force), used=frozen(used, np.bool_))
         values, R = solved(working.problem, self.weights)
         result = result_of(self.score.name, working.problem, values, R, self.weights, 1.0)
-        quality = fit_quality(samples.problem, values)
-        return WorkingFit(replace(result, quality=quality, robustness=self._robustness()), working)
+        counts, low = self.samples.problem.samples, (self.row_weights < DOWN_WEIGHTED)
+        share = (low & self.samples.used).sum(axis=0) / np.maximum(counts, 1)
+        present = counts > 0
+        robustness = Robustness(
+            np.where(present, self.scale, np.nan), np.where(present, share, np.nan)
+        )
+        quality = fit_quality(self.samples.problem, values)
+        return WorkingFit(replace(result, quality=quality, robustness=robustness), working)
 
-    def _row_weights(self, rows: slice) -> FloatArray:
-        """Weights (L, dof) of some rows, from 0 to 1."""
-        return self.score.weight(self._residual(rows) / self.scale)
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Residuals (N, dof)."""
+        return self.samples.residual(self.values)
 
-    def _residual(self, rows: slice) -> FloatArray:
-        predicted = self.samples.regressor[rows] @ self.values
-        return np.asarray(self.samples.force[rows] - predicted, dtype=np.float64)
+    @cached_property
+    def row_weights(self) -> FloatArray:
+        """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
+        return self.score.weight(self.residual / self.scale) * self.samples.used
 
-    def _errors(self, rows: slice) -> FloatArray:
-        """Pseudo-errors (L, dof) of some rows, zero where not used."""
-        errors = self._residual(rows) * self._row_weights(rows) / self.slope
-        return np.asarray(errors * self.samples.used[rows], dtype=np.float64)
-
-    def _counting(self, rows: slice) -> BoolArray:
-        """Which of some rows (L, dof) count at all: those whose weight is zero are left out."""
-        return np.asarray(self.samples.used[rows] & (self._row_weights(rows) > 0))
+    @property
+    def errors(self) -> FloatArray:
+        """Pseudo-errors (N, dof)."""
+        return self.residual * self.row_weights / self.slope
 
     def _with_slopes(self, hold_scale: bool) -> Iterate:
         """With the scales, unless held, and the means of ψ' over the samples that count."""
-        scale = self.scale if hold_scale else residual_scales(self.samples, self.values)
-        state, sums, counts = replace(self, scale=scale), np.zeros(len(scale)), np.zeros(len(scale))
-        for rows in row_blocks(len(self.samples)):
-            slopes, counting = (
-                self.score.slope(state._residual(rows) / scale),
-                state._counting(rows),
-            )
-            sums, counts = sums + (slopes * counting).sum(axis=0), counts + counting.sum(axis=0)
+        scale = self.scale if hold_scale else residual_scales(self.samples, self.residual)
+        state = replace(self, scale=scale)
+        counting = state.row_weights > 0
+        counts = counting.sum(axis=0).astype(float)
+        sums = (self.score.slope(self.residual / scale) * counting).sum(axis=0)
         slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
         if (slope < LEAST_SLOPE).any():
             raise DataError(
@@ -250,30 +248,8 @@ class Iterate:
             )
         return replace(state, counts=counts, slope=slope)
 
-    def _deviation_weights(self) -> FloatArray:
-        """Inverse deviations (dof,) of the pseudo-errors."""
-        problem, width = self.samples.problem, len(self.values)
-        squares = sum(
-            (self._errors(rows) ** 2).sum(axis=0) for rows in row_blocks(len(self.samples))
-        )
-        R = problem.weighted(self.weights)[:width, :width]
-        freedom = self.counts - leverages(problem, self.weights, R)
-        return inverse_deviations(problem, np.asarray(squares), freedom)
 
-    def _reweighted(self, rows: slice) -> FitProblem:
-        """Some samples, each row times the root of its weight."""
-        return self.samples.block_problem(rows, np.sqrt(self._row_weights(rows) / self.slope))
-
-    def _robustness(self) -> Robustness:
-        counts, low = self.samples.problem.samples, np.zeros(len(self.scale))
-        for rows in row_blocks(len(self.samples)):
-            low += ((self._row_weights(rows) < DOWN_WEIGHTED) & self.samples.used[rows]).sum(0)
-        present = counts > 0
-        share = np.where(present, low / np.maximum(counts, 1), np.nan)
-        return Robustness(np.where(present, self.scale, np.nan), share)
-
-
-def residual_scales(samples: FitSamples, values: FloatArray) -> FloatArray:
+def residual_scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
     """Standard deviations (dof,) of normal errors with the residuals' median size.
 
     Half of the samples may be outliers. Actuators without samples have scale 1.
@@ -281,14 +257,11 @@ def residual_scales(samples: FitSamples, values: FloatArray) -> FloatArray:
     Raises
     ------
     DataError
-        When more than half of an actuator's residuals are but round-off.
+        When more than half of an actuator's residuals (N, dof) are but round-off.
     """
-    residual, problem = samples.residual(values), samples.problem
-    scales = np.ones(len(samples.actuators))
+    problem, scales = samples.problem, np.ones(len(samples.actuators))
     for i in np.flatnonzero(problem.samples):
-        blocks = (residual[rows, i][samples.used[rows, i]] for rows in row_blocks(len(samples)))
-        sizes = spooled(np.abs(block) for block in blocks)
-        middle = median(sizes.__getitem__, len(sizes))
+        middle = float(np.median(np.abs(residual[samples.used[:, i], i])))
         scales[i] = max(middle / NORMAL_MEDIAN, samples.least_errors[i])
         if scales[i] <= ROUND_OFF * problem.force_rms[i]:
             raise DataError(

@@ -18,7 +18,6 @@ from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.quality import fit_quality
 from loopid.identification.result import FitResult, html_table, relative_deviation
 from loopid.parameters import ParameterSet
-from loopid.scratch import mapped_rows, row_blocks
 
 # Standard errors of a difference that make it clear.
 CLEARLY = 2.0
@@ -305,8 +304,7 @@ def _compared(
     if step is best:
         return step
     own, other = (_squares(validation, one.values, scale) for one in (step, best))
-    series = mapped_rows(lambda rows: own[rows] - other[rows], len(validation))
-    excess, error = _mean(validation, series, scale)
+    excess, error = _mean(validation, own - other, scale)
     return replace(step, excess=excess, excess_error=error)
 
 
@@ -316,44 +314,26 @@ def mean_squared_error(
     """Mean square of scaled residuals over samples and actuators, and its standard error.
 
     The squares of all actuators at one time are one number, in an autoregressive process; so no
-    independence is assumed, over time or between actuators.
-
-    Parameters
-    ----------
-    values : FloatArray
-        (n,).
-    scale : FloatArray
-        (dof,), times each residual; 0 leaves an actuator out.
+    independence is assumed, over time or between actuators. A scale of 0 leaves an actuator out.
     """
     return _mean(samples, _squares(samples, values, scale), scale)
 
 
 def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
     """Squared scaled residuals of all actuators together (N,)."""
-    residual, counted = samples.residual(values), scale > 0
-
-    def squares(rows: slice) -> FloatArray:
-        present = samples.used[rows] & counted
-        return np.asarray(((residual[rows] * scale) ** 2 * present).sum(axis=1))
-
-    return mapped_rows(squares, len(samples))
+    squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
 
 
 def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
     """Mean of a series (N,) by forces that count, and its standard error."""
-    counted = scale > 0
-    counts = mapped_rows(lambda rows: (samples.used[rows] & counted).sum(axis=1), len(samples))
-    total, sum_ = (
-        float(sum(part[rows].sum() for rows in row_blocks(len(samples))))
-        for part in (counts, series)
-    )
+    counts = (samples.used & (scale > 0)).sum(axis=1)
+    total = int(counts.sum())
     if not total:
         raise DataError("there is no validation sample of an actuator that was fitted")
-    mean = sum_ / total
-    errors = mapped_rows(lambda rows: series[rows] - mean * counts[rows], len(samples))
-    present = mapped_rows(lambda rows: counts[rows] > 0, len(samples))
+    mean, present = float(series.sum()) / total, counts > 0
     runs = run_lengths(present, samples.pieces)
-    model = Autoregression.of_covariances(burg_covariances(errors, runs))
+    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
     return mean, float(np.sqrt(model.sum_variance(present, samples.pieces))) / total
 
 
