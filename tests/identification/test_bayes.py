@@ -158,9 +158,9 @@ def test_what_neither_data_nor_prior_tell_is_refused():
     spread = np.array([1, 1, np.inf, 1, 1, 1])
     with pytest.raises(RankError, match=r"link2\.m"):
         quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, spread)))
-    told = quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, np.ones(6))))
-    assert told.values[2] == pytest.approx(MEAN[2])
-    assert told.standard_errors[2] == pytest.approx(1.0, rel=0.05)
+    known = quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, np.ones(6))))
+    assert known.values[2] == pytest.approx(MEAN[2])
+    assert known.standard_errors[2] == pytest.approx(1.0, rel=0.05)
 
 
 def test_what_is_no_prior_is_refused():

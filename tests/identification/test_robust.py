@@ -1,4 +1,4 @@
-"""Robust regression: what its definition, symmetry and a Monte Carlo with outliers ask of it."""
+"""Robust regression: its definition, symmetries, and coverage where there are outliers."""
 
 import numpy as np
 import pytest

@@ -97,7 +97,7 @@ def test_the_fewest_that_are_not_clearly_worse_are_chosen():
     assert all(step.excess > allowed[id(step)] for step in fewer)
 
 
-def test_what_no_step_explains_does_not_count_as_doubt():
+def test_what_no_step_explains_does_not_count_as_uncertainty():
     training, validation = make_data(1)
     found = eliminate(training, validation)
     # A disturbance of the validation data that is far from all regressors.

@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.scratch import row_blocks
 
-# Keeps errors that hardly return to zero from never returning.
+# Keeps models of very slow errors stationary.
 LARGEST_REFLECTION = 0.9999
 LARGEST_ORDER = 20
 # Pairs of samples that each further coefficient must rest on.

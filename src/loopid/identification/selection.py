@@ -289,8 +289,8 @@ def _allowed(step: ReductionStep, best: ReductionStep) -> float:
     explains makes all of them uncertain; so also two of the difference, which is not. Less than a
     difference of no consequence is never asked for.
     """
-    doubt = min(best.standard_error, CLEARLY * step.excess_error)
-    return max(doubt, NO_CONSEQUENCE * best.validation_error)
+    uncertainty = min(best.standard_error, CLEARLY * step.excess_error)
+    return max(uncertainty, NO_CONSEQUENCE * best.validation_error)
 
 
 def _compared(
