@@ -12,7 +12,7 @@ from loopid.consistency import pseudo_inertia
 from loopid.errors import DataError, RobotFileError
 from loopid.export.inertias import require_feasible
 from loopid.export.sharing import shared, shared_at_rest
-from loopid.loading.closures import link_frames
+from loopid.loading import link_frames
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.robot import Body, Mechanism, tie_matrix
 
