@@ -91,14 +91,13 @@ def test_the_model_of_the_errors_is_found():
 
 def test_slow_errors_are_reported_in_one_sentence():
     W, rng = smooth_regressor(samples=2000), np.random.default_rng(0)
-    errors = autoregressive(rng, (2000, 2), 0.95) * [0.1, 0.0] + rng.normal(size=(2000, 2)) * [
-        0,
-        0.1,
-    ]
+    errors = 0.1 * rng.normal(size=(2000, 2))
+    errors[:, 0] = 0.1 * autoregressive(rng, (2000,), 0.95)
     samples = named_samples(W, W @ TRUTH + errors)
     with pytest.warns(CorrelationWarning) as caught:
         result = fit(samples)
-    (message,) = [str(warning.message) for warning in caught]
+    (warning,), message = caught, str(caught[0].message)
+    assert warning.filename == __file__
     assert message.startswith("autocorrelated residuals of a (lag-one autocorrelation 0.9")
     assert f"{result.noise.effective_samples[0]:.0f} effective of 2000 samples" in message
     assert "times as wide" in message

@@ -122,8 +122,8 @@ def warn_of_insignificant(result: FitResult) -> None:
     stds = dict(zip(result.parameters.labels, result.relative_std, strict=True))
     listed = ", ".join(f"{name} ({stds[name]:.0f} %)" for name in names)
     warn(
-        f"{len(names)} of {len(stds)} parameters are not significant, as their 95 % intervals "
-        f"include zero (relative standard deviation): {listed}",
+        f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
+        f"their relative standard deviation: {listed}",
         ExcitationWarning,
     )
 

@@ -28,7 +28,7 @@ from loopid.identification.least_squares import (
 )
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.quality import Robustness, fit_quality
-from loopid.scratch import row_blocks
+from loopid.scratch import mapped_rows, row_blocks
 from loopid.threads import one_blas_thread
 
 ITERATIONS = 200
@@ -186,9 +186,8 @@ class Iterate:
             R = problem.weighted(state.weights)[:-1, :-1]
             freedom = state.counts - leverages(problem, state.weights, R)
             weights = inverse_deviations(problem, (state.errors**2).sum(axis=0), freedom)
-            roots, blocks = np.sqrt(state.row_weights / state.slope), row_blocks(len(samples))
-            reweighted = FitProblem.combined(samples.block_problem(b, roots[b]) for b in blocks)
-            values, _ = solved(reweighted, weights)
+            blocks = map(state._reweighted, row_blocks(len(samples)))
+            values, _ = solved(FitProblem.combined(blocks), weights)
             step = problem.factors[:, :, :-1] @ (values - state.values)
             moved = np.sqrt((step**2).sum(axis=1) / len(samples))
             state = replace(state, values=values, weights=weights)
@@ -204,8 +203,9 @@ class Iterate:
 
         These would look like samples without error, and spoil the model of autocorrelation.
         """
-        force, used = self.samples.predicted(self.values) + self.errors, self.row_weights > 0
-        working = replace(self.samples, force=frozen(force), used=frozen(used, np.bool_))
+        force = self.samples.predicted(self.values) + self.errors
+        used = frozen(self.row_weights > 0, np.bool_)
+        working = replace(self.samples.with_force(force), used=used)
         values, R = solved(working.problem, self.weights)
         result = result_of(self.score.name, working.problem, values, R, self.weights, 1.0)
         counts, low = self.samples.problem.samples, (self.row_weights < DOWN_WEIGHTED)
@@ -225,12 +225,21 @@ class Iterate:
     @cached_property
     def row_weights(self) -> FloatArray:
         """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
-        return self.score.weight(self.residual / self.scale) * self.samples.used
+        residual, used = self.residual, self.samples.used
+
+        def weights(rows: slice) -> FloatArray:
+            return self.score.weight(residual[rows] / self.scale) * used[rows]
+
+        return mapped_rows(weights, len(residual))
 
     @property
     def errors(self) -> FloatArray:
         """Pseudo-errors (N, dof)."""
         return self.residual * self.row_weights / self.slope
+
+    def _reweighted(self, rows: slice) -> FitProblem:
+        """Some samples, each row times the root of its weight."""
+        return self.samples.block_problem(rows, np.sqrt(self.row_weights[rows] / self.slope))
 
     def _with_slopes(self, hold_scale: bool) -> Iterate:
         """With the scales, unless held, and the means of ψ' over the samples that count."""
