@@ -132,7 +132,7 @@ def test_rows_without_a_motor_identify_what_no_motor_feels(model_of, fallen):
     # A cart feels how its pole's weight moves, but not what it takes to turn the pole.
     model = model_of("cart")
     recording = noisy(fallen("cart", 1), 1, np.random.default_rng(2))
-    with pytest.raises(RankError, match=r"do not show pole\.Iyy at all"):
+    with pytest.raises(RankError, match=r"do not excite pole\.Iyy at all"):
         quiet_fit(model.samples(motors_alone(recording, model.mechanism)))
     found = quiet_fit(model.samples(recording))
     place = found.parameters.labels.index("pole.Iyy")

@@ -176,7 +176,7 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
     bodies = [knee_model.parameters.labels[j] for j in knee_model.body_columns]
     weak = [label for label in bodies if label in str(caught[0].message)]
     assert len(weak) >= 12
-    assert set(weak) <= set(found.fit.unsupported())
+    assert set(weak) <= set(found.fit.insignificant())
     told = found.identifiability
     assert str(caught[1].message) == told.weak_message
     assert told.weak_message.startswith(f"{len(told.weak)} of 23 combinations")
@@ -319,7 +319,7 @@ def test_an_identification_says_what_it_took_from_the_robot_file(crank_model, cr
     told, places = found.identifiability, {str(each.message): each.filename for each in caught}
     assert places[told.unidentifiable_message] == places[told.weak_message] == __file__
     assert found.fit.assumed == told.assumed
-    assert set(found.fit.assumed) <= set(found.fit.unsupported())
+    assert set(found.fit.assumed) <= set(found.fit.insignificant())
     assert "right_crank_joint.Fc" in found.fit.assumed
     found.fit.save(tmp_path / "fit.yaml")
     assert FitResult.load(tmp_path / "fit.yaml").assumed == found.fit.assumed
@@ -404,7 +404,7 @@ def test_the_first_part_predicts_the_rest_better_than_the_robot_file(logged):
 
 
 def test_what_is_not_significant_is_named(logged):
-    weak = logged.fit.unsupported()
+    weak = logged.fit.insignificant()
     assert len(weak) >= 5
     errors = dict(zip(logged.fit.parameters.labels, logged.fit.standard_errors, strict=True))
     # Intervals of the weakest exceed what such a link can have by far: they say so.

@@ -114,7 +114,7 @@ def blaming(identification):
 def test_parameters_that_are_not_significant_are_named(identification):
     worse = judged(identification, full={"error_ratio": (1.5, 0.1)})
     assert not worse.candidates[1].beats_baseline
-    weak = identification.fit.unsupported()
+    weak = identification.fit.insignificant()
     assert 0 < len(weak) < len(identification.fit.values)
     assert blaming(worse).endswith(f": {', '.join(weak)}.")
 
@@ -122,7 +122,7 @@ def test_parameters_that_are_not_significant_are_named(identification):
 def test_nobody_is_blamed_where_all_parameters_are_sure(identification):
     fit = identification.fit
     sure = replace(identification, fit=replace(fit, covariance=1e-12 * fit.covariance))
-    assert sure.fit.unsupported() == ()
+    assert sure.fit.insignificant() == ()
     assert "none alone" in blaming(judged(sure, full={"error_ratio": (1.5, 0.1)}))
     assert blaming(judged(sure, full={"error_ratio": (0.5, 0.1)})) == ""
 

@@ -25,15 +25,16 @@ from loopid.errors import DataError, RankError
 from loopid.experiment.exciting_motion import ExcitingMotion, MotionSearch, first_best
 from loopid.experiment.force_model import ForceModel, body_sizes
 from loopid.identification import (
+    LEAST_EXCITATION,
     Estimator,
     FitProblem,
     FitResult,
     FitSamples,
     OrdinaryLeastSquares,
+    excited_rank,
     fit_quality,
     quiet_fit,
 )
-from loopid.identification.excitation import LEAST_EXCITATION, excited_rank
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.scratch import mapped_rows, row_blocks

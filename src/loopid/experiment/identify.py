@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,15 +26,17 @@ from loopid.identification import (
     FitResult,
     FitSamples,
     InstrumentalVariables,
+    Reduction,
     WeightedLeastSquares,
+    chosen_estimator,
+    eliminate,
     fit,
     fit_in_steps,
+    html_table,
     quiet_fit,
+    warn_of_insignificant,
 )
-from loopid.identification.excitation import warn_of_unsupported
-from loopid.identification.fitting import chosen_estimator
 from loopid.logs import Recording
-from loopid.reduction import Reduction, eliminate
 from loopid.trajectories import JointMotion
 
 if TYPE_CHECKING:
@@ -95,12 +96,13 @@ class Identification:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        rows = [("parameters", "fitted", "squared error on new data, of the robot file's")]
-        for each in self.candidates:
-            rows.append((each.name, str(each.fitted), "{:.2f} ± {:.2f}".format(*each.error_ratio)))
-        cells = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)
-        table = "".join(f"<tr>{row}</tr>" for row in cells)
-        return f"<p>{escape(repr(self).splitlines()[0])}</p><table>{table}</table>"
+        head = (
+            "candidate",
+            "parameters fitted",
+            "squared error on new data, of the robot file's",
+            "±",
+        )
+        return html_table(head, [(c.name, c.fitted, *c.error_ratio) for c in self.candidates])
 
     @property
     def baseline(self) -> Candidate:
@@ -225,7 +227,7 @@ def identify(
         fitted = fit_in_steps(first, samples, known, chosen)
     elif found.unidentifiable and not isinstance(chosen, BayesianRidge):
         fitted = fit_excited(samples, force_model.prior, excitation, chosen)
-        warn_of_unsupported(fitted)
+        warn_of_insignificant(fitted)
     else:
         try:
             fitted = fit(samples, chosen)

@@ -137,7 +137,7 @@ def findings(found: Identification) -> list[str]:
     if found.consistent is not None:
         said += _consistent_findings(found.consistent)
     said += [_verdict(candidate) for candidate in found.candidates[1:]]
-    insignificant = found.fit.unsupported()
+    insignificant = found.fit.insignificant()
     if insignificant or not found.candidates[1].beats_baseline:
         said.append(
             "Of all parameters together, these are not significant (the 95 % interval includes "
