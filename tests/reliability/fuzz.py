@@ -66,8 +66,8 @@ WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "npz": ".npz", "c": ""}
 # How many of them, the first ones, are sound for all robots or nearly so.
 VALID = {
     "model": 3, "terms": 4, "estimator": 6, "unidentifiable": 2, "consistent": 3,
-    "prior_deviation": 2, "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2, "cutoff": 2, "train": 2,
-    "rate": 2, "margin": 2, "jobs": 7,
+    "prior_deviation": 2, "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2,
+    "cutoff": 2, "train": 2, "rate": 2, "margin": 2, "jobs": 7,
 }  # fmt: skip
 
 
