@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray, frozen
+from loopid.arrays import ComparedByFields, FloatArray, frozen
 from loopid.consistency.record import fields_of, record_of
-from loopid.identification.comparison import ComparedByFields
 from loopid.identification.storage import Saved, read_record
 from loopid.parameters import ParameterSet
 

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.identification.noise import NoiseModel
-from loopid.identification.quality import Quality
-from loopid.identification.robustness import Robustness
+from loopid.identification.quality import NoiseModel, Quality, Robustness
 from loopid.identification.storage import fields_in
 from loopid.parameters import Parameter, ParameterSet
 
