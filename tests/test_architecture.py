@@ -19,6 +19,7 @@ STREET = (
     "triangular",
     "order_statistics",
     "parameters",
+    "pseudo_inertia",
     "lengths",
     "regions",
     "observation",
