@@ -9,7 +9,7 @@ import yourdfpy
 
 URDF = Path(__file__).parents[2] / "urdf"
 BASE_KEYS = {
-    "robot",
+    "mechanism",
     "model",
     "standard_parameters",
     "nonzero_parameters",

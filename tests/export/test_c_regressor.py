@@ -28,8 +28,8 @@ from loopid.export.codegen.compiled import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.scaling import row_scales
-from loopid.robot import Body
 from loopid.regressors import motion_parameters, motion_regressor
+from loopid.robot import Body
 
 pytestmark = [
     pytest.mark.skipif(

@@ -48,7 +48,7 @@ def test_bundled_robots_round_trip(tmp_path, urdf_folder, load_once, robot, mode
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
-    "robot",
+    "mechanism",
     ["ur_description/urdf/ur10_robot.urdf", "panda_description/urdf/panda.urdf",
      "double_pendulum_description/urdf/double_pendulum.urdf",
      "anymal_b_simple_description/robots/anymal.urdf"],

@@ -26,10 +26,10 @@ from loopid.cli.console import (
     show,
 )
 from loopid.loading import second_opinion
-from loopid.robot import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
 from loopid.report import base_record, base_tables, check_record, check_tables
+from loopid.robot import named_lengths
 
 
 def check(

@@ -30,8 +30,8 @@ from loopid.export.written import (
 )
 from loopid.loading.mjcf.compiling import compile_mjcf
 from loopid.loading.mjcf.names import Names, read_names
-from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet
+from loopid.robot import Mechanism
 
 ORIENTATIONS = {"quat", "axisangle", "xyaxes", "zaxis", "euler"}
 # Attributes of <compiler> that have the last word on inertias.

@@ -13,8 +13,8 @@ from loopid.export.urdf_inertials import read_inertials, rewritten
 from loopid.export.written import require_faithful
 from loopid.files import write_file
 from loopid.loading.tree_file import MJCF, find_files
-from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet
+from loopid.robot import Mechanism
 
 
 @checked

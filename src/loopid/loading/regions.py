@@ -20,9 +20,9 @@ from loopid.errors import DataError, ModelWarning, OptionError, RobotFileError
 from loopid.loading.shapes import shape_points
 from loopid.loading.tree_file import find_files
 from loopid.loading.urdf.markup import Element, naming, numbers, parse_xml, required
+from loopid.regions import Region
 from loopid.robot import Mechanism
 from loopid.robot.identical import in_groups
-from loopid.regions import Region
 
 
 @checked

@@ -11,10 +11,10 @@ from loopid.kinematics.blocks import in_blocks
 from loopid.kinematics.layout import joint_layout
 from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
 from loopid.kinematics.tree import tree_motion, tree_pose
-from loopid.robot import Mechanism
-from loopid.robot.identical import tie_indices
 from loopid.regressors.bodies import moving_columns, resting_columns
 from loopid.regressors.tree import tree_regressor
+from loopid.robot import Mechanism
+from loopid.robot.identical import tie_indices
 
 
 @checked

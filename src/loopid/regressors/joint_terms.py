@@ -14,8 +14,8 @@ from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics.motion import ClosedMotion
-from loopid.robot import Mechanism
 from loopid.parameters import Parameter, ParameterSet
+from loopid.robot import Mechanism
 
 # Units for a sliding and for a turning joint.
 JOINT_KINDS = {

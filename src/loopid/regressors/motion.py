@@ -7,10 +7,10 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics.motion import ClosedMotion
-from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet, model_kinds
 from loopid.regressors.closed_loop import moving_regressor, resting_regressor
 from loopid.regressors.joint_terms import JointTerms
+from loopid.robot import Mechanism
 
 
 @checked

@@ -10,8 +10,8 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError
 from loopid.kinematics.motion import closed_motion
-from loopid.robot import Mechanism
 from loopid.regressors.tree import tree_regressor
+from loopid.robot import Mechanism
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, random_motions
 from loopid.kinematics.sampling import configuration_batches
-from loopid.robot import Mechanism
 from loopid.observation import Observation
 from loopid.progress import Progress
 from loopid.regressors.closed_loop import gravity_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion import motion_parameters, motion_regressor
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
 LEAST_SAMPLES = 100

@@ -7,8 +7,8 @@ import pinocchio as pin
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
-from loopid.robot import Mechanism, tie_matrix
 from loopid.parameters import model_kinds
+from loopid.robot import Mechanism, tie_matrix
 
 
 @checked

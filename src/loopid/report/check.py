@@ -15,8 +15,8 @@ from loopid.kinematics import (
 )
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.loading import SecondReading
-from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.report.style import plain_table
+from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 
 
 def check_record(mechanism: Mechanism, second: SecondReading | None = None) -> dict[str, Any]:

@@ -6,9 +6,9 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
+from loopid.parameters import KINDS
 from loopid.robot.identical import LinkGroup
 from loopid.robot.mechanism import Mechanism
-from loopid.parameters import KINDS
 
 ALIKE = 1e-4  # relative to the largest of the group; robot files are rounded
 

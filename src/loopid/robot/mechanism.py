@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.robot.body import Body
 from loopid.robot.closure import JointCoupling, LoopClosure
 from loopid.robot.identical import LinkGroup, tie_indices, tied_names
 from loopid.robot.platform import Platform
 from loopid.robot.tree import Tree
-from loopid.parameters import KINDS, ParameterSet, model_kinds
 
 
 @dataclass(frozen=True)

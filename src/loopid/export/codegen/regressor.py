@@ -9,10 +9,10 @@ import numpy as np
 
 from loopid.experiment import ForceModel
 from loopid.export.codegen.tree import Frame, tree_frames
-from loopid.robot import Mechanism
-from loopid.robot.identical import tie_indices
 from loopid.parameters import KINDS, Parameter, model_kinds
 from loopid.regressors import JointTerms
+from loopid.robot import Mechanism
+from loopid.robot.identical import tie_indices
 
 
 def base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:

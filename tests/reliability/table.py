@@ -1,16 +1,25 @@
-"""Commands that the table of docs/reliability.md shows: one thing wrong in each."""
+"""The table of docs/reliability.md, written anew by ``python tests/reliability/table.py``.
+
+Each command has one thing wrong; the table shows the answer.
+"""
 
 import gzip
 import os
+import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from fuzz_material import Material
-from spoilt_bytes import ENTITIES, LAUGHS
+import beside_tests  # noqa: F401
+from fuzz import Call, run
+from material import ENTITIES, LAUGHS, Material
 
 Shown = Iterator[tuple[str, list[Any]]]
+PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
+START, END = "<!-- table: table.py -->", "<!-- end of the table -->"
+LONGEST = 170
 
 
 def commands(material: Material, random: Random) -> Shown:
@@ -140,3 +149,35 @@ def _outputs(material: Material) -> Shown:
     taken = _written(material, "taken", "mine\n")
     for tried, place in {"a file": taken, "a place below a file": taken / "deeper"}.items():
         yield f"`identify --out`: {tried}", ["identify", robot, log, "--out", place]
+
+
+def table(folder: Path) -> str:
+    """The table in Markdown."""
+    lines = ["| input tried | answer given |", "|---|---|"]
+    for tried, words in commands(Material(folder), Random(0)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = run(Call(0, tuple(map(str, words))), folder)
+        answer = found.errors[0].removeprefix("loopid: error: ") if found.errors else found.err
+        answer = answer.strip().splitlines()[-1] if answer.strip() else "is answered"
+        answer = answer.replace(f"{folder}/", "").replace(str(folder), ".")
+        lines.append(f"| {_cell(tried)} | {_cell(answer)} |")
+    return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    text = text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    return text.replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
+
+
+def page_with(text: str, page: str) -> str:
+    """A page with its table replaced."""
+    before, _, rest = page.partition(START)
+    _, _, after = rest.partition(END)
+    return f"{before}{START}\n{text}\n{END}{after}"
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        page = page_with(table(Path(folder)), PAGE.read_text())
+    PAGE.write_text(page)
