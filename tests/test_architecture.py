@@ -36,6 +36,7 @@ STREET = (
     "consistency",
     "reduction",
     "experiment",
+    "saved",
     "export",
     "paper",
     "report",

@@ -11,9 +11,9 @@ import pytest
 
 from loopid import JointTerms
 from loopid.experiment import find_force_model, identify, split_recordings
-from loopid.identification import FitResult
 from loopid.logs import prepare_recording, read_log
 from loopid.report import identification_record
+from loopid.saved import read_fit
 from made_runs import friction, logged, wander
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
@@ -45,7 +45,7 @@ def test_several_processes_say_the_same(run_json, run, logs, record):
 
 
 def test_friction_and_gravity_are_found(record, friction_values):
-    found = {entry["name"]: entry for entry in record["fit"]["parameters"]}
+    found = {entry["name"]: entry for entry in record["fit"]["base_parameters"]}
     for name, value in friction_values.items():
         assert found[name]["value"] == pytest.approx(value, rel=0.1)
     assert record["mechanism"] == "3ups_rpu"
@@ -78,7 +78,7 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
         for kind in ("svg", "png")
     }
     assert names == {"report.md", "identification.json", "parameters.yaml", *pictures}
-    loaded = FitResult.load(out / "parameters.yaml")
+    loaded = read_fit(out / "parameters.yaml")
     saved = json.loads((out / "identification.json").read_text())
     assert loaded.record() == saved["fit"]
     for label in loaded.parameters.labels:
@@ -95,7 +95,7 @@ def arm(run_json, arm_files):
 
 def fitted(record):
     """Estimates by name."""
-    return {entry["name"]: entry["value"] for entry in record["fit"]["parameters"]}
+    return {entry["name"]: entry["value"] for entry in record["fit"]["base_parameters"]}
 
 
 def test_results_are_replaced_by_the_next_run(run, arm_files, tmp_path):
@@ -103,7 +103,7 @@ def test_results_are_replaced_by_the_next_run(run, arm_files, tmp_path):
     for terms in ("none", "Fc,Fv"):
         assert run("identify", robot, log, "--out", tmp_path, "--terms", terms).code == 0
     saved = json.loads((tmp_path / "identification.json").read_text())
-    assert len(saved["fit"]["parameters"]) == 8
+    assert len(saved["fit"]["base_parameters"]) == 8
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
     mode = stat.S_IMODE((tmp_path / "report.md").stat().st_mode)
     (tmp_path / "plain").write_text("")
@@ -135,7 +135,8 @@ def test_several_logs_count_together(arm, arm_files):
     assert [part["name"] for part in two["training"]] == ["run", "other"]
     assert [part["name"] for part in two["validation"]] == ["run", "other"]
     errors = [
-        [entry["standard_error"] for entry in record["fit"]["parameters"]] for record in (two, one)
+        [entry["standard_error"] for entry in record["fit"]["base_parameters"]]
+        for record in (two, one)
     ]
     assert all(both < alone for both, alone in zip(*errors, strict=True))
 
@@ -164,8 +165,8 @@ def test_terms_are_those_that_are_named(arm):
 
 def test_the_estimator_is_an_option(arm):
     found = arm("--estimator", "ols")
-    assert found["fit"]["estimator"] == "ols"
-    assert {actuator["weight"] for actuator in found["fit"]["actuators"]} == {1.0}
+    assert found["fit"]["estimate"]["estimator"] == "ols"
+    assert set(found["fit"]["estimate"]["weights"]) == {1.0}
 
 
 def test_the_full_model_with_drives_is_an_option(arm):
@@ -290,5 +291,5 @@ def test_a_real_log_is_identified(run_json, shared):
     folder = shared / "data" / "upv" / "logs" / "exp_18_12_2020-12_36_29"
     found = run_json("identify", "3ups_rpu", folder)
     assert found["training"][0]["name"] == Path(folder).name
-    assert len(found["fit"]["parameters"]) == 23
-    assert all(entry["value"] is not None for entry in found["fit"]["parameters"])
+    assert len(found["fit"]["base_parameters"]) == 23
+    assert all(entry["value"] is not None for entry in found["fit"]["base_parameters"])

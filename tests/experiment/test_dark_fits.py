@@ -11,7 +11,8 @@ from loopid.errors import ExcitationWarning, OptionError, RankError
 from loopid.experiment import cad_prior, data_support, find_force_model, identify
 from loopid.experiment.excited import Excited
 from loopid.experiment.supported_fit import fit_supported
-from loopid.identification import BayesianRidge, FitResult, fit, quiet_fit
+from loopid.identification import BayesianRidge, fit, quiet_fit
+from loopid.saved import read_fit, save_fit
 from made_runs import modelled, wander
 
 DRAWS = 100
@@ -124,8 +125,7 @@ def test_an_identification_says_what_it_took_from_the_robot_file(model, data, tm
     assert found.fit.assumed == found.support.assumed
     assert set(found.fit.assumed) <= set(found.fit.unsupported())
     assert "right_crank_joint.Fc" in found.fit.assumed
-    found.fit.save(tmp_path / "fit.yaml")
-    assert FitResult.load(tmp_path / "fit.yaml").assumed == found.fit.assumed
+    assert read_fit(save_fit(tmp_path / "fit.yaml", model, found.fit)).result == found.fit
     assert found.candidates[1].fitted == found.support.rank
     # What data do not show is not among the corrections that they support.
     labels = found.reduction.result.parameters.labels

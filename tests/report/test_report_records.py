@@ -14,6 +14,7 @@ from loopid.base_parameters.expressions import expression
 from loopid.report import base_record, check_record, identification_record, motions_record
 from loopid.report.base import certificate
 from loopid.robot import named_lengths
+from loopid.saved import SavedFit
 from loopid.trajectories import JointRange, MotionReview
 
 
@@ -102,7 +103,7 @@ def test_an_identification_is_recorded_whole(identification):
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["supported"], found.supported.values)
-    assert record["fit"] == found.fit.record()
+    assert record["fit"] == SavedFit.of(model, found.fit).record()
     corrected = [model.parameters.labels[j] for j in found.reduction.columns]
     assert record["supported_corrections"] == corrected
 

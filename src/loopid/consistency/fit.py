@@ -296,7 +296,8 @@ def consistent_parameters(
         whitening, rows, aim = _equations(base, target, whitening)
         if not attainable(whitening, rows, aim):
             stiff = STIFFNESS * rows, STIFFNESS * aim
-            near = minimise(ConvexProblem.of(whitening, *stiff, "riemannian", 1.0))
+            convex = ConvexProblem.of(whitening, *stiff, "riemannian", 1.0)
+            near = minimise(convex, refuse=False)
             raise FeasibilityError(_conflict(base, target, whitening, near))
         convex = ConvexProblem.of(whitening, rows, aim, regularisation, 1.0)
         unknowns = minimise(convex, exact=True)

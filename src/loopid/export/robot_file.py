@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, OutputError
-from loopid.export.bodies import updated_links
-from loopid.export.urdf_inertials import read_inertials, rewritten
-from loopid.export.written import require_faithful
+from loopid.export.urdf import updated_urdf
 from loopid.files import write_file
 from loopid.loading.tree_file import MJCF, find_files
 from loopid.parameters import ParameterSet
@@ -47,10 +44,10 @@ def updated_robot_file(
     """
     tree = find_files(mechanism.path).tree
     if tree.suffix in MJCF:
-        from loopid.export.mjcf_inertials import updated_mjcf  # here, as it needs MuJoCo
+        from loopid.export.mjcf import updated_mjcf  # here, as it needs MuJoCo
 
         return updated_mjcf(mechanism, tree, standard_parameters, parameters)
-    return _updated_urdf(mechanism, tree, standard_parameters, parameters)
+    return updated_urdf(mechanism, tree, standard_parameters, parameters)
 
 
 @checked
@@ -90,18 +87,3 @@ def export_robot_file(
         raise OutputError(f"{path} is the robot's own file: ask for overwriting, or name another")
     write_file(place, updated_robot_file(mechanism, standard_parameters, parameters))
     return place
-
-
-def _updated_urdf(
-    mechanism: Mechanism, tree: Path, values: FloatArray, parameters: ParameterSet | None
-) -> bytes:
-    old = read_inertials(tree)
-    inertias = {name: inertial.inertia for name, inertial in old.items()}
-    new = updated_links(mechanism, inertias, values, parameters)
-    content = rewritten(tree.read_bytes(), old, new)
-    with TemporaryDirectory() as folder:
-        draft = Path(folder, tree.name)
-        draft.write_bytes(content)
-        read = read_inertials(draft)
-    require_faithful(tree, inertias | new, {name: found.inertia for name, found in read.items()})
-    return content

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,9 +13,7 @@ from loopid.identification.estimate import Estimate
 from loopid.identification.noise import NoiseModel
 from loopid.identification.problem import FitProblem
 from loopid.identification.quality import Quality, fit_quality
-from loopid.identification.record import fields_of, record_of
 from loopid.identification.robustness import Robustness
-from loopid.identification.storage import Saved, read_record
 from loopid.parameters import ParameterSet
 
 # Fewer degrees of freedom tell no interval.
@@ -25,7 +21,7 @@ LEAST_FREEDOM = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class FitResult(ComparedByFields, Saved):
+class FitResult(ComparedByFields):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -139,23 +135,6 @@ class FitResult(ComparedByFields, Saved):
         if problem.parameters != self.parameters or problem.actuators != self.actuators:
             raise DataError("validation data must have the parameters and actuators of the fit")
         return fit_quality(problem, self.values)
-
-    def record(self) -> dict[str, Any]:
-        """All of it in plain numbers, lists and texts; None for what is not finite."""
-        return record_of(self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> FitResult:
-        """Read a result that was saved.
-
-        Raises
-        ------
-        MissingFileError
-            When there is no such file.
-        DataError
-            When it is no saved result.
-        """
-        return cls(**fields_of(read_record(path), path))
 
     def __str__(self) -> str:
         return "\n".join(str(estimate) for estimate in self.estimates)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -80,7 +81,13 @@ def load_mechanism(
     except MobilityError as error:
         raise MobilityError(f"{file}: {error}") from error
     warn_of_findings(*closed, tree, motors_given=description.name_mot is not None)
-    return closed.mechanism
+    options = {
+        "lock": tuple(lock),
+        "floating_base": floating_base,
+        "free_mimics": free_mimics,
+        "tied": tied,
+    }
+    return replace(closed.mechanism, options=options)
 
 
 def _require_motors(mechanism: Mechanism) -> None:

@@ -10,13 +10,14 @@ from loopid.experiment import Candidate, Identification
 from loopid.experiment.candidate import NO_DIFFERENCE
 from loopid.identification import Quality
 from loopid.logs import Recording
-from loopid.report.identify_consistent import consistent_record, consistent_sentences
+from loopid.report.identify_consistent import consistent_sentences
 from loopid.report.identify_support import support_record, support_sentences
+from loopid.saved import SavedFit
 
 
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
-    model = found.force_model
+    model, consistent = found.force_model, found.consistent
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -25,9 +26,9 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
         "robot_file": [float(value) for value in model.prior],
-        "fit": found.fit.record(),
+        "fit": SavedFit.of(model, found.fit).record(),
         "support": support_record(found.support),
-        "consistent": consistent_record(found.consistent),
+        "consistent": consistent and SavedFit.of(model, consistent).record(),
         "supported": [float(value) for value in found.supported.values],
         "supported_corrections": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],

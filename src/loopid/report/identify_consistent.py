@@ -1,8 +1,8 @@
-"""Bodies that can exist, as an identification found them: table and sentences."""
+"""Physically consistent bodies, as an identification found them: table and sentences."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -12,15 +12,10 @@ if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
 
 
-def consistent_record(found: ConsistentFit | None) -> dict[str, Any] | None:
-    """All of it, ready for JSON."""
-    return None if found is None else found.record()
-
-
 def consistent_table(found: ConsistentFit) -> Table:
     """A row a body."""
     columns = "body", ">mass (kg)", ">centre of mass (m)", ">margin"
-    table = plain_table(f"bodies that can exist ({found.regularisation})", *columns)
+    table = plain_table(f"physically consistent bodies ({found.regularisation})", *columns)
     for row in found.rows:
         centre = ", ".join(f"{row[axis]:.4g}" for axis in "xyz")
         table.add_row(row["body"], f"{row['mass']:.4g}", centre, f"{row['margin']:.2g}")
@@ -28,15 +23,19 @@ def consistent_table(found: ConsistentFit) -> Table:
 
 
 def consistent_sentences(found: ConsistentFit) -> list[str]:
-    """Whether bodies have the fitted parameters, and what it costs that they do."""
-    have = "There are bodies" if found.feasible else "No bodies that can exist are there"
+    """Whether consistent bodies have the fitted parameters, and what consistency costs."""
+    have = "have" if found.feasible else "cannot have"
     cost = 100 * (found.fit_cost.total - 1)
     said = [
-        f"{have} with exactly the base parameters of the fit; the nearest to the robot file that "
-        f"fit the data raise the weighted residual by {cost:.2g} %."
+        f"Physically consistent bodies {have} exactly the base parameters of the fit; those fitted "
+        f"to the data, near the robot file, raise the weighted residual by {cost:.2g} %."
     ]
     if found.boundary:
-        said.append(f"The data pull {', '.join(found.boundary)} to the edge of what can exist.")
+        said.append(
+            f"The data pull {', '.join(found.boundary)} to the boundary of what is consistent."
+        )
     if found.repaired:
-        said.append(f"In the robot file {', '.join(found.repaired)} cannot exist: mended.")
+        said.append(
+            f"The robot file is not physically consistent in {', '.join(found.repaired)}: repaired."
+        )
     return said

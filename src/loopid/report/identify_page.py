@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 from loopid.experiment import Identification
-from loopid.identification.storage import record_text
 from loopid.report.identify import identification_record
 from loopid.report.identify_figures import identification_figures
 from loopid.report.identify_tables import identification_tables
 from loopid.report.markdown import markdown_table
+from loopid.saved import SavedFit
 
 CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
@@ -19,16 +21,22 @@ CAPTIONS = {
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and result, by file name."""
-    bodies = {}
-    if found.consistent is not None:
-        name = "standard_parameters.yaml"
-        bodies[name] = record_text(name, found.consistent.record())
+    record = identification_record(found)
     return {
         "report.md": identification_page(found),
-        "identification.json": record_text("identification.json", identification_record(found)),
-        "parameters.yaml": record_text("parameters.yaml", found.fit.record()),
-        **bodies,
+        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
+        **saved_files(found),
         **identification_figures(found),
+    }
+
+
+def saved_files(found: Identification) -> dict[str, bytes | str]:
+    """The files that ``read_fit`` and ``loopid export`` read, by name."""
+    saved = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
+    return {
+        name: SavedFit.of(found.force_model, fit).content(name)
+        for name, fit in saved.items()
+        if fit is not None
     }
 
 
