@@ -34,7 +34,6 @@ SOLVED, LARGEST_GAP = ("Solved", "AlmostSolved"), 1e-6
 DEPTH = 1e-6
 ROUND_OFF = 1e-12  # of equations whose rows and targets are of size one
 Block = tuple[slice, FloatArray]  # unknowns, and what they are multiplied by
-NUDGES = (0.0, *10.0 ** np.arange(-9, -1))
 
 
 def minimise(problem: ConvexProblem, exact: bool = False, refuse: bool = True) -> FloatArray:
