@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from html import escape
 from importlib.metadata import version
@@ -40,9 +40,9 @@ from loopid.consistency import ConsistentFit, FitCost, consistent_parameters
 from loopid.errors import DataError, MissingFileError, OptionError
 from loopid.experiment import ForceModel
 from loopid.files import why_no_file, write_file
-from loopid.identification import FitResult, NoiseModel, Quality, Robustness
+from loopid.identification import Estimate, FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics import closed_motion, constraint_residual, random_configurations
-from loopid.loading.tree_file import find_files
+from loopid.loading import find_files
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import (
     JointTerms,
@@ -251,11 +251,12 @@ class SavedFit(_Record):
             When the fit is not one of these parameters.
         """
         base, mechanism, fitted = model.base, model.mechanism, model.parameters
-        covariance, estimates = None, [None] * len(base)
-        standard: list[float | None] = [None] * len(base.parameters)
+        covariance = None
+        estimates: Sequence[Estimate | None] = [None] * len(base)
+        standard: Sequence[float | None] = [None] * len(base.parameters)
         if isinstance(fit, FitResult):
             fitted, values, covariance = fit.parameters, fit.values, fit.covariance
-            estimates = list(fit.estimates)
+            estimates = fit.estimates
         elif isinstance(fit, ConsistentFit):
             fitted, values = fit.base_parameters, fit.values
             standard = fit.standard_parameters.tolist()
@@ -702,7 +703,7 @@ def _parameter_set(entries: Iterable[SavedStandard | SavedBase]) -> ParameterSet
 
 
 def _base_entry(
-    parameter: Parameter, terms: dict[str, float], value: float, estimate: Any
+    parameter: Parameter, terms: dict[str, float], value: float, estimate: Estimate | None
 ) -> dict[str, Any]:
     """A base parameter, with its uncertainty where an ``Estimate`` says it."""
     entry = {"name": parameter.label, "unit": parameter.unit, "expression": expression(terms)}

@@ -9,14 +9,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pinocchio as pin
 
 from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
-from loopid.loading.urdf.markup import Element, naming, numbers, parse_xml, tree_part
-from loopid.loading.urdf.tags import MOMENTS, check_tags
+from loopid.loading import read_urdf_file
+from loopid.loading.urdf_file import MOMENTS
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
@@ -40,23 +39,13 @@ def updated_urdf(
 
 def _read(path: Path) -> dict[str, Inertial]:
     """The inertials of all links that have one which is not all zero."""
-    with naming(path):
-        tree = tree_part(parse_xml(path))
-        check_tags(tree)
-        links = (link for link in tree if link.tag == "link" and link.find("inertial") is not None)
-        found = {str(link.get("name")): _inertial(link) for link in links}
-    return {name: own for name, own in found.items() if own.mass or own.tensor.any()}
-
-
-def _inertial(link: Element) -> Inertial:
-    origin, mass, inertia = (link.find(f"inertial/{tag}") for tag in ("origin", "mass", "inertia"))
-    xyz = rpy = np.zeros(3)
-    if origin is not None:
-        xyz, rpy = (np.array(numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
-    tensor = np.empty((3, 3))
-    for key, (i, j) in PLACES.items():
-        tensor[i, j] = tensor[j, i] = numbers(inertia, key)[0]
-    return Inertial(numbers(mass, "value")[0], xyz, pin.rpy.rpyToMatrix(rpy), tensor)
+    found = {}
+    for link in read_urdf_file(path).robot.links:
+        own = link.inertial
+        if own is not None and (own.mass or own.inertia.any()):
+            T = np.eye(4) if own.origin is None else own.origin
+            found[link.name] = Inertial(own.mass, T[:3, 3].copy(), T[:3, :3].copy(), own.inertia)
+    return found
 
 
 def _rewritten(content: bytes, old: Mapping[str, Inertial], new: Mapping[str, FloatArray]) -> bytes:

@@ -8,7 +8,7 @@ import trimesh
 from closure_robots import joint, urdf
 from loopid import load_mechanism
 from loopid.errors import ModelWarning, OptionError, RobotFileError
-from loopid.loading.regions import collision_regions
+from loopid.loading import collision_regions
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0"/><mass value="1"/>
 <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""

@@ -1,17 +1,87 @@
-"""Locked joints and fixed mounts: which bodies are left, and what they are called."""
+"""Bundled robots by name, by YAML and by URDF; locked joints and fixed mounts."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from loopid import (
+    bundled_robots,
     load_mechanism,
     mobility,
     platform_coordinates,
     random_configurations,
     tree_regressor,
 )
-from loopid.errors import RobotFileError
+from loopid.errors import MobilityWarning, ModelWarning, RobotFileError
+from loopid.kinematics import constraint_residual
+from loopid.loading import bundled_directory
+
+
+def test_the_bundled_names_are_those_of_the_committed_pairs(urdf_folder):
+    pairs = {file.stem for file in urdf_folder.glob("*.urdf")}
+    assert set(bundled_robots()) == pairs
+    assert {"3ups_rpu", "5p"} <= pairs
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_a_bundled_robot_loads_closed_and_determined(name):
+    mechanism = load_mechanism(name)
+    assert mechanism.path == bundled_directory() / f"{name}.yaml"
+    assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-10
+    found = mobility(mechanism)
+    assert found.degrees_of_freedom == len(mechanism.actuated)
+    assert found.undetermined == ()
+    assert found.residual < 1e-10
+
+
+def test_a_name_and_its_file_give_the_same_robot(mechanism):
+    again = load_mechanism(bundled_directory() / f"{mechanism.name}.yaml")
+    np.testing.assert_array_equal(again.reference, mechanism.reference)
+    np.testing.assert_array_equal(again.standard_parameters(), mechanism.standard_parameters())
+    assert again.closures == mechanism.closures
+
+
+def test_a_urdf_alone_is_the_open_tree_with_a_motor_in_every_joint(mechanism):
+    tree = load_mechanism(mechanism.path.with_suffix(".urdf"))
+    assert tree.closures == ()
+    assert tree.actuated == tree.joints == mechanism.joints
+    assert tree.bodies == mechanism.bodies
+    assert mobility(tree).degrees_of_freedom == tree.model.nv
+
+
+def test_joints_without_reference_start_at_zero_or_amid_their_limits(mechanism):
+    tree = load_mechanism(mechanism.path.with_suffix(".urdf"))
+    low, high = tree.model.lowerPositionLimit, tree.model.upperPositionLimit
+    expected = np.where((low <= 0) & (high >= 0), 0, (low + high) / 2)
+    assert expected[tree.prismatic].all()
+    np.testing.assert_array_equal(tree.reference, expected)
+
+
+def test_a_yaml_without_motors_drives_every_joint(edited):
+    file = edited("yaml", r"\A.+", "urdf: 3ups_rpu.urdf\n")
+    tree = load_mechanism(file)
+    assert tree.actuated == tree.joints
+
+
+def test_the_urdf_beside_the_yaml_is_found_by_its_stem(edited):
+    assert load_mechanism(edited("yaml", "urdf: [^\n]*", "")).name == "3ups_rpu"
+
+
+def test_motors_keep_the_order_of_the_file(edited):
+    backwards = ["leg4_stroke", "leg3_stroke", "leg2_stroke", "leg1_stroke"]
+    file = edited("yaml", r"name_mot: \[[^]]*\]", f"name_mot: [{', '.join(backwards)}]")
+    assert list(load_mechanism(file).actuated) == backwards
+
+
+def test_the_actuated_part_of_the_reference_stays_as_written(edited, knee):
+    file = edited("yaml", r"leg1_universal_1: [\d.]*", "leg1_universal_1: 1.3")
+    mechanism = load_mechanism(file)
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    np.testing.assert_array_equal(mechanism.reference[motors], knee.reference[motors])
+    np.testing.assert_allclose(mechanism.reference, knee.reference, atol=1e-12)
+
+
+# Locked joints and fixed mounts: which bodies are left, and what they are called.
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 MOUNTED = """<robot name="mounted">
@@ -140,3 +210,12 @@ def test_locking_every_joint_is_refused(tmp_path):
     file = write(tmp_path, MOUNTED.format(arm=""))
     with pytest.raises(RobotFileError, match="no joint can move"):
         load_mechanism(file, lock=["hinge"])
+
+
+def test_warnings_point_to_the_line_that_loads(tmp_path):
+    file = write(tmp_path, MOUNTED.format(arm="").replace("</robot>", "<loop_joint/></robot>"))
+    with pytest.warns(MobilityWarning), pytest.warns(ModelWarning) as caught:
+        load_mechanism(file)
+    (warning,) = (found for found in caught if found.category is ModelWarning)
+    assert warning.filename == __file__
+    assert str(warning.message) == f"{file}: <loop_joint> is not read"
