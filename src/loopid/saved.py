@@ -84,7 +84,12 @@ Number = Annotated[
 
 class _Record(BaseModel):
     model_config = ConfigDict(
-        frozen=True, strict=True, extra="forbid", allow_inf_nan=False, from_attributes=True
+        frozen=True,
+        strict=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        from_attributes=True,
+        defer_build=True,  # by the first use: importing loopid does not wait for it
     )
 
 
@@ -706,7 +711,8 @@ def _base_entry(
     parameter: Parameter, terms: dict[str, float], value: float, estimate: Estimate | None
 ) -> dict[str, Any]:
     """A base parameter, with its uncertainty where an ``Estimate`` says it."""
-    entry = {"name": parameter.label, "unit": parameter.unit, "expression": expression(terms)}
+    entry: dict[str, Any] = {"name": parameter.label, "unit": parameter.unit}
+    entry["expression"] = expression(terms)
     if estimate is not None:
         entry |= {
             "standard_error": estimate.standard_error,
