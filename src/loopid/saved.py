@@ -396,14 +396,14 @@ class SavedFit(_Record):
         return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
 
     @checked
-    def regressor(
+    def forces(
         self,
         mechanism: Mechanism,
         configurations: FloatArray,
         velocities: FloatArray,
         accelerations: FloatArray,
     ) -> FloatArray:
-        """Forces (N, dof, r) per unit of each base parameter.
+        """Forces (N, dof) of a motion in N or N m, along the rows of the force model.
 
         Parameters
         ----------
@@ -417,21 +417,10 @@ class SavedFit(_Record):
         Raises
         ------
         DataError
-            When the mechanism is another one.
+            When the mechanism is another one; see ``require``.
         """
         self.require(mechanism)
-        return self._regressor(mechanism, configurations, velocities, accelerations)
-
-    def forces(
-        self,
-        mechanism: Mechanism,
-        configurations: FloatArray,
-        velocities: FloatArray,
-        accelerations: FloatArray,
-    ) -> FloatArray:
-        """Forces (N, dof) of a motion in N or N m; see ``regressor``."""
-        W = self.regressor(mechanism, configurations, velocities, accelerations)
-        return np.asarray(W @ self.values, dtype=np.float64)
+        return self._forces(mechanism, configurations, velocities, accelerations)
 
     @checked
     def require(self, mechanism: Mechanism) -> None:
@@ -523,17 +512,8 @@ class SavedFit(_Record):
         _yaml().dump(record, stream)
         return stream.getvalue()
 
-    @checked
     def save(self, path: str | Path) -> Path:
-        """Write to a .yaml, .yml, .json or .npz file, whole or not at all; its path.
-
-        Raises
-        ------
-        OptionError
-            When the name ends otherwise.
-        OutputError
-            When the file cannot be written.
-        """
+        """Write to a file, whole or not at all; see ``save_fit``."""
         write_file(path, self.content(path))
         return Path(path)
 
@@ -556,14 +536,14 @@ class SavedFit(_Record):
         np.savez(stream, **arrays)
         return stream.getvalue()
 
-    def _regressor(
+    def _forces(
         self, mechanism: Mechanism, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> FloatArray:
         kind, terms = self.force_model.model, self.force_model.joint_terms
         W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, terms)
         labels = self.standard.labels
         columns = [labels.index(name) for name in self.parameters.labels]
-        return np.asarray(W[..., columns], dtype=np.float64)
+        return np.asarray(W[..., columns] @ self.values, dtype=np.float64)
 
     def _difference(self, mechanism: Mechanism) -> str:
         """The first thing that makes a mechanism another robot; empty where there is none."""
@@ -590,7 +570,7 @@ class SavedFit(_Record):
         if residual.max(initial=0.0) > SAME_ROBOT * mechanism.length + 2 * mechanism.closure_gap:
             k = int(residual.argmax())
             return f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
-        apart = np.abs(self._regressor(mechanism, q, v, a) @ self.values - force).max(axis=0)
+        apart = np.abs(self._forces(mechanism, q, v, a) - force).max(axis=0)
         k = int(apart.argmax())
         if apart[k] > SAME_ROBOT * np.abs(force).max():
             return f"the force along {self.force_model.rows[k]} differs by {apart[k]:.3g} there"
