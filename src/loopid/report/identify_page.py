@@ -8,7 +8,7 @@ from loopid.experiment import Identification
 from loopid.report.identify import identification_record
 from loopid.report.identify_figures import identification_figures
 from loopid.report.identify_tables import identification_tables
-from loopid.report.markdown import markdown_table
+from loopid.report.tables import markdown_table
 from loopid.saved import SavedFit
 
 CAPTIONS = {
