@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from loopid import Parameter, ParameterSet
-from loopid.identification import FitSamples, WeightedLeastSquares
-from loopid.identification.fitting import quiet_fit
+from loopid.identification import FitSamples, WeightedLeastSquares, quiet_fit
+from smooth_data import autoregressive, smooth_regressor
 
 NAMES = ParameterSet(
     (Parameter("a.b", "m"), Parameter("leg1", "mx"), Parameter("slide", "Fc", "N"))
@@ -13,9 +13,9 @@ NAMES = ParameterSet(
 
 
 @pytest.fixture(scope="module")
-def samples(make_regressor, make_errors):
-    W, rng = make_regressor(samples=400, dof=3, count=3), np.random.default_rng(0)
-    force = W @ [3.0, 0.0, 1e-7] + make_errors(rng, (400, 3), 0.7) * [1.0, 0.1, 1.0]
+def samples():
+    W, rng = smooth_regressor(samples=400, dof=3, count=3), np.random.default_rng(0)
+    force = W @ [3.0, 0.0, 1e-7] + autoregressive(rng, (400, 3), 0.7) * [1.0, 0.1, 1.0]
     used = np.ones((400, 3), dtype=bool) & [True, True, False]
     return FitSamples.of(NAMES, ("x", "y", "größe"), W, force, used)
 

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
 from loopid.consistency.semidefinite import attainable, minimise
 from loopid.consistency.whitening import ConvexProblem, Whitening
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.identification import FitProblem, FitResult
-from loopid.identification.comparison import ComparedByFields
 from loopid.parameters import ParameterSet
 from loopid.regions import Region
 from loopid.threads import one_blas_thread
