@@ -608,6 +608,14 @@ def save_fit(
         When the name ends otherwise.
     OutputError
         When the file cannot be written.
+
+    Examples
+    --------
+    >>> import loopid, tempfile
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     loopid.save_fit(f"{folder}/fit.json", model, model.prior).name
+    'fit.json'
     """
     return SavedFit.of(model, fit).save(path)
 

@@ -203,6 +203,20 @@ def consistent_fit(
         Without Clarabel.
     DataError, OptionError
         When arguments do not belong together, or an option is out of range.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> model = loopid.find_force_model(robot)
+    >>> q, at_rest = loopid.random_configurations(robot, 50), np.zeros((50, 2))
+    >>> W = model.base.regressor(model.standard_regressor(q, at_rest, at_rest))
+    >>> force = W @ model.prior + np.random.default_rng(0).normal(size=(50, 2))
+    >>> samples = loopid.FitSamples.of(model.parameters, robot.independent, W, force)
+    >>> fit = loopid.fit(samples, "ols")
+    >>> result = loopid.consistent_fit(samples.problem, fit, model.base, model.standard_prior)
+    >>> bool((result.margins > 0.001).all())
+    True
     """
     leading = base.parameters.select(base.base)
     if problem.parameters != leading or fit.parameters != leading:

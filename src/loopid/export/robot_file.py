@@ -1,4 +1,4 @@
-"""Robot files with new inertials: every other byte as it was, and feasible or refused."""
+"""Robot files with new inertials: every other byte as it was, and consistent or refused."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def updated_robot_file(
 
     Numbers of ``<inertial>`` tags of the links that change are new; all other bytes are those of
     the file. Links on fixed or locked joints are one body with one set of parameters: the link that
-    names it changes, or all of them where that link alone would become infeasible. Inertials of a
+    names it changes, or all of them where that link alone would become inconsistent. Inertials of a
     URDF keep the orientation of their axes.
 
     Parameters
@@ -33,12 +33,12 @@ def updated_robot_file(
         (n,) of ``mechanism.parameters("full")``, or of ``mechanism.parameters("gravity")``: then
         masses and centres of mass change, and inertias about the centres of mass stay.
     parameters : ParameterSet, optional
-        Names (n,) of the standard parameters, where terms of joints are among them.
+        Names (n,) of the standard parameters, where joint terms are among them.
 
     Raises
     ------
     FeasibilityError
-        Naming a link that no body of positive density could be.
+        Naming a link that would not be physically consistent.
     DataError, RobotFileError
         When the parameters, or the file, are not those of the mechanism.
     """
@@ -78,6 +78,15 @@ def export_robot_file(
         When the name ends otherwise.
     FeasibilityError, DataError, RobotFileError
         As ``updated_robot_file``.
+
+    Examples
+    --------
+    >>> import loopid, tempfile
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     heavier = 2 * robot.standard_parameters("full")
+    ...     loopid.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
+    'heavier.urdf'
     """
     place, tree = Path(path), find_files(mechanism.path).tree
     endings = MJCF if tree.suffix in MJCF else (".urdf",)
