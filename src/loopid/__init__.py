@@ -11,6 +11,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base_parameters,
 )
+from loopid.consistency import consistent_fit, consistent_parameters
 from loopid.dynamics import forward_dynamics
 from loopid.errors import LoopidError
 from loopid.experiment import (
@@ -23,6 +24,7 @@ from loopid.experiment import (
     identify,
     split_recordings,
 )
+from loopid.export import export_regressor, export_robot_file
 from loopid.identification import (
     BayesianRidge,
     Bisquare,
@@ -56,6 +58,7 @@ from loopid.regressors import (
     tree_regressor,
 )
 from loopid.robot import LoopClosure, Mechanism
+from loopid.saved import read_fit, save_fit
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     FourierSeries,
@@ -108,9 +111,13 @@ __all__ = [
     "assemble",
     "bundled_robots",
     "closed_motion",
+    "consistent_fit",
+    "consistent_parameters",
     "distributed_problem",
     "dynamic_regressor",
     "exciting_motion",
+    "export_regressor",
+    "export_robot_file",
     "find_base_parameters",
     "find_force_model",
     "fit",
@@ -127,10 +134,12 @@ __all__ = [
     "prepare_recording",
     "project",
     "random_configurations",
+    "read_fit",
     "read_log",
     "read_motion_program",
     "read_reference",
     "review_motion",
+    "save_fit",
     "simulate_measurement",
     "singularity_measure",
     "split_recordings",

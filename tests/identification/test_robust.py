@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from loopid.errors import DataError, OptionError
 from loopid.identification import (
     Bisquare,
-    FitResult,
     FitSamples,
     Huber,
     WeightedLeastSquares,
@@ -181,15 +180,6 @@ def test_an_actuator_without_samples_takes_no_part(estimator):
     np.testing.assert_allclose(found.values, quiet_fit(alone, estimator).values, rtol=1e-7)
     assert np.isnan(found.robustness.scale[1])
     assert np.isnan(found.robustness.down_weighted[1])
-
-
-def test_results_with_robustness_come_back_from_files(tmp_path):
-    found = quiet_fit(make_run(), "bisquare")
-    found.save(tmp_path / "fit.yaml")
-    again = FitResult.load(tmp_path / "fit.yaml")
-    assert again == found
-    assert again.robustness == found.robustness
-    assert again.robustness != quiet_fit(make_run(), "huber").robustness
 
 
 def test_two_steps_are_robust_too():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from loopid.report import identification_record
+from loopid.saved import SavedFit
 
 
 def assert_strict(record):
@@ -26,7 +27,7 @@ def test_an_identification_is_recorded_whole(identification):
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], found.essential.values)
-    assert record["fit"] == found.fit.record()
+    assert record["fit"] == SavedFit.of(model, found.fit).record()
     corrected = [model.parameters.labels[j] for j in found.reduction.columns]
     assert record["essential_parameters"] == corrected
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,8 +12,6 @@ from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.identification.quality import NoiseModel, Quality, Robustness, fit_quality
-from loopid.identification.record import fields_of, record_of
-from loopid.identification.storage import Saved, read_record
 from loopid.parameters import ParameterSet
 
 # Fewer degrees of freedom determine no interval.
@@ -57,7 +53,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult(ComparedByFields, Saved):
+class FitResult(ComparedByFields):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -187,23 +183,6 @@ class FitResult(ComparedByFields, Saved):
         if problem.parameters != self.parameters or problem.actuators != self.actuators:
             raise DataError("validation data must have the parameters and actuators of the fit")
         return fit_quality(problem, self.values)
-
-    def record(self) -> dict[str, Any]:
-        """All of it in plain numbers, lists and texts; None for what is not finite."""
-        return record_of(self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> FitResult:
-        """Read a result that was saved.
-
-        Raises
-        ------
-        MissingFileError
-            When there is no such file.
-        DataError
-            When it is no saved result.
-        """
-        return cls(**fields_of(read_record(path), path))
 
     def __str__(self) -> str:
         return "\n".join(str(estimate) for estimate in self.estimates)

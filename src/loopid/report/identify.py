@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
@@ -16,10 +17,10 @@ from loopid.experiment import (
     Identification,
     WeakDirection,
 )
-from loopid.identification.storage import record_text
 from loopid.logs import Recording
 from loopid.report.identify_figures import identification_figures
 from loopid.report.tables import markdown_table, plain_table
+from loopid.saved import SavedFit
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
@@ -34,7 +35,7 @@ CAPTIONS = {
 
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
-    model, told = found.force_model, found.identifiability
+    model, told, consistent = found.force_model, found.identifiability, found.consistent
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -43,7 +44,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
         "robot_file": _plain(model.prior),
-        "fit": found.fit.record(),
+        "fit": SavedFit.of(model, found.fit).record(),
         "identifiability": {
             **_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
@@ -53,7 +54,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
             "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
             "weak": [_direction(direction) for direction in told.weak],
         },
-        "consistent": None if found.consistent is None else found.consistent.record(),
+        "consistent": consistent and SavedFit.of(model, consistent).record(),
         "essential": _plain(found.essential.values),
         "essential_parameters": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],
@@ -290,20 +291,23 @@ def _dropped_table(found: Identification) -> Table:
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
+    record = identification_record(found)
     return {
         "report.md": _page(found),
-        "identification.json": record_text("identification.json", identification_record(found)),
+        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
         **saved_identification(found),
         **identification_figures(found),
     }
 
 
 def saved_identification(found: Identification) -> dict[str, bytes | str]:
-    """What ``loopid export`` reads back: the fit, and the consistent parameters if there are."""
-    saved = {"parameters.yaml": found.fit.record()}
-    if found.consistent is not None:
-        saved["standard_parameters.yaml"] = found.consistent.record()
-    return {name: record_text(name, record) for name, record in saved.items()}
+    """What ``read_fit`` and ``loopid export`` read: the fit, and the consistent one if there is."""
+    fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
+    return {
+        name: SavedFit.of(found.force_model, fit).content(name)
+        for name, fit in fits.items()
+        if fit is not None
+    }
 
 
 def _page(found: Identification) -> str:

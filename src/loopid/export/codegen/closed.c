@@ -50,3 +50,37 @@ static double @NAME@_solve(double *M, double *X) {
   }
   return fabs(pivots[dependent - 1] / pivots[0]);
 }
+
+int @NAME@_regressor(const double *q, const double *v, const double *a, double *K) {
+  double M[@ROWS@ * @NV_ALL@], X[@DEPENDENT@ * @DOF@];
+  const double *arguments[1];
+  double *results[2], pivots;
+  int status, k;
+  arguments[0] = q;
+  results[0] = M;
+  results[1] = 0;
+  @NAME@_casadi_closures(arguments, results, 0, 0, 0);
+  for (k = 0; k < @ROWS@ * @NV_ALL@; ++k)
+    if (!(M[k] - M[k] == 0.0)) break;
+  status = k < @ROWS@ * @NV_ALL@ ? @GUARD@_NOT_FINITE : @GUARD@_OK;
+  pivots = status ? 1.0 : @NAME@_solve(M, X);
+  if (!(pivots >= @SINGULAR@)) status = @GUARD@_SINGULAR;
+  if (!status) status = @NAME@_columns(q, v, a, X, K);
+  if (status)
+    for (k = 0; k < @GUARD@_DOF * @GUARD@_PARAMETERS; ++k) K[k] = NAN;
+  return status || pivots >= @NEAR_SINGULARITY@ ? status : @GUARD@_NEAR_SINGULAR;
+}
+
+double @NAME@_closure_residual(const double *q) {
+  double residual[@ROWS@], worst = 0.0;
+  const double *arguments[1];
+  double *results[2];
+  int k;
+  arguments[0] = q;
+  results[0] = 0;
+  results[1] = residual;
+  @NAME@_casadi_closures(arguments, results, 0, 0, 0);
+  for (k = 0; k < @ROWS@; ++k)
+    if (!(fabs(residual[k]) <= worst)) worst = fabs(residual[k]);
+  return worst;
+}
