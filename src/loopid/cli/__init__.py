@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import warnings
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from loopid.cli.commands import base, check, motions, paper
-from loopid.cli.console import escape_odd_names, show_warning
-from loopid.cli.export import export
+from loopid.cli.commands import base, check, export, motions, paper
 from loopid.cli.identify import identify
-from loopid.errors import LoopidError
+from loopid.errors import LoopidError, one_line
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -45,8 +44,9 @@ def loopid(
 
 def main() -> None:
     """Run the command line; every refusal is one line and exit code 2."""
-    warnings.showwarning = show_warning
-    escape_odd_names()
+    warnings.showwarning = _show_warning
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app(prog_name="loopid")
     except LoopidError as error:
@@ -55,6 +55,11 @@ def main() -> None:
         _refuse(f"there is not enough memory: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """One line, without the source line that Python adds."""
+    sys.stderr.write(f"loopid: warning: {one_line(str(message))}\n")
 
 
 def _refuse(reason: str) -> None:

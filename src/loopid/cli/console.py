@@ -1,24 +1,20 @@
-"""What all commands share: options, tables or JSON, warnings and progress bars."""
+"""What the commands share: options, tables or JSON, progress bars."""
 
 from __future__ import annotations
 
-import io
 import json
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.errors import one_line
 from loopid.files import require_folder
 from loopid.loading import load_mechanism
 from loopid.progress import Progress as Reporter
-from loopid.regressors import JointTerms
 from loopid.report import require_matplotlib
 from loopid.robot import Mechanism
 
@@ -40,10 +36,13 @@ Out = Annotated[
 ]
 
 
-def escape_odd_names() -> None:
-    """Print escapes for what the terminal's encoding lacks: names of files need not be text."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
+def loaded(
+    file: str, lock: list[str] | None, floating_base: bool, free_mimics: bool, tied: bool = False
+) -> Mechanism:
+    """The robot that the options of a command ask for."""
+    return load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+    )
 
 
 def require_output(out: str | None) -> None:
@@ -63,18 +62,6 @@ def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None
         console.print(table)
 
 
-def show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    """One line, without the source line that Python adds."""
-    sys.stderr.write(f"loopid: warning: {one_line(str(message))}\n")
-
-
 @contextmanager
 def progress_bar(what: str) -> Iterator[Reporter]:
     """A progress bar on the terminal's error stream, gone when the work is done."""
@@ -86,22 +73,3 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-def loaded(
-    file: str,
-    lock: list[str] | None,
-    floating_base: bool,
-    free_mimics: bool,
-    tied: bool = False,
-) -> Mechanism:
-    """The robot that the options of a command ask for."""
-    return load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
-    )
-
-
-def motor_terms(mechanism: Mechanism, terms: str) -> JointTerms | None:
-    """Terms of all motors, of kinds with commas between; None for ``none``."""
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    return None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)

@@ -17,7 +17,6 @@ from loopid.cli.console import (
     RobotFile,
     Tied,
     loaded,
-    motor_terms,
     progress_bar,
     require_output,
     show,
@@ -26,88 +25,74 @@ from loopid.errors import OptionError
 from loopid.experiment import DEFAULT_FRACTION, find_force_model, split_recordings
 from loopid.files import write_files
 from loopid.logs import Recording, prepare_recording, read_log
+from loopid.regressors import JointTerms
 from loopid.report import identification_files, identification_record, identification_tables
 from loopid.trajectories import LowPass
 
-Logs = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="LOG...",
-        help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
-    ),
-]
-Mapping = Annotated[
-    str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
-]
-Model = Annotated[
-    str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
-]
-Terms = Annotated[
-    str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
-]
-EstimatorName = Annotated[
-    str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
-]
-Unidentifiable = Annotated[
-    str,
-    typer.Option(
-        help="Of combinations that LOG does not excite: an error, or the robot file as prior."
-    ),
-]
-Deviation = Annotated[
-    float | None,
-    typer.Option(help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."),
-]
-Consistent = Annotated[
-    str | None,
-    typer.Option(
-        metavar="KIND",
-        help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
-    ),
-]
-Repair = Annotated[
-    bool, typer.Option("--repair", help="Repair inconsistent bodies of the robot file for that.")
-]
-Reference = Annotated[
-    list[str] | None,
-    typer.Option(metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."),
-]
-ReferenceMapping = Annotated[
-    str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
-]
-Cutoff = Annotated[
-    float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
-]
-Train = Annotated[
-    float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
-]
-Validate = Annotated[
-    list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
-]
-FrictionLog = Annotated[
-    list[str] | None, typer.Option(metavar="LOG", help="Identify the terms from this log first.")
-]
-Jobs = Annotated[int, typer.Option(metavar="N", help="Processes that compute the regressors.")]
+LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
 def identify(
     file: RobotFile,
-    logs: Logs,
-    mapping: Mapping = None,
-    model: Model = "gravity",
-    terms: Terms = "Fc,Fv",
-    estimator: EstimatorName = "wls",
-    unidentifiable: Unidentifiable = "error",
-    prior_deviation: Deviation = None,
-    consistent: Consistent = None,
-    repair: Repair = False,
-    reference: Reference = None,
-    reference_mapping: ReferenceMapping = None,
-    cutoff: Cutoff = None,
-    train: Train = DEFAULT_FRACTION,
-    validate: Validate = None,
-    friction_log: FrictionLog = None,
-    jobs: Jobs = 1,
+    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+    ] = "gravity",
+    terms: Annotated[
+        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
+    ] = "Fc,Fv",
+    estimator: Annotated[
+        str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
+    ] = "wls",
+    unidentifiable: Annotated[
+        str,
+        typer.Option(
+            help="Of combinations that LOG does not excite: an error, or the robot file as prior."
+        ),
+    ] = "error",
+    prior_deviation: Annotated[
+        float | None,
+        typer.Option(help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."),
+    ] = None,
+    consistent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
+        ),
+    ] = None,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Repair inconsistent bodies of the robot file for that."),
+    ] = False,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
+        ),
+    ] = None,
+    reference_mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
+    ] = None,
+    train: Annotated[
+        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+    ] = DEFAULT_FRACTION,
+    validate: Annotated[
+        list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
+    ] = None,
+    friction_log: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LOG", help="Identify the terms from this log first."),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", help="Processes that compute the regressors.")
+    ] = 1,
     out: Out = None,
     lock: Lock = None,
     floating_base: Floating = False,
@@ -120,7 +105,8 @@ def identify(
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
-    joint_terms = motor_terms(mechanism, terms)
+    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
+    joint_terms = None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
