@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.table import Table
 
 from loopid.experiment import (
@@ -19,7 +17,7 @@ from loopid.experiment import (
 )
 from loopid.logs import Recording
 from loopid.report.identify_figures import identification_figures
-from loopid.report.tables import markdown_table, plain_table
+from loopid.report.tables import json_value, markdown_table, plain_table
 from loopid.saved import SavedFit
 
 if TYPE_CHECKING:
@@ -43,36 +41,27 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "training": [_recording(recording) for recording in found.training],
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
-        "robot_file": _plain(model.prior),
+        "robot_file": json_value(model.prior),
         "fit": SavedFit.of(model, found.fit).record(),
         "identifiability": {
             **_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
-            "structural_effects": _plain(told.excitation.structural),
-            "effects": _plain(told.excitation.effects),
+            "structural_effects": json_value(told.excitation.structural),
+            "effects": json_value(told.excitation.effects),
             "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
             "weak": [_direction(direction) for direction in told.weak],
         },
         "consistent": consistent and SavedFit.of(model, consistent).record(),
-        "essential": _plain(found.essential.values),
+        "essential": json_value(found.essential.values),
         "essential_parameters": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],
         "findings": findings(found),
     }
 
 
-def _plain(value: Any) -> Any:
-    """Lists of numbers and texts; None for what is not finite, which JSON lacks."""
-    if isinstance(value, np.ndarray | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
-
-
 def _fields(thing: object, *names: str) -> dict[str, Any]:
-    return {name: _plain(getattr(thing, name)) for name in names}
+    return {name: json_value(getattr(thing, name)) for name in names}
 
 
 def _recording(recording: Recording) -> dict[str, Any]:
@@ -95,20 +84,15 @@ def _direction(direction: WeakDirection) -> dict[str, Any]:
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
-    qualities = {
-        part: {
-            "rms": _plain(quality.residual_rms),
-            "rms_standard_error": _plain(errors),
-            "r_squared": _plain(quality.r_squared),
+    qualities = {}
+    for part, errors in zip(("training", "validation"), candidate.rms_errors, strict=True):
+        quality = getattr(candidate, part)
+        qualities[part] = {
+            "rms": json_value(quality.residual_rms),
+            "rms_standard_error": json_value(errors),
+            "r_squared": json_value(quality.r_squared),
         }
-        for part, quality, errors in zip(
-            ("training", "validation"),
-            (candidate.training, candidate.validation),
-            candidate.rms_errors,
-            strict=True,
-        )
-    }
-    ratio, error = _plain(candidate.error_ratio)
+    ratio, error = json_value(candidate.error_ratio)
     return {
         **_fields(candidate, "name", "fitted"),
         **qualities,
@@ -254,19 +238,16 @@ def _candidates_table(found: Identification) -> Table:
     table.add_row("parameters fitted", *(str(c.fitted) for c in found.candidates))
     for k, actuator in enumerate(found.force_model.mechanism.independent):
         for part, name in enumerate(("fit", "new")):
-            cells = (_quality_cell(candidate, part, k) for candidate in found.candidates)
+            cells = []
+            for candidate in found.candidates:
+                quality = (candidate.training, candidate.validation)[part]
+                rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
+                cell = f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
+                cells.append(cell if quality.samples[k] else "-")
             table.add_row(f"{actuator}, {name}", *cells)
     ratios = ["1", *("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in found.candidates[1:])]
     table.add_row("squared error, new", *ratios)
     return table
-
-
-def _quality_cell(candidate: Candidate, part: int, k: int) -> str:
-    quality = (candidate.training, candidate.validation)[part]
-    rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
-    if not quality.samples[k]:
-        return "-"
-    return f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
 
 
 def _noise_table(found: Identification) -> Table:
@@ -292,26 +273,17 @@ def _dropped_table(found: Identification) -> Table:
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
     record = identification_record(found)
-    return {
-        "report.md": _page(found),
-        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
-        **saved_identification(found),
-        **identification_figures(found),
-    }
-
-
-def saved_identification(found: Identification) -> dict[str, bytes | str]:
-    """What ``read_fit`` and ``loopid export`` read: the fit, and the consistent one if there is."""
-    fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
-    return {
-        name: SavedFit.of(found.force_model, fit).content(name)
-        for name, fit in fits.items()
-        if fit is not None
-    }
-
-
-def _page(found: Identification) -> str:
     parts = [f"# Identification of {found.force_model.mechanism.name}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]
     parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
-    return "\n".join(parts)
+    fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
+    return {
+        "report.md": "\n".join(parts),
+        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
+        **{
+            name: SavedFit.of(found.force_model, fit).content(name)
+            for name, fit in fits.items()
+            if fit is not None
+        },
+        **identification_figures(found),
+    }

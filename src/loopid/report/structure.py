@@ -15,9 +15,15 @@ from loopid.base_parameters.expressions import equations
 from loopid.kinematics import Factorisation, mobility, scaled_constraint, singularity_measure
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.lengths import NamedLength
-from loopid.report.tables import json_number, plain_table
+from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.trajectories import MotionReview
+
+SEARCH = (
+    *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
+    *("nodes", "ties", "tolerance", "seconds"),
+)
+KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
 # loopid check: joints, closures, mobility, distance to singularity.
 
@@ -33,7 +39,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "closures": _closures(mechanism),
         "closure_rows": found.rows,
         "closure_rank": found.rank,
-        "rank_gap": json_number(found.rank_gap),
+        "rank_gap": json_value(found.rank_gap),
         "least_singular_value": found.least,
         "redundant_rows": found.rows - found.rank,
         "coordinates": mechanism.model.nv,
@@ -61,39 +67,38 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
     if joint.nv == 1:
         kind = "prismatic" if joint.idx_v in mechanism.prismatic else "revolute"
     else:
-        kinds = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
-        kind = kinds.get(joint.shortname().removeprefix("JointModel"), "other")
+        kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     return {
         "name": name,
         "type": kind,
         "actuated": name in mechanism.actuated,
-        "reference": [float(value) for value in mechanism.reference[q]],
-        "lower": [json_number(value) for value in lower[q]],
-        "upper": [json_number(value) for value in upper[q]],
+        "reference": json_value(mechanism.reference[q]),
+        "lower": json_value(lower[q]),
+        "upper": json_value(upper[q]),
     }
 
 
 def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
     residual, jacobian = scaled_constraint(mechanism, mechanism.reference[None])
-    closures: tuple[LoopClosure | JointCoupling, ...]
+    closures: Sequence[LoopClosure | JointCoupling]
     closures = (*mechanism.closures, *mechanism.couplings)
     records, first = [], 0
     for closure in closures:
-        rows = slice(first, first + closure.rows)
+        rows, frames, joints = slice(first, first + closure.rows), list[str](), list[str]()
         if isinstance(closure, JointCoupling):
-            joined = {"frames": [], "joints": list(closure.joints)}
+            joints += closure.joints
         else:
-            joined = {"frames": [closure.frame_a, closure.frame_b], "joints": []}
-        records.append(
-            {
-                "name": closure.name,
-                **joined,
-                "type": closure.kind,
-                "rows": closure.rows,
-                "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
-                "residual": float(np.abs(residual[:, rows]).max()),
-            }
-        )
+            frames += closure.frame_a, closure.frame_b
+        found = {
+            "name": closure.name,
+            "frames": frames,
+            "joints": joints,
+            "type": closure.kind,
+            "rows": closure.rows,
+            "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
+            "residual": float(np.abs(residual[:, rows]).max()),
+        }
+        records.append(found)
         first += closure.rows
     return records
 
@@ -168,21 +173,9 @@ def base_record(
         "nonzero_parameters": len(base.structure.columns),
         "rank": base.structure.rank,
         "rank_gap": base.structure.rank_gap,
-        "condition_number": json_number(base.condition_number),
-        "nullspace_condition_number": json_number(base.nullspace_condition_number),
-        "search": {
-            "name": search.name,
-            "criterion": search.criterion,
-            "condition_number": json_number(search.condition_number),
-            "certified": search.certified,
-            "gap": json_number(search.gap),
-            "candidates": search.candidates,
-            "evaluated": search.evaluated,
-            "nodes": search.nodes,
-            "ties": search.ties,
-            "tolerance": search.tolerance,
-            "seconds": search.seconds,
-        },
+        "condition_number": json_value(base.condition_number),
+        "nullspace_condition_number": json_value(base.nullspace_condition_number),
+        "search": {name: json_value(getattr(search, name)) for name in SEARCH},
         "base_parameters": [
             {
                 "name": name,
@@ -229,23 +222,21 @@ def _findings(record: dict[str, Any]) -> Table:
     search = record["search"]
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
+    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+    rows = {
+        "parameters with an effect": effect,
+        "base parameters": f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})",
+        "combinations": f"{search['candidates']:,}",
+        "search": f"{search['name']}, criterion {search['criterion']}",
+        "cond(V22), cond(W_B)": ", ".join(
+            "infinite" if c is None else f"{c:.4f}" for c in conditions
+        ),
+        "certificate": certificate(search),
+        "looked at one by one": f"{search['evaluated']:,}{nodes}",
+        "time": f"{1e3 * search['seconds']:.3g} ms",
+    }
     table = plain_table("findings", "", "")
-    for row in (
-        (
-            "parameters with an effect",
-            f"{record['nonzero_parameters']} of {record['standard_parameters']}",
-        ),
-        ("base parameters", f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})"),
-        ("combinations", f"{search['candidates']:,}"),
-        ("search", f"{search['name']}, criterion {search['criterion']}"),
-        (
-            "cond(V22), cond(W_B)",
-            ", ".join("infinite" if value is None else f"{value:.4f}" for value in conditions),
-        ),
-        ("certificate", certificate(search)),
-        ("looked at one by one", f"{search['evaluated']:,}{nodes}"),
-        ("time", f"{1e3 * search['seconds']:.3g} ms"),
-    ):
+    for row in rows.items():
         table.add_row(*row)
     return table
 

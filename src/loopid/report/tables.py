@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.markup import escape
 from rich.table import Table
@@ -52,6 +53,10 @@ def markdown_table(table: Table) -> str:
     return f"{title}{body}\n{caption}"
 
 
-def json_number(value: float) -> float | None:
-    """JSON has neither infinity nor NaN: null instead."""
-    return float(value) if math.isfinite(value) else None
+def json_value(value: Any) -> Any:
+    """Lists of numbers and texts; null for infinity and NaN, which JSON lacks."""
+    if isinstance(value, np.ndarray | tuple):
+        return [json_value(each) for each in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
