@@ -16,8 +16,7 @@ from loopid.scratch import row_blocks
 # are autocorrelated over seconds.
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
-# Differences below this are round-off.
-NO_DIFFERENCE = 1e-9
+NO_DIFFERENCE = 1e-9  # smaller ones are round-off
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,7 +95,7 @@ def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
     for k in np.flatnonzero(samples.problem.samples):
         squares = residual[:, k][samples.used[:, k]] ** 2
         if squares.any():
-            errors[k] = _mean_error(_batch_means(squares)) / (2 * np.sqrt(squares.mean()))
+            errors[k] = _mean_error(squares) / (2 * np.sqrt(squares.mean()))
     return errors
 
 
@@ -118,16 +117,12 @@ def _error_ratio(
         for phi in (values, baseline)
     )
     ratio = float(own.mean() / other.mean())
-    return ratio, _mean_error(_batch_means(own - ratio * other)) / float(other.mean())
+    return ratio, _mean_error(own - ratio * other) / float(other.mean())
 
 
-def _batch_means(series: FloatArray) -> FloatArray:
-    batches = np.array_split(series, min(BATCHES, len(series)))
-    return np.array([batch.mean() for batch in batches])
-
-
-def _mean_error(means: FloatArray) -> float:
-    """Standard error of a mean from those of its batches; NaN for one."""
+def _mean_error(series: FloatArray) -> float:
+    """Standard error of a mean, from the means of batches; NaN for one."""
+    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
     return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
@@ -153,8 +148,5 @@ def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArra
 
 @checked
 def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Half the width (N, dof) of the 95 % intervals of predicted forces.
-
-    As ``prediction_error``.
-    """
+    """Half the width (N, dof) of 95 % intervals of predicted forces; see ``prediction_error``."""
     return INTERVAL * prediction_error(regressor, covariance)

@@ -153,7 +153,8 @@ class MotionSearch:
         self.reach, dof = Reach.of(self.mechanism), len(weights)
 
         def forces(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-            K = force_model.base.regressor(force_model.standard_regressor(q, v, a))
+            states = np.broadcast_to(q, (len(v), len(home))), v, a
+            K = force_model.base.regressor(force_model.standard_regressor(*states))
             return np.asarray(weights[:, None] * K[:, :, columns], dtype=np.float64)
 
         # Poses (P, nq): that of the log, with one coordinate moved as far as possible, random ones.
@@ -162,8 +163,7 @@ class MotionSearch:
         near, possible = moved(self.mechanism, np.repeat(home[None], len(steps), axis=0), steps)
         random = force_model.random_states[0][:RANDOM_POSES]
         self.poses = np.concatenate([home[None], near[possible], random])
-        numbers, first = np.arange(len(self.poses)), 1 + int(possible.sum())
-        self.near, self.far = numbers[1:first], numbers[first:]
+        self.near, self.far = np.split(np.arange(1, len(self.poses)), [int(possible.sum())])
         self.indices = self.mechanism.velocity_indices(self.mechanism.independent)
         changes = [pin.difference(self.mechanism.model, home, q) for q in self.poses]
         self.approaches = np.array(changes)[:, self.indices]
@@ -174,12 +174,11 @@ class MotionSearch:
         pairs = np.concatenate([axes[j] + axes[k], axes[j] - axes[k]]) / np.sqrt(2)
         self.directions = np.concatenate([axes, -axes, pairs])
         v = self.directions * self.reach.velocity
-        self.moving = forces(np.repeat(home[None], len(v), axis=0), v, np.zeros_like(v))
+        self.moving = forces(home, v, np.zeros_like(v))
         # Forces (dof, dof, c) by each coordinate's acceleration, at the log's pose and random ones.
         a = np.diag(self.reach.acceleration)
         self.accelerated = {
-            int(at): forces(np.repeat(self.poses[at][None], dof, axis=0), np.zeros_like(a), a)
-            - self.resting[at]
+            int(at): forces(self.poses[at], np.zeros_like(a), a) - self.resting[at]
             for at in (0, *self.far)
         }
 
@@ -275,7 +274,21 @@ def exciting_motion(mechanism: Mechanism, wanted: ExcitingMotion, samples: int =
     """
     if samples < 4:
         raise OptionError(f"a period takes at least 4 samples, not {samples}")
-    stroke, rate = _stroke_and_rate(wanted, Reach.of(mechanism))
+    reach = Reach.of(mechanism)
+
+    def largest(values: FloatArray, limits: FloatArray) -> float:
+        return float((np.abs(values) / limits).max())
+
+    # Amplitude U (dof,) and ω in rad/s, with the rest of the motion inside the reach too.
+    if wanted.kind == "pose":
+        stroke = AROUND * wanted.direction * reach.pose
+        rate = SLOW / largest(stroke, reach.velocity)
+    elif wanted.kind == "velocity":
+        rate = 1.0 / largest(wanted.amplitude, reach.acceleration)
+        stroke = wanted.amplitude / rate
+    else:
+        rate = largest(wanted.amplitude, reach.velocity)
+        stroke = wanted.amplitude / rate**2
     # Coordinates that the text names and nothing holds move; at a limit, at a stroke's distance.
     steps = TRIED * np.concatenate([np.diag(stroke), -np.diag(stroke)])
     start = np.repeat(wanted.configuration[None], len(steps), axis=0)
@@ -293,22 +306,6 @@ def exciting_motion(mechanism: Mechanism, wanted: ExcitingMotion, samples: int =
         # What is wanted stays: the acceleration U ω², or the velocity U ω.
         stroke, rate = stroke / 2, rate * FASTER[wanted.kind]
     raise AssemblyError(f"{mechanism.name} cannot move by {wanted.text}")
-
-
-def _stroke_and_rate(wanted: ExcitingMotion, reach: Reach) -> tuple[FloatArray, float]:
-    """U (dof,) in m or rad and ω in rad/s, with the rest of the motion inside the reach too."""
-
-    def largest(values: FloatArray, limits: FloatArray) -> float:
-        return float((np.abs(values) / limits).max())
-
-    if wanted.kind == "pose":
-        stroke = AROUND * wanted.direction * reach.pose
-        return stroke, SLOW / largest(stroke, reach.velocity)
-    if wanted.kind == "velocity":
-        rate = 1.0 / largest(wanted.amplitude, reach.acceleration)
-        return wanted.amplitude / rate, rate
-    rate = largest(wanted.amplitude, reach.velocity)
-    return wanted.amplitude / rate**2, rate
 
 
 def moved(

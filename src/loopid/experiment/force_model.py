@@ -1,12 +1,8 @@
-"""The model that is fitted: forces as a linear function of base parameters and joint terms.
-
-Beside it: what the robot file says of its parameters (``cad_prior``), and its fit problem where the
-logs lie on many machines (``distributed_problem``).
-"""
+"""The model that is fitted: forces as a linear function of base parameters and joint terms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -28,8 +24,6 @@ from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
 from loopid.workers import ordered_map
 
-# Configurations, velocities and accelerations of some samples.
-State: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
 Source: TypeAlias = Recording | Callable[[], Recording] | Any
 
@@ -134,9 +128,13 @@ class ForceModel:
 
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
-        return spooled(ordered_map(self._regressor_at, _states(motion), n_jobs))
+        states = (
+            (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
+            for rows in row_blocks(len(motion.time), CHUNK)
+        )
+        return spooled(ordered_map(self._regressor_at, states, n_jobs))
 
-    def _regressor_at(self, state: State) -> FloatArray:
+    def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
         return self.base.regressor(self.standard_regressor(*state))
 
     def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
@@ -151,20 +149,14 @@ class ForceModel:
         free = np.isin(recording.actuators, self.mechanism.free)
         if free.any():
             prior = self.prior
-            largest = np.max([np.abs(W[r]).max(axis=(0, 2)) for r in row_blocks(len(W))], axis=0)
-            squares = np.sum(
-                [((W[r] * prior) ** 2).sum(axis=(0, 2)) for r in row_blocks(len(W))], axis=0
-            )
+            blocks = list(row_blocks(len(W)))
+            largest = np.max([np.abs(W[rows]).max(axis=(0, 2)) for rows in blocks], axis=0)
+            squares = np.sum([((W[rows] * prior) ** 2).sum(axis=(0, 2)) for rows in blocks], axis=0)
             silent = free & (largest <= SILENT * largest.max(initial=0.0))
             used = mapped_rows(lambda rows: recording.used[rows] & ~silent, len(W))
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         data = self.parameters, recording.actuators, W, recording.force
         return FitSamples.of(*data, used, recording.stretches, least)
-
-
-def _states(motion: JointMotion) -> Iterator[State]:
-    for rows in row_blocks(len(motion.time), CHUNK):
-        yield motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
 
 
 @checked

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 
 import numpy as np
 
@@ -376,42 +375,26 @@ def identifiability(
         raise DataError("there are no recordings to say what they identify")
     if samples is None:
         samples = FitSamples.combined([force_model.samples(each) for each in recordings])
-    columns = force_model.columns_of(samples.parameters)
+    columns, parameters = force_model.columns_of(samples.parameters), samples.parameters
     excitation = Excitation.of(force_model, samples.problem)
     errors, turns = _standard_errors(samples, force_model.prior[columns], excitation)
     changes = [*_unidentifiable(excitation), *_weak(excitation, errors, turns)]
-    directions = list[WeakDirection]()
+    unidentifiable, weak = list[WeakDirection](), list[WeakDirection]()
     if changes:
         search = MotionSearch(force_model, columns, excitation.weights, *_home(recordings))
-        make = partial(_direction, samples.parameters, excitation, search)
-        directions = [make(*change) for change in changes]
-    return Identifiability(
-        samples.parameters,
-        excitation,
-        frozen(errors),
-        tuple(direction for direction in directions if direction.unidentifiable),
-        tuple(direction for direction in directions if not direction.unidentifiable),
-    )
-
-
-def _direction(
-    parameters: ParameterSet,
-    excitation: Excitation,
-    search: MotionSearch,
-    change: FloatArray,
-    order: list[int],
-    error: float,
-) -> WeakDirection:
-    """A change (n,) with its main columns and its standard error, and what would excite it."""
-    x = np.linalg.solve(excitation.factor, change)
-    effect = float(np.linalg.norm(excitation.effects * (excitation.directions.T @ x)))
-    terms = {parameters.labels[j]: float(change[j] / change[order[0]]) for j in order}
-    # A little friction would call for speed, whatever a weak combination is about.
-    part = np.abs(change) / excitation.sizes
-    joints = np.array([parameter.kind not in KINDS for parameter in parameters])
-    aside = joints & (part <= MINOR * part.max()) & np.isfinite(error)
-    motion = search.find(np.where(aside, 0.0, change))
-    return WeakDirection(parameters, change, terms, effect, error, motion)
+        joints = np.array([parameter.kind not in KINDS for parameter in parameters])
+    for change, order, error in changes:
+        x = np.linalg.solve(excitation.factor, change)
+        effect = float(np.linalg.norm(excitation.effects * (excitation.directions.T @ x)))
+        terms = {parameters.labels[j]: float(change[j] / change[order[0]]) for j in order}
+        # A little friction would call for speed, whatever a weak combination is about.
+        part = np.abs(change) / excitation.sizes
+        aside = joints & (part <= MINOR * part.max()) & np.isfinite(error)
+        motion = search.find(np.where(aside, 0.0, change))
+        found = WeakDirection(parameters, change, terms, effect, error, motion)
+        (unidentifiable if found.unidentifiable else weak).append(found)
+    known = frozen(errors)
+    return Identifiability(parameters, excitation, known, tuple(unidentifiable), tuple(weak))
 
 
 # A change (n,) of one size, its main columns, and its standard error in sizes.

@@ -213,9 +213,16 @@ def identify(
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
     excitation, missing = found.excitation, keep and bool(found.unidentifiable)
-    chosen = _estimator(
-        force_model, estimator, prior_deviation, excitation.joint_sizes if missing else None
-    )
+    if estimator == BayesianRidge.name:
+        relative = PRIOR_DEVIATION if prior_deviation is None else prior_deviation
+        joint_deviations = excitation.joint_sizes if missing else None
+        estimator = BayesianRidge(cad_prior(force_model, relative, None, joint_deviations))
+    elif prior_deviation is not None:
+        raise OptionError(
+            f"a deviation of the robot file is for the estimator {BayesianRidge.name!r}, which has "
+            f"it as its prior, not for {estimator!r}"
+        )
+    chosen = chosen_estimator(estimator)
     if not keep:
         _require_excited(found, chosen)
     if friction:
@@ -274,24 +281,6 @@ def _gathered(
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs)
         parts[k] = parts[k].with_instruments(instruments)
     return FitSamples.combined(parts)
-
-
-def _estimator(
-    force_model: ForceModel,
-    estimator: str | Estimator,
-    prior_deviation: float | None,
-    joint_deviations: FloatArray | None,
-) -> Estimator:
-    """An estimator by its name; ``"bayes"`` has the robot file as its prior."""
-    if estimator == BayesianRidge.name:
-        relative = PRIOR_DEVIATION if prior_deviation is None else prior_deviation
-        return BayesianRidge(cad_prior(force_model, relative, joint_deviations=joint_deviations))
-    if prior_deviation is not None:
-        raise OptionError(
-            f"a deviation of the robot file is for the estimator {BayesianRidge.name!r}, which has "
-            f"it as its prior, not for {estimator!r}"
-        )
-    return chosen_estimator(estimator)
 
 
 def _require_excited(found: Identifiability, estimator: Estimator) -> None:
