@@ -50,31 +50,15 @@ SIMULATED, MAIN, WARM_UP, STAND_IN, MASSES, COVERAGE = range(6)
 
 @dataclass(frozen=True)
 class Experiment:
-    """The nine identification trajectories, each with what it asks of the motors.
+    """The nine identification trajectories, each with what it asks of the motors, by name."""
 
-    Attributes
-    ----------
-    force_model : ForceModel
-        Gravity, Coulomb and viscous friction.
-    order : IntArray
-        (23,), its columns in the order of Table II, then friction by limb.
-    rate : float
-        Samples per second.
-    motions, reviews : dict
-        Joint motion, and limits, singularity margin and speeds, by name of the trajectory.
-    parts : dict
-        Inertial, Coriolis and gravitational forces.
-    samples : dict
-        Regressors (N, 4, 23) in that order, and exact forces without friction.
-    """
-
-    force_model: ForceModel
-    order: IntArray
-    rate: float
+    force_model: ForceModel  # gravity, Coulomb and viscous friction
+    order: IntArray  # (23,), its columns in the order of Table II, then friction by limb
+    rate: float  # samples per second
     motions: dict[str, JointMotion]
-    reviews: dict[str, MotionReview]
-    parts: dict[str, ForceParts]
-    samples: dict[str, FitSamples]
+    reviews: dict[str, MotionReview]  # limits, singularity margin and speeds
+    parts: dict[str, ForceParts]  # inertial, Coriolis and gravitational forces
+    samples: dict[str, FitSamples]  # regressors (N, 4, 23), and exact forces without friction
 
     @property
     def mechanism(self) -> Mechanism:
@@ -146,27 +130,15 @@ def run_experiment(
 
 @dataclass(frozen=True)
 class ForceShares:
-    """Figures 2 and 3: what the motors' forces are made of.
+    """Figures 2 and 3: what the motors' forces are made of."""
 
-    Attributes
-    ----------
-    trajectory : str
-        Of the series.
-    time : FloatArray
-        (N,) in s.
-    inertial, coriolis, gravity, friction : FloatArray
-        (N, 4) in N.
-    greatest : dict
-        Greatest absolute value (4,) of each part but friction over all trajectories.
-    """
-
-    trajectory: str
-    time: FloatArray
-    inertial: FloatArray
+    trajectory: str  # of the series
+    time: FloatArray  # (N,) in s
+    inertial: FloatArray  # (N, 4) in N, as the next three
     coriolis: FloatArray
     gravity: FloatArray
     friction: FloatArray
-    greatest: dict[str, FloatArray]
+    greatest: dict[str, FloatArray]  # absolute, (4,) of each part but friction, over all nine
 
 
 def force_shares(experiment: Experiment) -> ForceShares:

@@ -55,38 +55,18 @@ UP_AND_DOWN = ("3", "4")
 
 @dataclass(frozen=True)
 class SimulatedFit:
-    """Table IV and figure 4: fits to the nine trajectories, in the order of Table II.
+    """Table IV and figure 4: fits to the nine trajectories, in the order of Table II."""
 
-    Attributes
-    ----------
-    truth : FloatArray
-        (15,), values from the robot file.
-    fifteen, eight : FitResult
-        With all base parameters, and with the first eight.
-    expected : FloatArray
-        (8,), what leaving out the other seven makes of the first eight on average.
-    expected_range : FloatArray
-        (8, 2), least and greatest of the same over single trajectories.
-    condition_numbers : dict
-        cond(W_1) with 15 and 8 parameters, by trajectory; all nine under ``"all"``.
-    influence, influence_reach : FloatArray
-        (15,) p_i in %, and half the width of its 95 % interval, to first order.
-    alone : FloatArray
-        (15,), rms in N of the forces that each parameter makes alone.
-    explained : FloatArray
-        (15,) part of the forces that the first i parameters explain, 1 - |T - A_i| / |T|, in %.
-    """
-
-    truth: FloatArray
-    fifteen: FitResult
-    eight: FitResult
-    expected: FloatArray
-    expected_range: FloatArray
-    condition_numbers: dict[str, tuple[float, float]]
-    influence: FloatArray
-    influence_reach: FloatArray
-    alone: FloatArray
-    explained: FloatArray
+    truth: FloatArray  # (15,), by the robot file
+    fifteen: FitResult  # with all base parameters
+    eight: FitResult  # with the first eight
+    expected: FloatArray  # (8,), what leaving out the other seven makes of them on average
+    expected_range: FloatArray  # (8, 2), least and greatest of the same over single trajectories
+    condition_numbers: dict[str, tuple[float, float]]  # cond(W_1) with 15 and 8, "all" or by name
+    influence: FloatArray  # (15,), p_i in %
+    influence_reach: FloatArray  # (15,), half the width of its 95 % interval, to first order
+    alone: FloatArray  # (15,), rms in N of the forces that each parameter makes alone
+    explained: FloatArray  # (15,), 1 - |T - A_i| / |T| of the first i parameters, in %
 
 
 def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
@@ -132,23 +112,12 @@ def _influence_reach(samples: FitSamples, result: FitResult) -> FloatArray:
 
 @dataclass(frozen=True)
 class Coverage:
-    """How often the 95 % intervals of the simulated fit cover the true values.
-
-    Attributes
-    ----------
-    repetitions : int
-    samples : int
-        Per actuator, in each repetition.
-    shares : FloatArray
-        (15,), of the repetitions.
-    bias : FloatArray
-        (15,), mean error in standard errors of the mean.
-    """
+    """How often the 95 % intervals of the simulated fit cover the true values."""
 
     repetitions: int
-    samples: int
-    shares: FloatArray
-    bias: FloatArray
+    samples: int  # per actuator, in each repetition
+    shares: FloatArray  # (15,), of the repetitions
+    bias: FloatArray  # (15,), mean error in standard errors of the mean
 
 
 def measure_coverage(
@@ -158,15 +127,7 @@ def measure_coverage(
     seed: int,
     progress: Progress | None = None,
 ) -> Coverage:
-    """Fit the same motion again and again, each time with fresh noise of ±12 N.
-
-    Parameters
-    ----------
-    samples : FitSamples
-        Their forces are not used.
-    truth : FloatArray
-        (n,).
-    """
+    """Fit the same motion again and again, to true forces with fresh noise of ±12 N."""
     exact = samples.with_force(samples.predicted(truth))
     covered, errors = np.empty((2, repetitions, len(truth)))
     for k in range(repetitions):
@@ -192,18 +153,10 @@ def coverage_samples(experiment: Experiment, rate: float) -> FitSamples:
 
 @dataclass(frozen=True)
 class TwoSteps:
-    """The paper's indirect way: base parameters as in Table II, then friction by limb.
+    """The paper's indirect way: base parameters as in Table II, then friction by limb."""
 
-    Attributes
-    ----------
-    truth : FloatArray
-        (23,).
-    in_steps, together : FitResult
-        Friction first, from a warm-up, and gravity second; and all at once.
-    """
-
-    truth: FloatArray
-    in_steps: FitResult
+    truth: FloatArray  # (23,)
+    in_steps: FitResult  # friction first, from a warm-up, and gravity second
     together: FitResult
 
 
@@ -222,50 +175,24 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
 
 @dataclass(frozen=True)
 class ActualFit:
-    """Table V, figures 5 and 6: what logs of the robot say, friction fitted too.
+    """Table V, figures 5 and 6: what logs of the robot say, friction fitted too."""
 
-    Attributes
-    ----------
-    sources : tuple of str
-        Names of the logs, or of the trajectories of a stand-in.
-    cad : FloatArray
-        (15,), base parameters of the robot file in the order of Table II.
-    truth : FloatArray or None
-        (15,), of a stand-in.
-    eight, fifteen, informed : FitResult
-        The first eight base parameters; all of them; all of them, with the robot file as prior.
-    new_errors : dict
-        Rms errors (4,) in N on the data that were not fitted, by fit.
-    time : FloatArray
-        (N,) in s, of the first log.
-    used : BoolArray
-        (N, 4), where the forces say something.
-    force, gravity : FloatArray
-        (N, 4), as logged, and less the friction of ``informed``.
-    cad_force, cad_gravity : FloatArray
-        (N, 4), by the robot file, with fitted friction in the former.
-    eight_force : FloatArray
-        (N, 4), by the eight parameters and friction.
-    informed_gravity, informed_reach : FloatArray
-        (N, 4), by ``informed``, and half the width of its 95 % interval.
-    """
-
-    sources: tuple[str, ...]
-    cad: FloatArray
-    truth: FloatArray | None
-    eight: FitResult
-    fifteen: FitResult
-    informed: FitResult
-    new_errors: dict[str, FloatArray]
-    time: FloatArray
-    used: BoolArray
-    force: FloatArray
-    gravity: FloatArray
-    cad_force: FloatArray
-    cad_gravity: FloatArray
-    eight_force: FloatArray
-    informed_gravity: FloatArray
-    informed_reach: FloatArray
+    sources: tuple[str, ...]  # names of the logs, or of the trajectories of a stand-in
+    cad: FloatArray  # (15,), base parameters of the robot file in the order of Table II
+    truth: FloatArray | None  # (15,), of a stand-in
+    eight: FitResult  # the first eight base parameters
+    fifteen: FitResult  # all of them
+    informed: FitResult  # all of them, with the robot file as prior
+    new_errors: dict[str, FloatArray]  # rms (4,) in N on data that were not fitted, by fit
+    time: FloatArray  # (N,) in s, of the first log
+    used: BoolArray  # (N, 4), where the forces say something
+    force: FloatArray  # (N, 4), as logged
+    gravity: FloatArray  # (N, 4), the same less the friction of `informed`
+    cad_force: FloatArray  # (N, 4), by the robot file and fitted friction
+    cad_gravity: FloatArray  # (N, 4), by the robot file
+    eight_force: FloatArray  # (N, 4), by the eight parameters and friction
+    informed_gravity: FloatArray  # (N, 4), by `informed`
+    informed_reach: FloatArray  # (N, 4), half the width of its 95 % interval
 
     @property
     def is_stand_in(self) -> bool:
@@ -276,14 +203,9 @@ class ActualFit:
 def fit_actual(
     experiment: Experiment, recordings: Sequence[Recording], standard: FloatArray | None = None
 ) -> ActualFit:
-    """Identify gravity and friction of the 3UPS+RPU from recordings of it.
+    """Fit gravity and friction to the first 60 % of each recording; the rest is new data.
 
-    The first 60 % of each recording are fitted, the rest is new data.
-
-    Parameters
-    ----------
-    standard : FloatArray, optional
-        (90,), true standard parameters of a stand-in.
+    The standard parameters (90,) are the true ones of a stand-in.
     """
     model, cad = experiment.force_model, experiment.truth[BODIES]
     fitted, new = (
@@ -303,12 +225,17 @@ def fit_actual(
         "fifteen": (new, fifteen.values),
         "CAD as prior": (new, informed.values),
     }
-    shown = model.samples(recordings[0]).select(experiment.order)
+    shown, truth = model.samples(recordings[0]).select(experiment.order), None
+    if standard is not None:
+        values = dict(zip(experiment.mechanism.parameters().labels, standard, strict=True))
+        labels = model.base.parameters.labels  # friction takes no part in the base parameters
+        given = np.array([values.get(label, 0.0) for label in labels])
+        truth = model.base.values(given)[experiment.order[BODIES]]
     W, W_friction = shown.regressor[:, :, BODIES], shown.regressor[:, :, BODIES.stop :]
     return ActualFit(
         sources=tuple(recording.name for recording in recordings),
         cad=cad,
-        truth=None if standard is None else _gravity_truth(experiment, standard),
+        truth=truth,
         eight=eight,
         fifteen=fifteen,
         informed=informed,
@@ -328,47 +255,18 @@ def fit_actual(
     )
 
 
-def _gravity_truth(experiment: Experiment, standard: FloatArray) -> FloatArray:
-    """True values (15,) in the order of Table II, from standard parameters (90,)."""
-    mechanism, base = experiment.mechanism, experiment.force_model.base
-    values = dict(zip(mechanism.parameters().labels, standard, strict=True))
-    kept = [values[label] for label in mechanism.parameters("gravity").labels]
-    rest = np.zeros(len(base.parameters) - len(kept))
-    return base.values(np.concatenate([kept, rest]))[experiment.order[BODIES]]
-
-
 @dataclass(frozen=True)
 class PaperReproduction:
-    """Everything that the paper's tables and figures show.
+    """Everything that the paper's tables and figures show."""
 
-    Attributes
-    ----------
-    geometry : dict
-        Table I, measured on the model.
-    base : BaseComparison
-        Tables II and III.
-    experiment : Experiment
-        The nine trajectories.
-    shares : ForceShares
-        Figures 2 and 3.
-    simulated : SimulatedFit
-        Table IV and figure 4.
-    coverage : Coverage
-        Of the intervals behind Table IV.
-    two_steps : TwoSteps
-        Friction first, gravity second.
-    actual : ActualFit
-        Table V, figures 5 and 6.
-    """
-
-    geometry: dict[str, float]
-    base: BaseComparison
-    experiment: Experiment
-    shares: ForceShares
-    simulated: SimulatedFit
-    coverage: Coverage
-    two_steps: TwoSteps
-    actual: ActualFit
+    geometry: dict[str, float]  # Table I, measured on the model
+    base: BaseComparison  # Tables II and III
+    experiment: Experiment  # the nine trajectories
+    shares: ForceShares  # figures 2 and 3
+    simulated: SimulatedFit  # Table IV and figure 4
+    coverage: Coverage  # of the intervals behind Table IV
+    two_steps: TwoSteps  # friction first, gravity second
+    actual: ActualFit  # Table V, figures 5 and 6
 
     def __repr__(self) -> str:
         rows, motions, rate = self.base.rows, self.experiment.motions, self.experiment.rate

@@ -37,22 +37,12 @@ def measured_geometry(mechanism: Mechanism) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class BaseComparison:
-    """Base parameters of the 3UPS+RPU beside Table II.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    base : BaseParameters
-    rows : tuple of int or None
-        For each row of Table II the base parameter that equals it to the printed digits.
-    seconds : float
-        Median time from the triangular factor to the certified choice.
-    """
+    """Base parameters of the 3UPS+RPU beside Table II."""
 
     mechanism: Mechanism
     base: BaseParameters
-    rows: tuple[int | None, ...]
-    seconds: float
+    rows: tuple[int | None, ...]  # for each row of Table II the base parameter that equals it
+    seconds: float  # median, from the triangular factor to the certified choice
 
     @property
     def agrees(self) -> bool:
@@ -95,13 +85,7 @@ def matching_rows(base: BaseParameters) -> tuple[int | None, ...]:
 
 
 def rows_of_table_ii(base: BaseParameters) -> IntArray:
-    """Columns (15,) of base parameters in the order of Table II.
-
-    Raises
-    ------
-    SearchError
-        When a row is not among them.
-    """
+    """Columns (15,) of base parameters in the order of Table II; all must be there."""
     rows = matching_rows(base)
     missing = [str(number) for number, row in enumerate(rows, start=1) if row is None]
     if missing:

@@ -59,13 +59,9 @@ Points = tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]
 
 
 def parameter_symbols() -> dict[str, sp.Symbol]:
-    """Symbols of the gravitational parameters, in the column order of the regressor.
+    """Symbols of the 36 gravitational parameters, in the column order of the regressor.
 
-    Returns
-    -------
-    dict of str to Symbol
-        36 entries: ``leg2_stem.m`` to ``m_22`` (kg), ``leg2_stem.mx`` to ``mx_22``, the first
-        moment m_22 x_G22 along the link's x axis (kg m), and so on.
+    ``leg2_stem.m`` is m_22 (kg), ``leg2_stem.mx`` the first moment mx_22 = m_22 x_G22 (kg m).
     """
     return {
         f"{link}.{kind}": sp.Symbol(f"{kind}_{index}")
@@ -79,34 +75,18 @@ def parameter_symbols() -> dict[str, sp.Symbol]:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Geometric parameters of one configuration (the paper's Table I).
+    """Geometric parameters of one configuration (the paper's Table I), m and rad."""
 
-    Angles are in radians; :meth:`from_degrees` takes them as the paper prints them.
-
-    Parameters
-    ----------
-    R1, R2, R3 : float
-        Distances of the base points A_i from the fixed origin, m.
-    ds : float
-        Position of limb 4's revolute joint along X_F, m.
-    beta_FD, beta_FI : float
-        Angles of A_2 and A_3 from X_F, rad.
-    Rm1, Rm2, Rm3 : float
-        Distances of the platform points B_i from the platform origin, m.
-    beta_MD, beta_MI : float
-        Angles of B_2 and B_3 from the platform's x axis, rad.
-    """
-
-    R1: float
+    R1: float  # distances of the base points A_i from the fixed origin
     R2: float
     R3: float
-    ds: float
-    beta_FD: float
+    ds: float  # position of limb 4's revolute joint along X_F
+    beta_FD: float  # angles of A_2 and A_3 from X_F
     beta_FI: float
-    Rm1: float
+    Rm1: float  # distances of the platform points B_i from the platform origin
     Rm2: float
     Rm3: float
-    beta_MD: float
+    beta_MD: float  # angles of B_2 and B_3 from the platform's x axis
     beta_MI: float
 
     @classmethod
@@ -131,25 +111,12 @@ class Geometry:
 
 
 def read_geometry(path: str | PathLike[str], robot: str, configuration: int) -> Geometry:
-    """Read one configuration from the geometry table ``geometry.yaml``.
-
-    Parameters
-    ----------
-    path : path-like
-        The table: robot name to ``configurations``, each with lengths in m, angles in degrees.
-    robot : str
-        Name of the robot in the table.
-    configuration : int
-        Number of its configuration.
+    """Read one configuration of a robot from ``geometry.yaml``, in m and degrees.
 
     Raises
     ------
-    MissingFileError
-        If there is no such file.
-    OptionError
-        If the robot or the configuration is not in the table.
-    RobotFileError
-        If the configuration lacks an entry or has an unknown one.
+    MissingFileError, OptionError, RobotFileError
+        If there is no such file, robot or configuration, or an entry is missing or unknown.
     """
     if not Path(path).is_file():
         raise MissingFileError(f"no geometry table at {path}")
@@ -271,23 +238,12 @@ class GravityModel:
     In equilibrium the power of the actuators equals the rate of the potential energy for every
     pose rate Ẋ compatible with the loops: τᵀ J Ẋ = Ẋᵀ P Φ_G. Hence τ = J⁻ᵀ P Φ_G = K_G Φ_G, the
     gravitational term of the paper's equation (3).
-
-    Parameters
-    ----------
-    strokes : ImmutableMatrix
-        Actuated coordinates q_13, q_23, q_33, q_42, m; (4, 1).
-    jacobian : ImmutableMatrix
-        J = ∂(strokes)/∂(x_m, z_m, θ, ψ), m or m/rad; (4, 4).
-    energy : ImmutableMatrix
-        Potential energy for each unit parameter, in the order of ``GRAVITY_LABELS``, J; (1, 36).
-    power : ImmutableMatrix
-        P, power of each unit parameter for each unit pose rate; (4, 36).
     """
 
-    strokes: sp.ImmutableMatrix
-    jacobian: sp.ImmutableMatrix
-    energy: sp.ImmutableMatrix
-    power: sp.ImmutableMatrix
+    strokes: sp.ImmutableMatrix  # (4, 1), actuated coordinates q_13, q_23, q_33, q_42, m
+    jacobian: sp.ImmutableMatrix  # (4, 4), J = ∂(strokes)/∂(x_m, z_m, θ, ψ), m or m/rad
+    energy: sp.ImmutableMatrix  # (1, 36), potential energy for each unit parameter, J
+    power: sp.ImmutableMatrix  # (4, 36), P, for each unit pose rate and unit parameter
 
 
 @cache
@@ -312,23 +268,11 @@ _PLATFORM = sp.symbols("h_mx h_my h_mz")
 
 @dataclass(frozen=True)
 class BaseParameterRow:
-    """One row of the paper's Table II.
+    """One row of the paper's Table II."""
 
-    Parameters
-    ----------
-    number : int
-        Row of Table II, 1 to 15.
-    expression : Expr
-        The base parameter, linear in the symbols of ``parameter_symbols()``, with the symbols of
-        ``Geometry.symbols()``; kg for row 1, kg m for the others.
-    atom : Expr
-        The function of the pose that it multiplies in the potential energy divided by g; m for
-        row 1, a direction cosine with Z_F for the others.
-    """
-
-    number: int
-    expression: sp.Expr
-    atom: sp.Expr
+    number: int  # 1 to 15
+    expression: sp.Expr  # linear in parameter_symbols(); kg for row 1, kg m for the others
+    atom: sp.Expr  # what it multiplies in the potential energy divided by g; m, or a cosine
 
     def coefficients(self, geometry: Geometry) -> dict[str, float]:
         """Coefficient of every parameter in the row, by column label.
@@ -345,13 +289,10 @@ class BaseParameterRow:
 
 @cache
 def base_parameter_rows() -> tuple[BaseParameterRow, ...]:
-    """Derive the base parameters, in the order and with the signs of the paper's Table II.
+    """Derive the 15 base parameters, in the order and with the signs of the paper's Table II.
 
-    Returns
-    -------
-    tuple of BaseParameterRow
-        15 rows. Rows 9 and 10 hold what the paper's Table III shows; row 9 also
-        R_m3 cos(beta_MI) m_32, which Table III omits and which is zero for beta_MI = 90°.
+    Rows 9 and 10 hold what the paper's Table III shows; row 9 also R_m3 cos(beta_MI) m_32, which
+    Table III omits and which is zero for beta_MI = 90°.
     """
     symbols = parameter_symbols()
     energy = sp.expand(
@@ -402,42 +343,21 @@ def _atoms() -> dict[sp.Symbol, sp.Expr]:
 
 
 def strokes(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Strokes of the four prismatic joints by closed-form inverse kinematics.
+    """Strokes (N, 4) of the prismatic joints in m, by closed-form inverse kinematics.
 
     Parameters
     ----------
-    geometry : Geometry
-        Geometric parameters, m and rad.
     poses : array-like
         x_m, z_m (m), theta, psi (rad) of each pose; (N, 4), or (4,) for one.
-
-    Returns
-    -------
-    ndarray
-        q_13, q_23, q_33, q_42 in m; (N, 4).
-
-    Raises
-    ------
-    DataError
-        If `poses` has another shape or is not finite.
     """
     return _evaluator("strokes")(geometry, samples(poses, len(POSE), "poses"))[:, :, 0]
 
 
 def stroke_jacobian(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Jacobian J of the strokes with respect to the pose.
-
-    Parameters as in :func:`strokes`.
-
-    Returns
-    -------
-    ndarray
-        Rows limbs 1 to 4, columns x_m, z_m (m/m), theta, psi (m/rad); (N, 4, 4).
+    """Jacobian J (N, 4, 4) of the strokes with respect to the pose; poses as in :func:`strokes`.
 
     Raises
     ------
-    DataError
-        If `poses` has another shape or is not finite.
     SingularityError
         If a limb has no length at a pose.
     """
@@ -448,26 +368,13 @@ def stroke_jacobian(geometry: Geometry, poses: ArrayLike) -> FloatArray:
 
 
 def gravity_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Gravity regressor K_G = J⁻ᵀ P of the paper's equation (3).
+    """Gravity regressor K_G = J⁻ᵀ P (N, 4, 36) of the paper's equation (3).
 
-    K_G Φ_G are the forces of the actuators that hold the robot against gravity.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Geometric parameters, m and rad.
-    poses : array-like
-        x_m, z_m (m), theta, psi (rad) of each pose; (N, 4), or (4,) for one.
-
-    Returns
-    -------
-    ndarray
-        Rows limbs 1 to 4, columns ``GRAVITY_LABELS``, N per kg or per kg m; (N, 4, 36).
+    K_G Φ_G are the forces of the actuators that hold the robot against gravity. Rows are limbs 1 to
+    4, columns ``GRAVITY_LABELS``, in N per kg or per kg m; poses as in :func:`strokes`.
 
     Raises
     ------
-    DataError
-        If `poses` has another shape or is not finite.
     SingularityError
         If a pose is a type II singularity (J loses rank), or puts a limb 1 to 3 parallel to Y_F,
         where its universal joint is singular, or leaves a limb without length.
@@ -476,15 +383,9 @@ def gravity_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
 
 
 def base_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Regressor of the 15 base parameters, from the gradients of their atoms.
+    """Regressor (N, 4, 15) of :func:`base_parameter_rows`, from the gradients of their atoms.
 
     Parameters and errors as in :func:`gravity_regressor`.
-
-    Returns
-    -------
-    ndarray
-        Rows limbs 1 to 4, columns as :func:`base_parameter_rows`, N per kg or per kg m;
-        (N, 4, 15).
     """
     return _forces("atom power", geometry, poses)
 
