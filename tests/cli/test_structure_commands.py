@@ -66,12 +66,6 @@ def test_every_search_and_criterion_answers_and_none_beats_the_exact_one(
     assert exact["condition_number"] <= found["condition_number"] * (1 + 1e-9)
 
 
-def test_the_full_model_of_a_bundled_robot(run_json):
-    record = run_json("base", "3ups_rpu", "--model", "full")
-    assert record["standard_parameters"] == 90
-    assert record["search"]["certified"]
-
-
 def test_a_seed_gives_the_same_answer_again(run_json):
     first, second = (run_json("base", "3ups_rpu", "--seed", "7") for _ in range(2))
     first["search"].pop("seconds")

@@ -47,17 +47,6 @@ def test_the_ratio_is_that_of_mean_squares_with_motors_weighted_alike():
     assert found.error_ratio[0] == pytest.approx((squares[0] / squares[1]).mean(), rel=1e-12)
 
 
-def test_larger_errors_of_one_motor_do_not_hide_those_of_another():
-    # Ten times the force in all: the same verdict, motor by motor.
-    validation, scale = made(3), np.array([1.0, 100.0])
-    W = validation.regressor * scale[:, None]
-    louder = FitSamples.of(NAMES, MOTORS, W, validation.force * scale)
-    values, baseline = off(0.3), off(lever=0.5)
-    assert judged(louder, values, baseline).error_ratio == pytest.approx(
-        judged(validation, values, baseline).error_ratio, rel=1e-9
-    )
-
-
 def test_unused_samples_do_not_count():
     used = np.ones((ROWS, 2), dtype=bool)
     used[100:250, 0] = used[400:, 1] = False
@@ -94,16 +83,6 @@ def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, basel
     )
     spread, told = found[:, 0].std(ddof=1), found[:, 1].mean()
     assert 0.75 < told / spread < 1.33
-
-
-def test_the_better_of_two_nearly_equal_candidates_is_rarely_called_better():
-    # Errors of the same size in other directions: two standard errors hold in about 98 % of draws.
-    values, baseline = off(0.5), off(lever=0.5)
-    verdicts = []
-    for seed in range(10, 10 + DRAWS):
-        found = judged(made(seed), values, baseline)
-        verdicts.append(found.beats_baseline)
-    assert np.mean(verdicts) < 0.06
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,9 @@ from loopid.identification import (
 )
 from loopid.kinematics import random_motions
 from loopid.logs import Recording
-from loopid.regressors import JOINT_KINDS, motion_parameters
+from loopid.regressors import JOINT_KINDS
 from loopid.trajectories import JointMotion
-from made_runs import record, wander
+from made_runs import record
 
 KINDS = tuple(JOINT_KINDS)
 
@@ -94,12 +94,6 @@ def test_every_column_belongs_to_bodies_or_to_joints(case):
     assert {label for j in joints for label in [labels[j].rpartition(".")[2]]} <= set(KINDS)
 
 
-def test_parameters_are_the_leading_ones_in_the_order_of_the_columns(case):
-    robot, terms, model = case
-    assert model.parameters.labels == model.base.names
-    assert set(model.parameters) <= set(motion_parameters(robot, model.model, terms))
-
-
 @pytest.mark.parametrize("chunk", [1, 7, 30])
 def test_memory_does_not_change_the_regressor(case, monkeypatch, chunk):
     robot, _, model = case
@@ -116,11 +110,6 @@ def test_without_joint_terms_all_columns_are_bodies(knee):
     assert (len(model.parameters), len(model.joint_columns)) == (15, 0)
     np.testing.assert_array_equal(model.body_columns, np.arange(15))
     np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))
-
-
-def test_friction_is_nothing_that_the_robot_file_knows(knee_model):
-    assert len(knee_model.joint_columns) == 8
-    assert not knee_model.prior[knee_model.joint_columns].any()
 
 
 def test_samples_keep_forces_masks_and_stretches(knee, knee_model):
@@ -142,12 +131,6 @@ def test_samples_keep_forces_masks_and_stretches(knee, knee_model):
     np.testing.assert_array_equal(samples.used, masked.used)
     np.testing.assert_array_equal(samples.problem.samples, masked.used.sum(axis=0))
     assert [(piece.start, piece.stop) for piece in samples.pieces] == [(0, 10), (10, 20), (20, 30)]
-
-
-def test_a_seed_gives_the_same_model_again(knee, terms):
-    first, again = (find_force_model(knee, "gravity", terms[0], seed=3) for _ in range(2))
-    assert first.parameters == again.parameters
-    np.testing.assert_array_equal(first.base.matrix, again.base.matrix)
 
 
 def test_sizes_are_those_of_the_bodies_whatever_the_link_frame_is_turned(knee):
@@ -230,12 +213,6 @@ def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, sche
     one, other = (WeightedLeastSquares().fit(problem) for problem in (found, expected))
     np.testing.assert_allclose(one.values, other.values, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(one.standard_errors, other.standard_errors, rtol=1e-7)
-
-
-def test_an_odd_number_of_sources(knee, knee_model, terms):
-    runs = [record(knee, wander(knee, seed=k, seconds=8.0), terms) for k in range(3)]
-    found = distributed_problem(knee_model, runs, scheduler="synchronous")
-    assert found.rows == sum(run.used.sum() for run in runs)
 
 
 def test_no_sources_are_refused(knee_model):

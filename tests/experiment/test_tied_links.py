@@ -78,12 +78,6 @@ def test_base_parameters_give_all_forces_of_any_shared_parameters(case):
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_links_that_are_alike_in_the_file_predict_the_same_forces(case):
-    _, untied, tied, (motion, _) = case
-    loose, shared = (model.regressor(motion) @ model.prior for model in (untied, tied))
-    np.testing.assert_allclose(shared, loose, atol=1e-9 * np.abs(loose).max())
-
-
 @pytest.fixture(scope="module")
 def found(case):
     """Fits of all draws of the untied robot's forces, tied: errors in standard errors, hits."""

@@ -26,7 +26,7 @@ from loopid.paper.reproduction import (
     measure_coverage,
 )
 
-SEEDS = range(1, 6)
+SEEDS = range(1, 4)
 
 
 @pytest.fixture(scope="module")
@@ -93,12 +93,6 @@ def test_condition_numbers_are_those_of_the_regressors(simulated, coarse, fits):
         expected = np.linalg.cond(W), np.linalg.cond(W[:, :8])
         assert found[name] == pytest.approx(expected, rel=1e-6)
     assert simulated.condition_numbers["all"][0] < 500 < simulated.condition_numbers["1"][0]
-
-
-def test_a_seed_gives_the_same_fit_and_another_seed_another(coarse, fits):
-    again = fit_simulated(coarse, SEEDS[0])
-    np.testing.assert_array_equal(again.fifteen.values, fits[0].fifteen.values)
-    assert not np.array_equal(fits[0].fifteen.values, fits[1].fifteen.values)
 
 
 # Figure 4

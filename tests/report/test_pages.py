@@ -53,13 +53,6 @@ def test_the_record_is_beside_the_page(files, identification):
     assert record == identification_record(identification)
 
 
-def test_the_page_holds_all_tables(files, identification):
-    for table in identification_tables(identification):
-        assert table.title in files["report.md"]
-    for label in identification.fit.parameters.labels:
-        assert label in files["report.md"]
-
-
 @pytest.mark.parametrize("width", [80, 120])
 def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(identification, width):
     cut = set()
@@ -156,9 +149,3 @@ def test_findings_are_sentences_and_count_the_essential_parameters(identificatio
     plain = tuple(replace(part, cutoff=None) for part in identification.training)
     said = findings(replace(identification, training=plain))
     assert any("unfiltered" in text for text in said)
-
-
-def test_candidates_are_shown_with_what_they_take_from_the_data(identification):
-    table = identification_tables(identification)[2]
-    fitted = [next(iter(column.cells)) for column in table.columns[1:]]
-    assert fitted == [str(candidate.fitted) for candidate in identification.candidates]

@@ -14,10 +14,6 @@ def assert_strict(record):
     assert json.loads(json.dumps(record, allow_nan=False)) == record
 
 
-def test_the_record_is_strict_json(identification):
-    assert_strict(identification_record(identification))
-
-
 def test_an_identification_is_recorded_whole(identification):
     record, found = identification_record(identification), identification
     model, count = found.force_model, len(found.fit.values)
