@@ -15,7 +15,6 @@ import pytest
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from loopid import (
     BaseParameters,
-    ForceModel,
     JointTerms,
     Mechanism,
     find_force_model,
@@ -23,6 +22,7 @@ from loopid import (
     random_configurations,
 )
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
+from loopid.experiment import ForceModel
 from loopid.export import compile_regressor, export_regressor, regressor_code
 from loopid.export.codegen.compiled import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual

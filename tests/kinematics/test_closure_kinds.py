@@ -11,10 +11,14 @@ from loopid import (
     mobility,
     project,
     random_configurations,
-    singularity_measure,
     structural_observation,
 )
-from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
+from loopid.kinematics import (
+    constraint_drift,
+    constraint_jacobian,
+    constraint_residual,
+    singularity_measure,
+)
 from loopid.kinematics.linear import null_space
 
 # Coordinates, equations, independent ones, of linkages that are not loops of rows + 1 joints.

@@ -6,8 +6,8 @@ import pytest
 
 from closure_robots import loop
 from linkages import LINKAGES, four_bar
-from loopid import project, random_configurations, singularity_measure
-from loopid.kinematics import constraint_residual
+from loopid import project, random_configurations
+from loopid.kinematics import constraint_residual, singularity_measure
 from loopid.kinematics.projection import NEAR_SINGULARITY
 
 FLYING = ("five-bar", "ball rssr")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import assemble, random_configurations, singularity_measure
+from loopid import assemble, random_configurations
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics import constraint_residual, random_motions
+from loopid.kinematics import constraint_residual, random_motions, singularity_measure
 
 
 def test_a_seed_gives_the_same_configurations(mechanism):

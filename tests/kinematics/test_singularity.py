@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from loopid import assemble, project, singularity_measure
+from loopid import assemble, project
 from loopid.errors import SingularityError, SingularityWarning
-from loopid.kinematics import mobility
+from loopid.kinematics import mobility, singularity_measure
 from loopid.kinematics.projection import NEAR_SINGULARITY
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")

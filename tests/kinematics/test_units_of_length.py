@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from loopid import assemble, load_mechanism, project, random_configurations, singularity_measure
-from loopid.kinematics import try_assemble
+from loopid import assemble, load_mechanism, project, random_configurations
+from loopid.kinematics import singularity_measure, try_assemble
 
 MM = 1000.0
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")

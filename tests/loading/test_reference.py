@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from closure_robots import tie
-from loopid import load_mechanism, mobility, random_configurations, singularity_measure
+from loopid import load_mechanism, mobility, random_configurations
 from loopid.errors import MobilityWarning, ReferenceWarning
+from loopid.kinematics import singularity_measure
 from loopid.kinematics.projection import NEAR_SINGULARITY
 from small_tree import PARTS
 
