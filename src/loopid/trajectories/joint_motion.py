@@ -113,7 +113,12 @@ def joint_motion(
         q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
         v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(mechanism.joints):
-        _refuse_free_parts(mechanism)
+        free = [name for name in mechanism.free if name not in mechanism.joints]
+        if free:
+            raise OptionError(
+                f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
+                f"which the motors leave free: lock them ({lock_options(mechanism)})"
+            )
         q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
         whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
         v, a = whole.velocities, whole.accelerations
@@ -127,33 +132,14 @@ def joint_motion(
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
 
 
-def _refuse_free_parts(mechanism: Mechanism) -> None:
-    """Free coordinates that are no joints of their own cannot be part of a motion of joints."""
-    free = [name for name in mechanism.free if name not in mechanism.joints]
-    if free:
-        raise OptionError(
-            f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
-            f"which the motors leave free: lock them ({lock_options(mechanism)})"
-        )
-
-
 @dataclass(frozen=True)
 class JointRange:
-    """What a joint with one coordinate passes through.
-
-    Attributes
-    ----------
-    joint : str
-    lowest, highest : float
-        Least and greatest value of the motion, in m or rad.
-    lower, upper : float
-        Limits in the robot file, infinite where there are none.
-    """
+    """What a joint with one coordinate passes through, in m or rad."""
 
     joint: str
-    lowest: float
+    lowest: float  # of the motion
     highest: float
-    lower: float
+    lower: float  # limits in the robot file, infinite where there are none
     upper: float
 
     @property
