@@ -1,12 +1,9 @@
 """Joint states by name: whoever sends them, in whatever order, on whatever topic."""
 
-import warnings
-
 import numpy as np
 import pytest
 from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
 
-from loopid import load_mechanism
 from loopid.errors import LogError, LogWarning, OptionError
 from loopid.logs import LogMapping, read_log
 
@@ -172,20 +169,6 @@ def test_alike_topics_are_told_apart_by_the_mapping(knee, ros, write, run):
         read_log(path, knee, LogMapping(topic="/other"))
 
 
-def test_a_mapping_scales_names_and_signs(knee, ros, write, run):
-    stamps, q, f = run
-    names = [f"robot/{joint}" for joint in knee.actuated]
-    path = write(states(ros, names, stamps, (q - 0.1) * 1e3, -f / 2))
-    mapping = LogMapping(
-        position={j: f"robot/{j}.position" for j in knee.actuated},
-        force={j: f"robot/{j}.effort" for j in knee.actuated},
-        position_scale=1e-3,
-        position_offset=0.1,
-        force_scale=-2.0,
-    )
-    check(read_log(path, knee, mapping), run)
-
-
 def test_bad_values_are_left_out_by_message(knee, ros, write, run):
     stamps, q, f = run
     q = q.copy()
@@ -229,23 +212,6 @@ def test_bags_without_messages(knee, write):
         read_log(write([]), knee)
 
 
-def test_turns_without_end_are_counted_on(write_files, ros, write):
-    robot = load_mechanism(write_files(WHEEL, ""))
-    stamps = np.arange(500) * 10**7
-    angle = 20 * np.sin(stamps / 1e9)[:, None]
-    wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
-    log = read_log(write(states(ros, ["wheel"], stamps, wrapped, angle)), robot)
-    np.testing.assert_allclose(log.position, angle, atol=1e-12)
-
-
-WHEEL = """<robot name="arm"><link name="base"/>
-<link name="rim"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<joint name="wheel" type="continuous"><parent link="base"/><child link="rim"/>
-<axis xyz="0 1 0"/></joint></robot>
-"""
-
-
 def test_columns_of_a_topic_have_no_order(knee, ros, write, run):
     path = write(states(ros, knee.actuated, *run))
     with pytest.raises(LogError, match=r"columns of /joint_states stand in no order: list them"):
@@ -275,9 +241,3 @@ def test_bad_mappings_are_refused_in_python_too(content, message):
     with pytest.raises(OptionError, match=message) as caught:
         LogMapping(**content)
     assert "\n" not in str(caught.value)
-
-
-def test_the_good_bags_give_no_warning(knee, ros, write, run):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check(read_log(write(states(ros, knee.actuated, *run)), knee), run)

@@ -148,7 +148,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
 @example(spoil=[(lose, 0.0, 1)])
@@ -180,7 +180,7 @@ def test_damaged_packs(case, name, flips, end):
     case.check(name, bytes(data))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(data=st.binary(max_size=300), name=st.sampled_from(["log.csv", "log.txt.gz", "log.npz"]))
 def test_random_bytes_are_no_log(case, data, name):
     assert case.read(name, data) is None
@@ -261,7 +261,7 @@ def test_spoilt_bytes(knee, copy, kind):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("part", [0.0, 0.01, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("part", [0.01, 0.5, 0.999])
 def test_files_without_an_end_are_refused(knee, copy, kind, part):
     path = copy(kind)
     file = max(files_of(path), key=lambda file: file.stat().st_size)
@@ -284,26 +284,8 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
 @pytest.mark.parametrize(
     ("kind", "old", "new", "message"),
     [
-        (
-            "ros1",
-            rb"index_pos=.{8}",
-            b"index_pos=" + bytes(8),
-            "Bag is not indexed, reindex before reading",
-        ),
         ("ros1", rb"V2\.0", b"V1.2", "Bag version 102 is not supported"),
-        (
-            "ros1",
-            rb"compression=none",
-            b"compression=blosc"[:16],
-            "Compression 'blos' is not supported",
-        ),
         ("ros1", rb"md5sum=3066", b"md5sum=3067", "JointState' hash mismatch"),
-        (
-            "mcap",
-            rb"\x04\x00\x00\x00ros2",
-            b"\x04\x00\x00\x00ros1",
-            "Profile is not ros2",
-        ),
         (
             "mcap",
             rb"message_count: 120",
@@ -312,13 +294,6 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
         ),
         ("db3", rb"message_count: 120", b"message_count: 119", "has 120 messages, but .* says 119"),
         ("db3", rb"RIHS01_a", b"RIHS01_b", "JointState' hash mismatch"),
-        ("db3", rb"serialization_format: cdr", b"serialization_format: xdr", "'xdr'} is not supp"),
-        (
-            "db3",
-            rb"storage_identifier: sqlite3",
-            b"storage_identifier: tape",
-            "'tape' not supported",
-        ),
     ],
 )
 def test_what_is_wrong_with_a_bag_is_said(knee, copy, kind, old, new, message):
@@ -329,22 +304,6 @@ def test_what_is_wrong_with_a_bag_is_said(knee, copy, kind, old, new, message):
         changed += count
     assert changed
     with pytest.raises(LogError, match=message):
-        read_log(path, knee)
-
-
-def test_encrypted_bags_are_refused(knee, copy):
-    path = copy("ros1")
-    data = path.read_bytes()
-    # A field more in the first header, of 16 bytes, for 16 fewer of the padding behind.
-    field = (12).to_bytes(4, "little") + b"encryptor=ab"
-    start = len(b"#ROSBAG V2.0\n")
-    length = int.from_bytes(data[start : start + 4], "little")
-    body = start + 4 + length
-    padding = int.from_bytes(data[body : body + 4], "little")
-    header = (length + 16).to_bytes(4, "little") + data[start + 4 : body] + field
-    rest = (padding - 16).to_bytes(4, "little") + data[body + 20 :]
-    path.write_bytes(data[:start] + header + rest)
-    with pytest.raises(LogError, match="Bag encryption 'ab' is not supported"):
         read_log(path, knee)
 
 
