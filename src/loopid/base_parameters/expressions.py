@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Protocol
 
 from loopid.arguments import checked
-from loopid.base_parameters.forms import CoefficientName
 from loopid.errors import OptionError
 
 DIGITS = 4
+
+
+class Named(Protocol):
+    """What a coefficient is, as ``CoefficientName`` says it."""
+
+    def equation(self, coefficient: float, digits: int) -> str:
+        """Number and name: ``0.04432 = x(B2) y(B2)``."""
 
 
 @checked
 def expression(
     terms: Mapping[str, float],
     digits: int = DIGITS,
-    names: Mapping[str, CoefficientName] | None = None,
+    names: Mapping[str, Named] | None = None,
 ) -> str:
     """Write terms as a sum, ``platform.mx + 0.1928 leg2_stem.m, where 0.1928 = x(platform_B2)``.
 
@@ -40,7 +47,7 @@ def expression(
 
 
 def equations(
-    terms: Mapping[str, float], names: Mapping[str, CoefficientName], digits: int = DIGITS
+    terms: Mapping[str, float], names: Mapping[str, Named], digits: int = DIGITS
 ) -> list[str]:
     """What the coefficients of a sum are, ``0.1928 = x(platform_B2)``, each equation once.
 
