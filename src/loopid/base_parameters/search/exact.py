@@ -181,50 +181,59 @@ class _Interval:
                 return
 
     def _raise_floor(self, effort: int) -> None:
-        """Rule out selections below levels u: better ones have s = l / ρ > floor / ρ."""
-        undecided, asked = np.inf, np.inf
+        """Rule out largest eigenvalues below u: better selections have s = l / ρ > floor / ρ.
+
+        Steps become shorter where a box is not decided, or holds selections that are not better.
+        """
+        step, barrier = np.inf, np.inf
         while True:
             self.budget.check()
             goal = min(self.levels.largest * (1 - self._fine), self.ceiling)
-            asked = min(goal, asked)
-            if self.floor >= goal or (undecided < np.inf and asked <= self.floor * (1 + FINENESS)):
+            if self.floor >= goal:
                 return
+            asked = min(goal, self.floor * step, barrier)
             above = self.floor / self.levels.ratio * (1 + 2 * self._fine)
+            short = asked <= self.floor * (1 + FINENESS)
             try:
                 found = self._ask(above, asked, effort)
             except OutOfBudgetError:
-                undecided, asked = asked, sqrt(self.floor * asked)
+                if short:
+                    return
+                step = sqrt(asked / self.floor)
                 continue
             if found is None:
-                self.floor = asked
-                asked = sqrt(self.floor * undecided)
+                self.floor, step, barrier = asked, step * step, np.inf
             elif self._offer(found):
-                undecided = asked = np.inf
+                barrier = np.inf
+            elif short:
+                barrier = self._joint(found).largest * (1 - self._fine)
             else:
-                asked = self._joint(found).largest * (1 - self._fine)
+                step = sqrt(asked / self.floor)
 
     def _lower_ceiling(self, effort: int) -> None:
-        """Rule out selections above levels t, so that better ones have l < ρ s <= ρ t."""
-        undecided, asked = 0.0, 0.0
+        """Rule out smallest eigenvalues above t, so that better selections have l = ρ s <= ρ t."""
+        step, barrier = np.inf, 0.0
         while not self.closed and self.levels.largest < self.ceiling:
             self.budget.check()
-            asked = max(self.levels.smallest * (1 + self._fine), asked)
-            if undecided > 0 and self.highest <= asked * (1 + FINENESS):
-                return
+            asked = max(self.levels.smallest * (1 + self._fine), self.highest / step, barrier)
+            short = self.highest <= asked * (1 + FINENESS)
             try:
                 found = self._ask(asked, self.ceiling, effort)
             except OutOfBudgetError:
-                undecided, asked = asked, sqrt(asked * self.highest)
+                if short:
+                    return
+                step = sqrt(self.highest / asked)
                 continue
             if found is None:
-                self.highest = asked
+                self.highest, step, barrier = asked, step * step, 0.0
                 below = self.levels.ratio * self.highest * (1 - 4 * self._fine)
                 self.ceiling = min(self.ceiling, below)
-                asked = sqrt(undecided * self.highest)
             elif self._offer(found):
-                undecided = asked = 0.0
+                barrier = 0.0
+            elif short:
+                barrier = self._joint(found).smallest * (1 + self._fine)
             else:
-                asked = self._joint(found).smallest * (1 + self._fine)
+                step = sqrt(self.highest / asked)
 
     def _ask(self, above: float, below: float, effort: int) -> Selections | None:
         """Joint selections in a box, or None where some block has none.

@@ -112,7 +112,7 @@ class ExhaustiveSearch(SearchStrategy):
     def _evaluate_all(self, vectors: FloatArray, total: int) -> Best:
         tasks = ((first, min(first + TASK, total)) for first in range(0, total, TASK))
         workers = min(self.workers or cpu_count() or 1, -(-total // TASK))
-        best, done = nothing_yet(vectors), 0
+        best, done = nothing_yet(vectors.shape[1]), 0
         with _pool(workers) as run_all:
             # A wave of tasks knows the best of the waves before it, which spares it most work.
             while wave := list(islice(tasks, TASKS_PER_WAVE * workers)):
@@ -124,9 +124,9 @@ class ExhaustiveSearch(SearchStrategy):
         return best
 
 
-def nothing_yet(vectors: FloatArray) -> Best:
+def nothing_yet(count: int) -> Best:
     """The best of no selections."""
-    return Best(np.inf, np.empty((0, vectors.shape[1]), dtype=np.int64), 0)
+    return Best(np.inf, np.empty((0, count), dtype=np.int64), 0)
 
 
 def best_in_range(vectors: FloatArray, incumbent: float, ranks: tuple[int, int]) -> Best:
@@ -136,7 +136,7 @@ def best_in_range(vectors: FloatArray, incumbent: float, ranks: tuple[int, int])
     """
     size, count = vectors.shape
     squares = (vectors**2).sum(axis=1)
-    best = nothing_yet(vectors)
+    best = nothing_yet(count)
     with one_blas_thread():
         for first in range(*ranks, CHUNK):
             selections = unrank(np.arange(first, min(first + CHUNK, ranks[1])), size, count)

@@ -14,14 +14,14 @@ from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.structure import Structure
-from loopid.errors import OptionError, SearchError
+from loopid.errors import OptionError
 from loopid.threads import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
 # Choices whose condition numbers differ by less than this fraction are ties.
 TIE_TOLERANCE = 1e-9
-# Columns of W up to this fraction of its norm are round-off.
+# Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
 
 
@@ -43,8 +43,6 @@ class ChoiceProblem:
     ------
     OptionError
         For an unknown criterion.
-    SearchError
-        For ``regressor``, when a column of W is round-off.
     """
 
     structure: Structure
@@ -53,14 +51,6 @@ class ChoiceProblem:
     def __post_init__(self) -> None:
         if self.criterion not in CRITERIA:
             raise OptionError.unknown("criterion", self.criterion, CRITERIA)
-        if self.criterion == "regressor":
-            norms = np.linalg.norm(self.vectors, axis=1)
-            if norms.min(initial=1.0) <= ROUND_OFF_COLUMN:
-                label = self.structure.parameters[int(norms.argmin())].label
-                raise SearchError(
-                    f"column {label} of the regressor is round-off: {norms.min():.1e} of its norm "
-                    f"(an effect above {ROUND_OFF_COLUMN:g}); use criterion='nullspace'"
-                )
 
     @property
     def size(self) -> int:
@@ -79,11 +69,12 @@ class ChoiceProblem:
 
     @property
     def vectors(self) -> FloatArray:
-        """The n vectors (n, k), k of which are to be selected, with a norm of 1 together."""
+        """The n vectors (n, k), k of which are to be selected, scaled to a norm of 1."""
         if self.criterion == "nullspace":
             return self.structure.null_basis
-        columns = self.structure.row_factor.T
-        return np.asarray(columns / np.linalg.norm(columns, 2), dtype=np.float64)
+        columns = self.structure.row_factor.T / np.linalg.norm(self.structure.row_factor, 2)
+        columns[np.linalg.norm(columns, axis=1) <= ROUND_OFF_COLUMN] = 0.0
+        return np.asarray(columns, dtype=np.float64)
 
     def dependent(self, selections: IntArray) -> IntArray:
         """Dependent columns (c, d) of selections (c, k) of vectors."""
@@ -195,7 +186,7 @@ class SearchResult:
         ties = "ties not counted" if self.ties is None else f"{self.ties:,} tied"
         return (
             f"SearchResult({self.name}, {self.criterion}: {self.condition_number:.6g}, {proven}, "
-            f"{ties}, {self.evaluated:,} of {self.candidates:,} evaluated, {self.seconds:.3g} s)"
+            f"{ties}, {self.seconds:.3g} s)"
         )
 
 

@@ -141,7 +141,8 @@ class SubgroupSearch(SearchStrategy):
         if self.variant == "gap":
             ranks = (values > RANK_TOLERANCE * values[:, :1]).sum(axis=1)
             counted = np.maximum(ranks, 1) - 1
-            conditions = values[:, 0] / np.maximum(values[np.arange(len(values)), counted], 1e-300)
+            last = values[np.arange(len(values)), counted]
+            conditions = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)
             full_rank = ranks == V22.shape[1]
             # Choices of lower rank are worse; rounded, so that equal ones stay in their order.
             order = np.lexsort((np.log(conditions).round(DIGITS), -ranks))
