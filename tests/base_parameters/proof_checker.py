@@ -106,7 +106,8 @@ def assert_no_room(blocks, result):
     for X, own in zip(blocks, values, strict=True):
         size, count = X.shape
         interlaced = own[size - count] if size - count < count else 0.0
-        floor = max(floor, np.sort((X**2).sum(axis=1))[count - 1], interlaced)
+        norms = np.sort((X**2).sum(axis=1))
+        floor = max(floor, norms[norms > 0][count - 1], interlaced)
     top = max(own[0] for own in values) * (1 + 1e-10)
     ends = sorted({floor * (1 - 1e-9), top, *(b for _, b in boxes if floor < b < top)})
     for low, high in pairwise(ends):

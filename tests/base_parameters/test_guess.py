@@ -160,6 +160,7 @@ def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer(monke
         least = min(block.levels(chosen).ratio for chosen in all_selections(block))
         for large, ratios in found.items():
             monkeypatch.setattr(guess, "LARGE", large)
+            monkeypatch.setattr(guess, "LOOKED_AT", 0)
             ratios.append(block.levels(good_selection(block)).ratio / least)
     assert np.median(found[36]) < 1.1
     assert np.median(found[0]) < 1.02

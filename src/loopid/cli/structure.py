@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from loopid.base_parameters import (
+    TIME_LIMIT,
     ExactSearch,
     ExhaustiveSearch,
     SearchStrategy,
     find_base_parameters,
+    make_strategy,
 )
-from loopid.base_parameters.search import make_strategy
-from loopid.base_parameters.search.exact import TIME_LIMIT
 from loopid.cli.console import (
     Floating,
     FreeMimics,

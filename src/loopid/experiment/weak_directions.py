@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from loopid.arrays import FloatArray, IntArray, frozen
-from loopid.base_parameters.expressions import expression
+from loopid.base_parameters import expression
 from loopid.experiment.excited import Excited
 from loopid.experiment.lighting import Lighting
 from loopid.experiment.lighting_search import LightingSearch

@@ -13,10 +13,10 @@ from loopid.base_parameters import (
     BaseParameters,
     CoefficientName,
     SearchResult,
+    equations,
     expression,
     name_coefficients,
 )
-from loopid.base_parameters.expressions import equations
 from loopid.lengths import NamedLength
 from loopid.report.style import plain_table
 

@@ -6,7 +6,7 @@ from math import cos, radians, sin
 
 from rich.table import Table
 
-from loopid.base_parameters.expressions import expression
+from loopid.base_parameters import expression
 from loopid.paper.base import BaseComparison
 from loopid.paper.printed import SECONDS, TABLE_I, TABLE_II
 from loopid.report.style import plain_table

@@ -1,6 +1,6 @@
 """Search strategies behind one interface, one a file."""
 
-from loopid.base_parameters.search.exact import ExactSearch
+from loopid.base_parameters.search.exact import TIME_LIMIT, ExactSearch
 from loopid.base_parameters.search.exhaustive import ExhaustiveSearch
 from loopid.base_parameters.search.problem import (
     CRITERIA,
@@ -33,6 +33,7 @@ __all__ = [
     "CRITERIA",
     "STRATEGIES",
     "TIE_TOLERANCE",
+    "TIME_LIMIT",
     "ChoiceProblem",
     "ExactSearch",
     "Exclusion",

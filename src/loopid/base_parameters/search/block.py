@@ -85,17 +85,26 @@ class Block:
 
     def levels(self, selection: IntArray) -> Levels:
         """Extreme eigenvalues for a selection (k,) of representatives."""
-        values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
-        return Levels(float(values[-1]), float(values[0]))
+        key = selection.tobytes()
+        if key not in self._levels:
+            values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
+            self._levels[key] = Levels(float(values[-1]), float(values[0]))
+        return self._levels[key]
+
+    @cached_property
+    def _levels(self) -> dict[bytes, Levels]:
+        """Those asked for so far."""
+        return {}
 
     @cached_property
     def least_largest(self) -> float:
-        """What the largest eigenvalue of every selection reaches at least.
+        """What the largest eigenvalue of every regular selection reaches at least.
 
-        It exceeds every diagonal entry, and k of them are selected; and leaving m - k rows out
-        lowers it at most to the eigenvalue that follows as many others (Cauchy interlacing).
+        It exceeds every diagonal entry, and k of those above zero are selected; and leaving m - k
+        rows out lowers it at most to the eigenvalue that follows as many others (interlacing).
         """
-        entry = np.sort(np.diag(self.gram))[self.count - 1]
+        entries = np.sort(np.diag(self.gram))
+        entry = entries[entries > 0][: self.count].max(initial=0.0)
         left_out = self.size - self.count
         return float(max(entry, self.svd[1][left_out] ** 2 if left_out < self.count else 0.0))
 
@@ -156,12 +165,11 @@ def split(problem: ChoiceProblem) -> tuple[tuple[Block, ...], float]:
 def _representatives(vectors: FloatArray) -> tuple[FloatArray, tuple[IntArray, ...], float]:
     """One of all vectors (n, k) that are equal up to sign, their groups, and the error made."""
     norms = np.linalg.norm(vectors, axis=1)
-    gram = np.abs(vectors @ vectors.T)
+    gram = vectors @ vectors.T
     # Only of vectors with almost the same direction the difference is worth its memory.
-    i, j = np.nonzero(gram >= (1 - NEARLY_PARALLEL) * np.outer(norms, norms))
-    differences, sums = vectors[i] - vectors[j], vectors[i] + vectors[j]
+    i, j = np.nonzero(np.abs(gram) >= (1 - NEARLY_PARALLEL) * np.outer(norms, norms))
     apart = np.full(gram.shape, np.inf)
-    apart[i, j] = np.minimum(np.linalg.norm(differences, axis=1), np.linalg.norm(sums, axis=1))
+    apart[i, j] = np.linalg.norm(vectors[i] - np.sign(gram[i, j])[:, None] * vectors[j], axis=1)
     same = apart <= PARALLEL * norms
     first = same.argmax(axis=0)
     chosen = np.unique(first)

@@ -336,6 +336,9 @@ def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bo
                 ways = 0
                 selections = [_first(block, levels, interval.tolerance, interval.budget)]
             dependent = block.dependent(np.array(selections))
+            if len(dependent) * len(interval.tied) == 1:  # nothing to compare
+                choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
+                continue
             choice += most_readable(readabilities(block.null_basis, dependent, block.columns))
         choices.append(choice)
         ties = ties + ways if ways and (ties or len(choices) == 1) else 0
@@ -350,6 +353,8 @@ def _listed(
     What is within half of the tolerance keeps to them, what is beyond twice of it does not;
     selections between are near ties, which round-off would decide.
     """
+    if block.size == block.count:
+        return [np.arange(block.size)], False
     above, below = levels.smallest * (1 - 2 * tolerance), levels.largest * (1 + 2 * tolerance)
     part = budget.part(MOST_TIE_NODES)
     try:

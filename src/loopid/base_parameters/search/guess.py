@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -27,6 +29,7 @@ LEAST_GAIN = 1e-6  # relative, in the potential, to be worth a swap
 # A swap keeps at least this fraction of |det (M - b I)|, which is well clear of round-off.
 LEAST_VOLUME = 1e-6
 MOST_SWAPS = 200  # between two barriers; round-off must not turn a walk into a cycle
+LOOKED_AT = 4096  # selections times k² that are all looked at instead
 MOST_STAGES = 100  # in a walk; far more than one takes
 LEAST_RATIO = 1e-13  # of the eigenvalues of a selection that walks can start from
 # Blocks of more vectors are worth walks from near the best selection, by random swaps that keep
@@ -48,9 +51,14 @@ def good_selection(block: Block, least_largest: float = 0.0) -> IntArray:
     IntArray
         (k,), ascending.
     """
-    best = np.sort(pivots(block.vectors, block.count))
     if block.size == block.count:
-        return best
+        return np.arange(block.size)
+    if comb(block.size, block.count) * block.count**2 <= LOOKED_AT:
+        every = np.array(list(combinations(range(block.size), block.count)))
+        values = np.linalg.svd(block.vectors[every], compute_uv=False) ** 2
+        largest = np.maximum(values[:, 0], least_largest or 1.0)
+        return np.asarray(every[(values[:, -1] / largest).argmax()])
+    best = np.sort(pivots(block.vectors, block.count))
 
     def ratio(selection: IntArray) -> float:
         levels = block.levels(selection)

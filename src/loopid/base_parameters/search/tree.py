@@ -137,7 +137,9 @@ def selections_between(
     """
     tree = _Tree(block, above, below, leaves)
     root = tree.root()
-    stack = [root and tree.settled(root, np.isin(root.free, taken), np.isin(root.free, left))]
+    if root and len(taken) + len(left):
+        root = tree.settled(root, np.isin(root.free, taken), np.isin(root.free, left))
+    stack = [root]
     while stack:
         budget.spend()
         node = stack.pop()
