@@ -156,7 +156,8 @@ class _Interval:
     @property
     def closed(self) -> bool:
         """Whether no better joint selection is left, up to the tolerance."""
-        return self.ceiling * (1 - 4 * self._fine) <= self.floor
+        least = self.levels.ratio * (1 - 8 * self._fine)
+        return self.ceiling <= self.floor or least * self.highest <= self.floor
 
     @property
     def gap(self) -> float:
