@@ -169,7 +169,8 @@ def _representatives(vectors: FloatArray) -> tuple[FloatArray, tuple[IntArray, .
     # Only of vectors with almost the same direction the difference is worth its memory.
     i, j = np.nonzero(np.abs(gram) >= (1 - NEARLY_PARALLEL) * np.outer(norms, norms))
     apart = np.full(gram.shape, np.inf)
-    apart[i, j] = np.linalg.norm(vectors[i] - np.sign(gram[i, j])[:, None] * vectors[j], axis=1)
+    signs = np.where(gram[i, j] < 0, -1.0, 1.0)
+    apart[i, j] = np.linalg.norm(vectors[i] - signs[:, None] * vectors[j], axis=1)
     same = apart <= PARALLEL * norms
     first = same.argmax(axis=0)
     chosen = np.unique(first)
