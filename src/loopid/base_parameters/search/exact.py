@@ -44,7 +44,7 @@ TIME_LIMIT = 10.0  # s
 MOST_TOLERANCE = 1e-6
 # Boxes are asked about with so many nodes at the first effort, and so many times more at every
 # further one; ends of the interval that are this close are worth no further question.
-FIRST_NODES, MORE_NODES, FINENESS = 1024, 4, 1e-2
+FIRST_NODES, MORE_NODES, FINENESS, NEAR = 1024, 4, 1e-2, 1.05
 # Ties of a block are listed up to this many, found in at most so many nodes; where there are more,
 # the dependent columns that come first decide.
 MOST_TIES, MOST_TIE_NODES = 20_000, 4096
@@ -184,54 +184,54 @@ class _Interval:
     def _raise_floor(self, effort: int) -> None:
         """Rule out largest eigenvalues below u: better selections have s = l / ρ > floor / ρ.
 
-        Steps become shorter where a box is not decided, or holds selections that are not better.
+        Boxes become smaller where one is undecided, and where one holds selections that are not
+        better; if it is small already, its end goes beside such a selection.
         """
-        step, barrier = np.inf, np.inf
+        undecided, step, barrier = np.inf, np.inf, np.inf
         while True:
             self.budget.check()
             goal = min(self.levels.largest * (1 - self._fine), self.ceiling)
-            if self.floor >= goal:
+            if self.floor >= goal or undecided <= self.floor * (1 + FINENESS):
                 return
-            asked = min(goal, self.floor * step, barrier)
+            asked = min(goal, self.floor * step, barrier, sqrt(self.floor * undecided))
             above = self.floor / self.levels.ratio * (1 + 2 * self._fine)
-            short = asked <= self.floor * (1 + FINENESS)
             try:
                 found = self._ask(above, asked, effort)
             except OutOfBudgetError:
-                if short:
-                    return
-                step = sqrt(asked / self.floor)
+                undecided = asked
                 continue
             if found is None:
                 self.floor, step, barrier = asked, step * step, np.inf
             elif self._offer(found):
-                barrier = np.inf
-            elif short:
+                undecided, barrier = np.inf, np.inf
+            elif asked <= self.floor * (1 + FINENESS):
                 barrier = self._joint(found).largest * (1 - self._fine)
             else:
                 step = sqrt(asked / self.floor)
 
     def _lower_ceiling(self, effort: int) -> None:
         """Rule out smallest eigenvalues above t, so that better selections have l = ρ s <= ρ t."""
-        step, barrier = np.inf, 0.0
+        # With more effort the middle comes first, until the ends are near each other.
+        wide = effort > 0 and self.highest > NEAR * self.levels.smallest
+        undecided, step, barrier = self.levels.smallest if wide else 0.0, np.inf, 0.0
         while not self.closed and self.levels.largest < self.ceiling:
             self.budget.check()
-            asked = max(self.levels.smallest * (1 + self._fine), self.highest / step, barrier)
-            short = self.highest <= asked * (1 + FINENESS)
+            if self.highest <= undecided * (1 + FINENESS):
+                return
+            least = self.levels.smallest * (1 + self._fine)
+            asked = max(least, self.highest / step, barrier, sqrt(self.highest * undecided))
             try:
                 found = self._ask(asked, self.ceiling, effort)
             except OutOfBudgetError:
-                if short:
-                    return
-                step = sqrt(self.highest / asked)
+                undecided = asked
                 continue
             if found is None:
                 self.highest, step, barrier = asked, step * step, 0.0
                 below = self.levels.ratio * self.highest * (1 - 4 * self._fine)
                 self.ceiling = min(self.ceiling, below)
             elif self._offer(found):
-                barrier = 0.0
-            elif short:
+                undecided, barrier = 0.0, 0.0
+            elif self.highest <= asked * (1 + FINENESS):
                 barrier = self._joint(found).smallest * (1 + self._fine)
             else:
                 step = sqrt(self.highest / asked)
