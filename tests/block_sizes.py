@@ -2,11 +2,11 @@
 
 import pytest
 
-import loopid.logs.text_table
+import loopid.logs.formats
 import loopid.order_statistics
 import loopid.scratch
 
-MODULES = (loopid.scratch, loopid.logs.text_table, loopid.order_statistics)
+MODULES = (loopid.scratch, loopid.order_statistics)
 
 
 @pytest.fixture
@@ -17,5 +17,7 @@ def set_block_rows(monkeypatch):
         for module in MODULES:
             monkeypatch.setattr(module, "BLOCK_ROWS", rows)
         monkeypatch.setattr(loopid.scratch, "SPOOLED_BYTES", 0)
+        monkeypatch.setattr(loopid.logs.formats, "BATCH_ROWS", rows)
+        monkeypatch.setattr(loopid.logs.formats, "BATCH_BYTES", 100 * rows)
 
     return set_them

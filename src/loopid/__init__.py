@@ -11,17 +11,20 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base_parameters,
 )
+from loopid.consistency import consistent_fit, consistent_parameters
 from loopid.dynamics import forward_dynamics
 from loopid.errors import LoopidError
 from loopid.experiment import (
     ForceModel,
     Identification,
-    data_support,
     distributed_problem,
+    exciting_motion,
     find_force_model,
+    identifiability,
     identify,
     split_recordings,
 )
+from loopid.export import export_regressor, export_robot_file
 from loopid.identification import (
     BayesianRidge,
     Bisquare,
@@ -55,6 +58,7 @@ from loopid.regressors import (
     tree_regressor,
 )
 from loopid.robot import LoopClosure, Mechanism
+from loopid.saved import read_fit, save_fit
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     FourierSeries,
@@ -107,15 +111,20 @@ __all__ = [
     "assemble",
     "bundled_robots",
     "closed_motion",
-    "data_support",
+    "consistent_fit",
+    "consistent_parameters",
     "distributed_problem",
     "dynamic_regressor",
+    "exciting_motion",
+    "export_regressor",
+    "export_robot_file",
     "find_base_parameters",
     "find_force_model",
     "fit",
     "force_parts",
     "forward_dynamics",
     "gravity_regressor",
+    "identifiability",
     "identify",
     "joint_motion",
     "load_mechanism",
@@ -125,10 +134,12 @@ __all__ = [
     "prepare_recording",
     "project",
     "random_configurations",
+    "read_fit",
     "read_log",
     "read_motion_program",
     "read_reference",
     "review_motion",
+    "save_fit",
     "simulate_measurement",
     "singularity_measure",
     "split_recordings",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -44,6 +46,8 @@ class Mechanism(Tree):
         Whether links declared alike share their parameters.
     closure_gap : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
+    options : mapping
+        Arguments of ``load_mechanism`` beside the path, to load the same robot again.
     """
 
     closures: tuple[LoopClosure, ...]
@@ -57,6 +61,7 @@ class Mechanism(Tree):
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_gap: float = 0.0
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))

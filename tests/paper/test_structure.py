@@ -1,0 +1,126 @@
+"""Tables I to III against the model, the printed rows and the closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from loopid.errors import SearchError
+from loopid.paper import structure
+from loopid.paper.page import transfer_table
+from loopid.paper.printed import TABLE_I, TABLE_II
+from loopid.paper.structure import (
+    compare_base_parameters,
+    matching_rows,
+    measured_geometry,
+    rows_of_table_ii,
+)
+from loopid.paper.symbolic import base_parameter_rows, read_geometry
+
+FIELDS = {"d_s": "ds"}
+STEMS = {"m12": "leg1_stem.m", "m22": "leg2_stem.m", "m32": "leg3_stem.m"}
+
+
+def moved(robot, joint, shift):
+    """The robot with a joint, or a frame, a little off its place."""
+    model = robot.model.copy()
+    if model.existJointName(joint):
+        place = model.jointPlacements[model.getJointId(joint)]
+    else:
+        place = model.frames[model.getFrameId(joint)].placement
+    place.translation = place.translation + np.array(shift)
+    return replace(robot, model=model)
+
+
+def test_the_model_has_the_geometry_of_table_i(knee):
+    measured = measured_geometry(knee)
+    assert measured.keys() == TABLE_I.keys()
+    for name, value in TABLE_I.items():
+        assert measured[name] == pytest.approx(value, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "shift", "differing"),
+    [
+        ("leg1_universal_1", (0.01, 0.0, 0.0), {"R1"}),
+        ("leg2_universal_1", (0.01, 0.0, 0.0), {"R2", "beta_FD"}),
+        ("leg3_universal_1", (0.0, 0.01, 0.0), {"R3", "beta_FI"}),
+        ("leg4_revolute", (0.01, 0.0, 0.0), {"d_s"}),
+        ("platform_B1", (0.01, 0.0, 0.0), {"Rm1"}),
+        ("platform_B2", (0.01, 0.0, 0.0), {"Rm2", "beta_MD"}),
+        ("platform_B3", (0.01, 0.0, 0.0), {"Rm3", "beta_MI"}),
+    ],
+)
+def test_a_joint_that_is_off_its_place_shows_in_table_i(knee, place, shift, differing):
+    measured = measured_geometry(moved(knee, place, shift))
+    found = {name for name, value in TABLE_I.items() if abs(measured[name] - value) > 1e-6}
+    assert found == differing
+
+
+def test_the_numbers_of_table_i_are_measured_on_the_tree(knee):
+    # Where Pinocchio puts the centres of the joints when the robot stands at its reference.
+    data = knee.model.createData()
+    pin.framesForwardKinematics(knee.model, data, knee.reference)
+    measured = measured_geometry(knee)
+    for limb in (1, 2, 3):
+        base = data.oMi[knee.model.getJointId(f"leg{limb}_universal_1")].translation
+        assert np.hypot(base[0], base[1]) == pytest.approx(measured[f"R{limb}"], abs=1e-9)
+
+
+def test_every_row_of_table_ii_is_found_once(comparison):
+    assert comparison.agrees
+    assert sorted(comparison.rows) == list(range(len(TABLE_II)))
+    assert comparison.seconds > 0
+    for number, row in zip(comparison.order, TABLE_II, strict=True):
+        assert comparison.base.terms[number].keys() == row.keys()
+
+
+def test_a_row_that_differs_is_not_found(knee, comparison, monkeypatch):
+    wrong = (*TABLE_II[:8], TABLE_II[8] | {"leg2_stem.m": 0.1930}, *TABLE_II[9:])
+    monkeypatch.setattr(structure, "TABLE_II", wrong)
+    rows = matching_rows(comparison.base)
+    assert [k for k, row in enumerate(rows) if row is None] == [8]
+    assert not replace(comparison, rows=rows).agrees
+    with pytest.raises(SearchError, match=r"rows 9 .*not found"):
+        rows_of_table_ii(comparison.base)
+
+
+def test_another_robot_does_not_agree(load_once):
+    found = compare_base_parameters(load_once("5p"))
+    missing = [number for number, row in enumerate(found.rows, 1) if row is None]
+    # Its platform has other radii and angles, its limbs move alike.
+    assert missing == [9, 10]
+    assert not found.agrees
+
+
+def test_printed_table_ii_agrees_with_the_closed_forms(knee):
+    geometry = read_geometry(knee.path.parent / "geometry.yaml", "3ups_rpu", 1)
+    for printed, row in zip(TABLE_II, base_parameter_rows(), strict=True):
+        exact = {k: v for k, v in row.coefficients(geometry).items() if abs(v) > 1e-12}
+        assert exact.keys() == printed.keys()
+        for label, value in printed.items():
+            assert exact[label] == pytest.approx(value, abs=5e-5)
+
+
+def test_table_iii_is_what_inertia_transfer_says(knee, comparison, monkeypatch):
+    # The 5P's beta_MI does not hide the term that the paper leaves out of row 9.
+    table = knee.path.parent / "geometry.yaml"
+    for robot in ("3ups_rpu", "5p"):
+        geometry = read_geometry(table, robot, 1)
+        printed = {name: getattr(geometry, FIELDS.get(name, name)) for name in TABLE_I}
+        angles = {name: np.degrees(value) for name, value in printed.items() if "beta" in name}
+        monkeypatch.setattr("loopid.paper.page.TABLE_I", printed | angles)
+        exact = {row.number: row.coefficients(geometry) for row in base_parameter_rows()}
+        seen = {9: set(), 10: set()}
+        for number, term, _, formula, found in cells(transfer_table(comparison)):
+            value = exact[int(number)][STEMS[term]]
+            assert float(formula) == pytest.approx(value, abs=1e-6)
+            if robot == "3ups_rpu":
+                assert float(found) == pytest.approx(value, abs=1e-6)
+            seen[int(number)].add(STEMS[term])
+        assert seen == {n: set(exact[n]) - {"platform.mx", "platform.my"} for n in (9, 10)}
+
+
+def cells(table):
+    return zip(*(column.cells for column in table.columns), strict=True)

@@ -1,0 +1,73 @@
+"""Markdown tables hold the cells of the terminal's, whatever these are."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from rich.table import Table
+
+from loopid.report import identification_tables, markdown_table, plain_table
+
+
+def parsed(text):
+    """Title, header, alignments and rows of a Markdown table."""
+    lines = text.strip().splitlines()
+    title = lines[0].strip("*") if lines[0].startswith("**") else None
+    rows = [
+        [cell.replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        for line in lines
+        if line.startswith("|")
+    ]
+    head, rules, *body = [[cell.strip() for cell in row] for row in rows]
+    return title, head, rules, body
+
+
+def assert_same_cells(table: Table):
+    title, head, rules, body = parsed(markdown_table(table))
+    assert title == table.title
+    assert head == [column.header for column in table.columns]
+    right = [column.justify == "right" for column in table.columns]
+    assert [rule.endswith(":") for rule in rules] == right
+    cells = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert body == [[str(cell) for cell in row] for row in cells]
+    assert len(body) == table.row_count
+
+
+def test_tables_of_an_identification_have_the_same_cells(identification):
+    for table in identification_tables(identification):
+        assert_same_cells(table)
+
+
+def test_lines_and_rules_inside_a_cell_do_not_break_the_table():
+    table = plain_table("a | b", "name", ">value")
+    table.add_row("p | q", "1\n2")
+    table.add_row("", "3")
+    title, head, rules, body = parsed(markdown_table(table))
+    assert title == "a | b"
+    assert head == ["name", "value"]
+    assert rules == ["---", "---:"]
+    assert body == [["p | q", "1 2"], ["", "3"]]
+
+
+def test_what_looks_like_markup_is_shown_as_it_is():
+    table = plain_table("", "row")
+    table.add_row("[red]link[/red]")
+    assert parsed(markdown_table(table))[3] == [["[red]link[/red]"]]
+
+
+def test_a_table_without_a_title_begins_with_its_header():
+    assert markdown_table(plain_table("", "row")).startswith("| row |")
+
+
+def test_what_is_said_below_a_table_is_on_the_page_too():
+    table = plain_table("title", "row")
+    table.add_row("1")
+    table.caption = "95 % of 20 draws"
+    assert "95 % of 20 draws" in markdown_table(table)
+
+
+@pytest.mark.parametrize("name", ["run[old]", "leg[1]"])
+def test_names_with_brackets_are_no_markup(name, identification):
+    recordings = tuple(replace(part, name=name) for part in identification.training)
+    table = identification_tables(replace(identification, training=recordings))[4]
+    assert name in markdown_table(table)
