@@ -35,6 +35,7 @@ LEAST_RATIO = 1e-13  # of the eigenvalues of a selection that walks can start fr
 # Blocks of more vectors are worth walks from near the best selection, by random swaps that keep
 # much of |det X_S|.
 LARGE, KICKS, KICK_SWAPS, KICK_VOLUME = 36, 20, 4, 0.3
+HUGE = 300  # vectors of blocks whose walks take longer than they are worth repeating
 
 
 def good_selection(block: Block, least_largest: float = 0.0) -> IntArray:
@@ -67,7 +68,7 @@ def good_selection(block: Block, least_largest: float = 0.0) -> IntArray:
     walks = [walked(block, best, fraction, sides) for fraction in FRACTIONS for sides in SIDES]
     best = min([best, *walks], key=ratio)
     random = random_generator(block.size)
-    for kick in range(KICKS if block.size > LARGE else 0):
+    for kick in range(KICKS if LARGE < block.size <= HUGE else 0):
         start = _kicked(block, best, random)
         best = min(best, walked(block, start, FRACTIONS[-1], SIDES[kick % 2]), key=ratio)
     return best
