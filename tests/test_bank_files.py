@@ -9,8 +9,8 @@ import pytest
 
 from bank_robots import ROBOTS, URDF, load, plan, row
 from loopid.kinematics import constraint_residual
-from loopid.kinematics.assembly import try_assemble
-from loopid.robot.inertia import inertia_defects
+from loopid.kinematics import try_assemble
+from loopid.robot import inertia_defects
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
 WITH_LEGS = ["3rpr", "3rrr", "6ups", "6ups_crosses", "delta"]

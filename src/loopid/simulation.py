@@ -9,11 +9,9 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import ClosedMotion, closed_motion
-from loopid.kinematics.measured_joints import JointCoordinates
+from loopid.kinematics import ClosedMotion, JointCoordinates, closed_motion
 from loopid.robot import Mechanism
-from loopid.regressors import JointTerms, motion_regressor
-from loopid.regressors.parts import standard_values
+from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.scratch import row_blocks
 from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion

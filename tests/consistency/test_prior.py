@@ -14,7 +14,7 @@ from loopid.consistency import (
 from loopid.consistency.prior import FLAT
 from loopid.consistency.repair import THICKNESS
 from loopid.errors import DataError, FeasibilityError, OptionError
-from loopid.robot.inertia import inertia_defects
+from loopid.robot import inertia_defects
 from loopid.parameters import KINDS, ParameterSet
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)

@@ -6,11 +6,11 @@ import pytest
 from loopid import JointTerms, closed_motion, force_parts, random_configurations
 from loopid.experiment import find_force_model, force_model
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_KINDS, motion_parameters
+from loopid.regressors import JOINT_TERMS, motion_parameters
 from loopid.trajectories import JointMotion
 from made_runs import record
 
-KINDS = tuple(JOINT_KINDS)
+KINDS = tuple(JOINT_TERMS)
 
 
 def random_motion(robot, count, seed):

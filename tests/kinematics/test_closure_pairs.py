@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 import pinocchio_loops
 from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics.closing import close_loops
-from loopid.kinematics.linear import null_space
-from loopid.robot.closure import CLOSURE_ROWS
+from loopid.kinematics import close_loops
+from loopid.kinematics import null_space
+from closure_robots import ROWS as CLOSURE_ROWS
 
 AXES = {
     "z": ((0, 0, 1), (0, 0, 1)),

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from loopid import random_configurations
 from loopid.errors import DataError
 from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics.frames import frame_kinematics
-from loopid.kinematics.pairs import relative_quaternion
+from loopid.kinematics import frame_poses
+from loopid.robot import relative_quaternion
 
 KINDS = [("3d",), ("6d",), ("6d", "3d")]
 seeds = st.integers(0, 2**32 - 1)
@@ -27,7 +27,7 @@ def with_kinds(mechanism, kinds):
 def least_scalar(mechanism, q):
     """Cosine of half the turn between the frames of the closures that is nearest half a turn."""
     frames = [frame for closure in mechanism.closures for frame in closure.frame_ids]
-    rotation = frame_kinematics(mechanism, q, frames).rotation
+    rotation = frame_poses(mechanism, q, frames).rotation
     pairs = range(0, len(frames), 2)
     return min(relative_quaternion(rotation[:, k], rotation[:, k + 1])[1].min() for k in pairs)
 

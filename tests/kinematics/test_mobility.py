@@ -13,7 +13,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import MobilityError, MobilityWarning, RobotFileError, SingularityWarning
-from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics import nearby_configurations
 
 BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))
 # Bars that can lie on one line, and how they do.

@@ -6,7 +6,7 @@ import pytest
 from closure_robots import tie
 from loopid import load_mechanism, mobility, random_configurations, singularity_measure
 from loopid.errors import MobilityWarning, ReferenceWarning
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"

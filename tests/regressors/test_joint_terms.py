@@ -13,7 +13,7 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_KINDS
+from loopid.regressors import JOINT_TERMS
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def motion(moving):
 
 
 def all_terms(robot, **options):
-    return JointTerms(robot.joints, tuple(JOINT_KINDS), **options)
+    return JointTerms(robot.joints, tuple(JOINT_TERMS), **options)
 
 
 def signals(motion):
@@ -36,7 +36,7 @@ def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion):
     terms = all_terms(robot)
     phi = np.random.default_rng(1).normal(size=len(terms.parameters(robot)))
     forces = terms.columns(robot, motion) @ phi
-    in_joints = np.einsum("njk,jk->nj", signals(motion), phi.reshape(-1, len(JOINT_KINDS)))
+    in_joints = np.einsum("njk,jk->nj", signals(motion), phi.reshape(-1, len(JOINT_TERMS)))
     lost = np.einsum("nj,nj->n", in_joints, motion.velocities)
     np.testing.assert_allclose(np.einsum("ni,ni->n", forces, rates), lost, rtol=1e-9)
 
@@ -44,7 +44,7 @@ def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion):
 def test_an_actuated_joint_feels_its_own_terms_only(moving, motion):
     robot = moving[0]
     for row, joint in enumerate(robot.actuated):
-        columns = JointTerms((joint,), tuple(JOINT_KINDS)).columns(robot, motion)
+        columns = JointTerms((joint,), tuple(JOINT_TERMS)).columns(robot, motion)
         own = signals(motion)[:, robot.velocity_indices([joint])[0]]
         np.testing.assert_allclose(columns[:, row], own, atol=1e-12)
         np.testing.assert_allclose(np.delete(columns, row, axis=1), 0, atol=1e-12)

@@ -17,9 +17,9 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_KINDS, motion_parameters, motion_regressor
+from loopid.regressors import JOINT_TERMS, motion_parameters, motion_regressor
 
-KINDS = tuple(JOINT_KINDS)
+KINDS = tuple(JOINT_TERMS)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from loopid.cli.console import (
     progress_bar,
     show,
 )
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import DEFAULT_MARGIN
 from loopid.report import motions_record, motions_tables
 from loopid.trajectories import joint_motion, read_motion_program, review_motion
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import SingularityError, SingularityWarning
-from loopid.kinematics.displacement import displaced
+from loopid.kinematics import displaced
 from loopid.robot import Mechanism
 
 # Closure residual, in characteristic lengths, that counts as closed.
@@ -38,7 +38,7 @@ def moved(
     lower, upper = mechanism.position_limits
     lower, upper = np.minimum(lower, configurations), np.maximum(upper, configurations)
     inside = ((q >= lower - BEYOND) & (q <= upper + BEYOND)).all(axis=1)
-    closed = gap <= max(CLOSED * mechanism.length, 2 * mechanism.closure_gap)
+    closed = gap <= max(CLOSED * mechanism.length, 2 * mechanism.closure_residual)
     return q, np.asarray(inside & closed, dtype=np.bool_)
 
 

@@ -11,12 +11,15 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.errors import ClosureWarning, ReferenceWarning, RobotFileError
-from loopid.kinematics.closing import constraint_gap
-from loopid.kinematics.equations import scaled_constraint
-from loopid.kinematics.independent import independent_coordinates
-from loopid.kinematics.nearby import nearby_configurations
-from loopid.kinematics.path_following import CLOSURE_TOLERANCE
-from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics import (
+    CLOSURE_TOLERANCE,
+    NEAR_SINGULARITY,
+    independent_coordinates,
+    largest_residual,
+    nearby_configurations,
+    scaled_constraint,
+    singularity_measure,
+)
 from loopid.loading.starts import attempts
 from loopid.robot import Mechanism
 
@@ -75,9 +78,9 @@ def _warn_of_reference(mechanism: Mechanism) -> None:
     outside = _outside(mechanism)
     if outside:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
-    if mechanism.closure_gap:
+    if mechanism.closure_residual:
         warnings.warn(
-            f"{mechanism.path}: the loops close to {mechanism.closure_gap:.1e} m only: its numbers "
+            f"{mechanism.path}: the loops close to {mechanism.closure_residual:.1e} m only: its numbers "
             "are rounded",
             ClosureWarning,
             stacklevel=4,
@@ -86,14 +89,14 @@ def _warn_of_reference(mechanism: Mechanism) -> None:
 
 def _at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
-    gap = float(constraint_gap(mechanism, q[None])[0])
+    gap = float(largest_residual(mechanism, q[None])[0])
     around = nearby_configurations(mechanism, q)
     chosen = independent_coordinates(mechanism, around)
     driven = mechanism.coordinates_of(mechanism.actuated)
     closed = replace(
         mechanism,
         reference=q,
-        closure_gap=gap if gap > CLOSURE_TOLERANCE else 0.0,
+        closure_residual=gap if gap > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from loopid.loading.closure_description import ClosureDescription, FrameKind, canonical_kind
+from loopid.loading.closure_description import ClosureDescription, FrameKind
 from loopid.loading.yaml_files import Section, read_yaml
 
 JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
@@ -49,11 +49,6 @@ class Description(Section):
     reference: dict[str, float | list[float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
-
-    @field_validator("type", mode="before")
-    @classmethod
-    def _aliases(cls, value: Any) -> Any:
-        return [canonical_kind(kind) for kind in value] if isinstance(value, list) else value
 
     @field_validator("joint_type", mode="before")
     @classmethod

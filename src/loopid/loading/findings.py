@@ -12,8 +12,7 @@ from loopid.errors import (
     ModelWarning,
     SingularityWarning,
 )
-from loopid.kinematics.mobility import Mobility, mobility
-from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics import NEAR_SINGULARITY, Mobility, mobility, singularity_measure
 from loopid.loading.source import TreeSource
 from loopid.robot import Mechanism, inertia_defects, unequal_links
 

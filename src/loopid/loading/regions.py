@@ -21,7 +21,7 @@ from loopid.loading.shapes import shape_points
 from loopid.loading.tree_file import find_files
 from loopid.loading.urdf.markup import Element, naming, numbers, parse_xml, required
 from loopid.robot import Mechanism
-from loopid.robot.identical import in_groups
+from loopid.robot import in_groups
 from loopid.regions import Region
 
 

@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.kinematics.closing import close_by_continuation, close_loops
-from loopid.kinematics.frames import integrate
+from loopid.kinematics import close_by_continuation, close_loops, integrate
 from loopid.loading.reference import write_joint
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator

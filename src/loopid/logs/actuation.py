@@ -7,8 +7,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics import project
-from loopid.robot import Mechanism
-from loopid.robot.locking import lock_options
+from loopid.robot import Mechanism, lock_options
 from loopid.scratch import mapped_rows, row_blocks
 from loopid.trajectories import JointMotion
 

@@ -8,12 +8,12 @@ import numpy as np
 from rich.table import Table
 
 from loopid.kinematics import (
+    NEAR_SINGULARITY,
     Factorisation,
     mobility,
     scaled_constraint,
     singularity_measure,
 )
-from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.loading import SecondReading
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.report.style import plain_table

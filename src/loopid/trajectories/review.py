@@ -8,7 +8,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import OptionError
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import DEFAULT_MARGIN
 from loopid.robot import Mechanism
 from loopid.trajectories.joint_motion import JointMotion
 

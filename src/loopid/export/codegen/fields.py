@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 from loopid.arrays import FloatArray
 from loopid.experiment import ForceModel
-from loopid.kinematics.projected_blocks import Partition
+from loopid.kinematics import partition
 from loopid.robot import Mechanism
 
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
@@ -16,7 +16,8 @@ SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
 
 def source_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
     """Texts of all fields."""
-    mechanism, parts = model.mechanism, Partition(model.mechanism)
+    mechanism = model.mechanism
+    chosen, dependent = partition(mechanism)
     labels = model.parameters.labels
     return {
         "NAME": name,
@@ -26,10 +27,10 @@ def source_fields(model: ForceModel, name: str, values: FloatArray | None) -> di
         "VERSION": version("loopid"),
         "NQ": str(mechanism.model.nq),
         "NV": str(mechanism.model.nv),
-        "NV_ALL": str(len(parts.dependent) + len(parts.chosen)),
-        "DOF": str(len(parts.chosen)),
+        "NV_ALL": str(len(dependent) + len(chosen)),
+        "DOF": str(len(chosen)),
         "ROWS": str(mechanism.rows),
-        "DEPENDENT": str(len(parts.dependent)),
+        "DEPENDENT": str(len(dependent)),
         "PARAMETERS": str(len(labels)),
         "SINGULAR": repr(SINGULAR),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),

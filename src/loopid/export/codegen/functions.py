@@ -10,12 +10,12 @@ from typing import Any
 
 import casadi as ca
 
+from loopid.arrays import IntArray
 from loopid.experiment import ForceModel
 from loopid.export.codegen.closures import closure_residual, position_rates
 from loopid.export.codegen.regressor import base_columns
 from loopid.export.codegen.tree import tree_frames
-from loopid.kinematics.projected_blocks import Partition
-from loopid.kinematics.scaling import coordinate_scales
+from loopid.kinematics import partition
 from loopid.robot import Mechanism
 
 
@@ -33,33 +33,34 @@ def c_functions(model: ForceModel, name: str) -> str:
         "casadi_int": "int",
     }
     generator = ca.CodeGenerator(name, options)
-    parts = Partition(model.mechanism)
-    if len(parts.dependent):
+    parts = partition(model.mechanism)
+    if len(parts[1]):
         generator.add(_closures(model.mechanism, parts, f"{name}_closures"))
     generator.add(_columns(model, parts, f"{name}_columns"))
     return str(generator.dump())
 
 
-def _closures(mechanism: Mechanism, parts: Partition, name: str) -> ca.Function:
+def _closures(mechanism: Mechanism, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
     model = mechanism.model
     q, still = ca.SX.sym("q", model.nq), ca.SX(model.nv, 1)
     frames = tree_frames(model, q, still, still, ca.SX(model.nv, 0))
     residual = closure_residual(mechanism, q, frames)
     jacobian = ca.jacobian(residual, q) @ position_rates(model, q)
-    scaled = jacobian @ ca.diag(ca.DM(coordinate_scales(mechanism)))
-    M = scaled[:, [*parts.dependent.tolist(), *parts.chosen.tolist()]]
+    scaled = jacobian @ ca.diag(ca.DM(mechanism.coordinate_scales))
+    chosen, dependent = parts
+    M = scaled[:, [*dependent.tolist(), *chosen.tolist()]]
     return ca.Function(name, [q], [ca.densify(M), ca.densify(residual)])
 
 
-def _columns(model: ForceModel, parts: Partition, name: str) -> ca.Function:
-    mechanism = model.mechanism
-    nq, nv, dof = mechanism.model.nq, mechanism.model.nv, len(parts.chosen)
+def _columns(model: ForceModel, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
+    mechanism, (chosen, dependent) = model.mechanism, parts
+    nq, nv, dof = mechanism.model.nq, mechanism.model.nv, len(chosen)
     q, v, a = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("a", nv)
-    X = ca.SX.sym("X", len(parts.dependent), dof)
-    G, scales = ca.SX(nv, dof), coordinate_scales(mechanism)
-    for column, chosen in enumerate(parts.chosen.tolist()):
-        G[chosen, column] = 1
-        for row, dependent in enumerate(parts.dependent.tolist()):
-            G[dependent, column] = -X[row, column] * (scales[dependent] / scales[chosen])
+    X = ca.SX.sym("X", len(dependent), dof)
+    G, scales = ca.SX(nv, dof), mechanism.coordinate_scales
+    for column, j in enumerate(chosen.tolist()):
+        G[j, column] = 1
+        for row, i in enumerate(dependent.tolist()):
+            G[i, column] = -X[row, column] * (scales[i] / scales[j])
     K = base_columns(model, q, v, a, G)
     return ca.Function(name, [q, v, a, X], [ca.densify(K.T)])

@@ -9,10 +9,9 @@ import numpy as np
 
 from loopid.experiment import ForceModel
 from loopid.export.codegen.tree import Frame, tree_frames
-from loopid.robot import Mechanism
-from loopid.robot.identical import tie_indices
+from loopid.robot import Mechanism, tie_indices
 from loopid.parameters import KINDS, Parameter, model_kinds
-from loopid.regressors import JointTerms
+from loopid.regressors import JOINT_TERMS, JointState, JointTerms
 
 
 def base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
@@ -35,7 +34,7 @@ def base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
                 force, moment = wrenches[joint][KINDS.index(parameter.kind)]
                 column += frames[joint].shift.T @ force + frames[joint].turn.T @ moment
         else:
-            column = _joint_term(mechanism, model.joint_terms, parameter, v, a, G)
+            column = _joint_term(mechanism, model.joint_terms, parameter, q, v, a, G)
         columns.append(column)
     return ca.horzcat(*columns)
 
@@ -74,14 +73,17 @@ def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
 
 
 def _joint_term(
-    mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, v: Any, a: Any, G: Any
+    mechanism: Mechanism,
+    terms: JointTerms | None,
+    parameter: Parameter,
+    q: Any,
+    v: Any,
+    a: Any,
+    G: Any,
 ) -> Any:
-    """A drive inertia, friction or offset, as ``JointTerms`` has them."""
+    """A drive inertia, friction or offset, by the law of its kind."""
     index = int(mechanism.velocity_indices([parameter.link])[0])
-    kind, rate = parameter.kind, v[index]
-    if kind == "Fc" and terms is not None:
-        sign = ca.tanh(rate / terms.smoothing) if terms.smoothing else ca.sign(rate)
-        signal = ca.if_else(ca.fabs(rate) > terms.dead_zone, sign, 0) if terms.dead_zone else sign
-    else:
-        signal = {"Ia": a[index], "Fv": rate, "Fo": ca.SX(1)}[kind]
-    return G[index, :].T * signal
+    joint = mechanism.joint(parameter.link)
+    position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
+    term, state = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
+    return G[index, :].T * term.signal(state, terms or JointTerms(()), ca)
