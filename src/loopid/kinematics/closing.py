@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.kinematics.constraint import largest_residual, scaled_constraint
+from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import partition, velocity_map
@@ -36,7 +36,7 @@ class _Points:
 
     def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
         self.q = q.copy()
-        self.residual, self.jacobian = scaled_constraint(mechanism, q)
+        self.residual, self.jacobian = Constraint(mechanism, q).scaled()
 
     @property
     def largest(self) -> FloatArray:
@@ -106,7 +106,7 @@ def displaced(
     parts = int(np.ceil(longest / LONGEST_STEP))
     q, residual = configurations, largest_residual(mechanism, configurations)
     for _ in range(parts):
-        G, _ = velocity_map(mechanism, scaled_constraint(mechanism, q)[1], chosen, dependent)
+        G, _ = velocity_map(mechanism, Constraint(mechanism, q).scaled()[1], chosen, dependent)
         q = integrate(mechanism, q, np.einsum("nij,nj->ni", G, steps / parts))
         q, residual = _polished(mechanism, _Points(mechanism, q), dependent)
     return q, residual
@@ -127,7 +127,7 @@ def nearby_configurations(
     generator = random_generator(seed, stream=3)
     q = np.repeat(configuration[None], count, axis=0)
     for _ in range(WALK_STEPS):
-        _, jacobian = scaled_constraint(mechanism, q)
+        _, jacobian = Constraint(mechanism, q).scaled()
         steps = np.zeros((count, mechanism.model.nv))
         for k in range(count):
             basis = null_space(jacobian[k])

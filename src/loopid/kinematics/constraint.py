@@ -75,6 +75,11 @@ class Constraint:
             drift[:, : second.shape[1]] = second[:, :, 0]
         return drift
 
+    def scaled(self) -> tuple[FloatArray, FloatArray]:
+        """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""
+        scaled = self.mechanism.row_scales * self.residual()
+        return scaled, scaled_jacobian(self.mechanism, self.jacobian())
+
     def _rates(self, linear: FloatArray, angular: FloatArray) -> FloatArray:
         """Rates (N, rows, k) of the closures' residuals from those of the frames (N, F, 3, k)."""
         parts = [
@@ -134,8 +139,7 @@ def _in_blocks(q: FloatArray, value: Callable[[slice], FloatArray]) -> FloatArra
 @checked
 def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Closure residual (N, rows) in m and Jacobian (N, rows, nv) in m per unit step."""
-    at = Constraint(mechanism, samples(q, mechanism.model.nq, "configurations"))
-    return mechanism.row_scales * at.residual(), scaled_jacobian(mechanism, at.jacobian())
+    return Constraint(mechanism, samples(q, mechanism.model.nq, "configurations")).scaled()
 
 
 def scaled_residual(mechanism: Mechanism, q: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import MobilityError, OptionError
-from loopid.kinematics.constraint import scaled_constraint, scaled_residual
+from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.platform import declared_platform, platform_coordinates
 from loopid.kinematics.poses import FramePoses, difference, frame_poses
@@ -112,7 +112,7 @@ class JointCoordinates(MeasuredCoordinates):
         return way
 
     def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, jacobian = scaled_constraint(self.mechanism, q)
+        residual, jacobian = Constraint(self.mechanism, q).scaled()
         known = jacobian[:, :, self.known] / self.mechanism.coordinate_scales[self.known]
         return Linearisation(residual, jacobian[:, :, self.unknown], known)
 
@@ -134,7 +134,7 @@ class PlatformCoordinates(MeasuredCoordinates):
         return q.copy()
 
     def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, closures = scaled_constraint(self.mechanism, q)
+        residual, closures = Constraint(self.mechanism, q).scaled()
         frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
         twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
         pose = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1)
@@ -186,7 +186,7 @@ def measured_coordinates(
             f"{mechanism.name} at its reference: give more, or others, or a reference "
             "that is not singular"
         )
-    if int(Factorisation.of(scaled_constraint(mechanism, q)[1]).rank[0]) > found:
+    if int(Factorisation.of(Constraint(mechanism, q).scaled()[1]).rank[0]) > found:
         raise MobilityError(
             f"the {measured.width} measured coordinates of {mechanism.name} are not "
             "independent of each other: leave some out"

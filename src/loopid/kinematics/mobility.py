@@ -14,7 +14,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, samples
 from loopid.errors import DataError, MobilityError
 from loopid.kinematics.closing import nearby_configurations
-from loopid.kinematics.constraint import scaled_constraint
+from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.linear import RANK_TOLERANCE, Factorisation, null_space
 from loopid.robot import Mechanism
 
@@ -94,10 +94,10 @@ def mobility(
         around = nearby_configurations(mechanism, q)
     if not len(samples(around, mechanism.model.nq, "around")):
         raise DataError("around must hold at least one configuration, not none")
-    residual, jacobian = scaled_constraint(mechanism, q[None])
+    residual, jacobian = Constraint(mechanism, q[None]).scaled()
     factors = Factorisation.of(jacobian)
     rank = int(factors.rank[0])
-    generic_rank = int(Factorisation.of(scaled_constraint(mechanism, around)[1]).rank.max())
+    generic_rank = int(Factorisation.of(Constraint(mechanism, around).scaled()[1]).rank.max())
     return Mobility(
         rows=mechanism.rows,
         rank=rank,
@@ -139,7 +139,7 @@ def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) ->
     MobilityError
         When nothing can move.
     """
-    _, jacobians = scaled_constraint(mechanism, configurations)
+    _, jacobians = Constraint(mechanism, configurations).scaled()
     spaces = [null_space(jacobian) for jacobian in jacobians]
     # At a singular configuration more is possible than around it.
     freedom = min(space.shape[1] for space in spaces)
