@@ -96,7 +96,8 @@ def test_a_column_counts_wherever_it_is_not_zero(row):
 def test_rows_come_in_parts_and_columns_turn_up_later(lengths, dof, seed):
     generator, width = np.random.default_rng(seed), 6
     present = generator.random((len(lengths), dof, 1, width)) < 0.5
-    parts = [generator.normal(size=(dof, n, width)) * p for n, p in zip(lengths, present, strict=True)]
+    pairs = zip(lengths, present, strict=True)
+    parts = [generator.normal(size=(dof, n, width)) * some for n, some in pairs]
     factors = np.zeros((dof, width, width))
     for part in parts:
         add_rows(factors, part)

@@ -136,8 +136,7 @@ def follow_trajectory(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    nothing = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool))
-    parts, first, window, alone = [nothing], 0, BLOCK, 1
+    parts, first, window, alone = [Assembly.none(len(start))], 0, BLOCK, 1
     while first < len(targets):
         part = _linked(measured, start, targets[first : first + window], options)
         count = len(part.residual)
@@ -177,8 +176,8 @@ def _linked(
     nodes = correct(measured, guess, values[rows])
     known = _leading_true(nodes.accepted)
     if known < 2:
-        return _leading(Assembly(targets, targets[:, 0], targets[:, 0] > 0), 0)
-    rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))
+        return Assembly.none(len(start))
+    rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
     values = values[: rows[-1] + 1]
     found = correct(measured, _between(measured, rows, nodes, values), values)
     q = found.configurations

@@ -87,12 +87,12 @@ class Solver:
             return cls(matrices, None, np.empty(0, dtype=np.int64))
         if rows == columns:
             try:
-                inverses = np.linalg.inv(matrices)
+                inverses = np.asarray(np.linalg.inv(matrices), dtype=np.float64)
             except np.linalg.LinAlgError:
                 pass  # the singular ones are told by their singular values
             else:
-                proven = _square_norm(matrices) * _square_norm(inverses) * (1.001 * bound) ** 2 < 1
-                return cls(matrices, inverses, np.flatnonzero(~proven))
+                condition = np.sqrt(_square_norm(matrices) * _square_norm(inverses))
+                return cls(matrices, inverses, np.flatnonzero(~(1.001 * bound * condition < 1)))
         return cls(matrices, None, np.arange(count))
 
     @cached_property

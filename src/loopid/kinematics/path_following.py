@@ -58,6 +58,11 @@ class Assembly:
         return f"Assembly of {len(self.assembled)} samples, {int(self.assembled.sum())} assembled"
 
     @classmethod
+    def none(cls, width: int) -> Assembly:
+        """No samples, of configurations with a width."""
+        return cls(np.empty((0, width)), np.empty(0), np.empty(0, dtype=bool))
+
+    @classmethod
     def joined(cls, parts: Sequence[Assembly]) -> Assembly:
         """Assemblies one after the other."""
         fields = [(part.configurations, part.residual, part.assembled) for part in parts]

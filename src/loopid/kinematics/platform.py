@@ -26,7 +26,8 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> dict(zip(robot.platform.names, loopid.platform_coordinates(robot, robot.reference)[0].round(3)))
+    >>> loopid.platform_coordinates(robot, robot.reference).shape
+    (1, 4)
     """
     platform = declared_platform(mechanism)
     q = samples(configurations, mechanism.model.nq, "configurations")

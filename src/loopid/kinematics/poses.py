@@ -140,7 +140,7 @@ def torque_regressors(
     v: FloatArray | None = None,
     a: FloatArray | None = None,
     model: str = "full",
-    G: FloatArray | None = None,  # noqa: N803
+    G: FloatArray | None = None,
 ) -> FloatArray:
     """Pinocchio's torque regressor Y, projected to Gᵀ Y where G (N, nv, dof) is given.
 

@@ -80,8 +80,8 @@ def _warn_of_reference(mechanism: Mechanism) -> None:
         warnings.warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning, 4)
     if mechanism.closure_residual:
         warnings.warn(
-            f"{mechanism.path}: the loops close to {mechanism.closure_residual:.1e} m only: its numbers "
-            "are rounded",
+            f"{mechanism.path}: the loops close to {mechanism.closure_residual:.1e} m only: its "
+            "numbers are rounded",
             ClosureWarning,
             stacklevel=4,
         )

@@ -1,11 +1,11 @@
-"""How a robot file writes one closure; the kinds and their keys are in ``loopid.robot.closures``."""
+"""How a robot file writes one closure; kinds and their keys come from ``CLOSURE_KINDS``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from loopid.loading.yaml_files import Section
 from loopid.robot import CLOSURE_KINDS, JointCoupling
@@ -16,31 +16,26 @@ ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
 Vector = tuple[float, float, float]
 
 
-def _frame_kind(value: Any) -> Any:
-    return _known(value, tuple(CLOSURE_KINDS))
+def _among(*kinds: str) -> AfterValidator:
+    """Check for one of some kinds, and give it its own name."""
+
+    def known(value: str) -> str:
+        kind = ALIASES.get(value.lower(), value.lower())
+        if kind not in kinds:
+            valid = ", ".join(map(repr, kinds))
+            raise ValueError(f"unknown kind of closure {value!r}: choose among {valid}")
+        return kind
+
+    return AfterValidator(known)
 
 
-def _kind(value: Any) -> Any:
-    return _known(value, (*CLOSURE_KINDS, COUPLING))
-
-
-def _known(value: Any, kinds: tuple[str, ...]) -> Any:
-    """The kind under its own name; what is no text is left for the model to refuse."""
-    if not isinstance(value, str):
-        return value
-    kind = ALIASES.get(value.lower(), value.lower())
-    if kind not in kinds:
-        raise ValueError(f"unknown kind of closure {value!r}: choose among {', '.join(kinds)}")
-    return kind
-
-
-FrameKind = Annotated[str, BeforeValidator(_frame_kind)]
+FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
 
 
 class ClosureDescription(Section):
     """One closure: of two frames, or a linear coupling of joints."""
 
-    type: Annotated[str, BeforeValidator(_kind)]
+    type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
     length: float | None = Field(default=None, ge=1e-9, le=1e9)
@@ -81,7 +76,7 @@ class ClosureDescription(Section):
         same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
         if same and self.axes and self.axes[0] != self.axes[1]:
             raise ValueError(
-                f"a {self.type} closure turns neither frame: its two axes must be the same"
+                f"a {self.type} closure turns neither frame: its two axes must be alike"
             )
         return self
 

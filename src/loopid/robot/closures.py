@@ -2,8 +2,8 @@
 
 A kind of closure is a set of elementary equations. Each of these is one class with its residual r,
 the rate of r as a linear map of the frames' velocities (hence the Jacobian), the part of the second
-derivative that is quadratic in the velocities (the rest of the drift), its unit, and r as a CasADi
-expression for exported C code. With d = p_b - p_a, R the rotation and ω the angular velocity of a
+derivative that is quadratic in the velocities (the rest of the drift), its unit, and r as a
+CasADi expression for exported C code. With d = p_b - p_a, R the rotation and ω the angular velocity of a
 frame, everything along the fixed axes [Featherstone2008, ch. 8]:
 
     r̈ = rate(accelerations) + curvature(velocities).
@@ -77,7 +77,7 @@ class Equations(ABC):
 
     @abstractmethod
     def residual(self, pair: FramePair) -> FloatArray:
-        """r (N, count)."""
+        """Residual r (N, count)."""
 
     @abstractmethod
     def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
@@ -89,7 +89,7 @@ class Equations(ABC):
 
     @abstractmethod
     def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
-        """r as CasADi expressions."""
+        """Residual as CasADi expressions."""
 
 
 class Point(Equations):
@@ -448,7 +448,7 @@ class JointCoupling:
 
     def residual(self, q: FloatArray) -> FloatArray:
         """Residual (N,) at configurations (N, nq)."""
-        return q[:, list(self.q_indices)] @ np.array(self.coefficients) - self.offset
+        return np.asarray(q[:, list(self.q_indices)] @ np.array(self.coefficients) - self.offset)
 
     def expression(self, q: Any) -> Any:
         """The same of a CasADi vector (nq,)."""

@@ -164,7 +164,7 @@ class Mechanism:
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """A name for each velocity coordinate: the joint's where it has one, else as ``ball.wx``."""
+        """Names of velocity coordinates: the joint's where it has one, else as ``ball.wx``."""
         return self.coordinates_of(self.joints)
 
     def coordinates_of(self, joints: Iterable[str]) -> tuple[str, ...]:
@@ -278,13 +278,13 @@ class Mechanism:
     @property
     def rows(self) -> int:
         """Number of scalar closure equations, redundant ones and couplings included."""
-        return sum(part.rows for part in (*self.closures, *self.couplings))
+        return len(self.row_names)
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """The closure or coupling that each scalar equation belongs to."""
-        parts = (*self.closures, *self.couplings)
-        return tuple(part.name for part in parts for _ in range(part.rows))
+        loops = (closure.name for closure in self.closures for _ in range(closure.rows))
+        return (*loops, *(coupling.name for coupling in self.couplings))
 
     def supports(self, frame_ids: Iterable[int]) -> BoolArray:
         """Which coordinates move each of some frames; shape (frames, nv)."""
