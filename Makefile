@@ -4,7 +4,7 @@ PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python;
     && echo $$python && break; done)
 BIN := .venv/bin
 
-.PHONY: demo test lint bench peers clean
+.PHONY: demo test test-kernels test-versions validate lint bench peers clean
 
 # The main job: all tables and figures of the paper, with their uncertainty.
 demo: .venv/plot
@@ -12,6 +12,22 @@ demo: .venv/plot
 
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# What is numerical, with the linear algebra of processors without AVX-512, and without AVX.
+NUMERICAL := tests/robot tests/kinematics tests/regressors tests/base_parameters tests/identification \
+    tests/experiment tests/consistency tests/export
+test-kernels: .venv/test
+	for kernel in Haswell Nehalem; do \
+	    OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -n auto --dist worksteal $(NUMERICAL) || exit 1; \
+	done
+
+# Each interpreter of this machine with the newest packages, the oldest one also with the lowest versions.
+test-versions: .venv/pip
+	$(BIN)/python tests/versions.py
+
+# Monte Carlo and hammer tests that take minutes.
+validate: .venv/test
+	$(BIN)/python -m pytest -m validate -n auto --dist worksteal
 
 lint: .venv/lint
 	$(BIN)/ruff format --check .

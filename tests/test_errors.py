@@ -1,6 +1,28 @@
+"""Messages are one line that any stream can write; warnings point to the caller."""
+
+import pickle
 import warnings
 
-from loopid.errors import ModelWarning, warn
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from loopid.errors import LoopidError, MissingExtraError, ModelWarning, one_line, warn
+
+
+@given(st.text(st.characters(), max_size=8))
+def test_messages_are_one_line_that_any_stream_can_write(text):
+    said = str(LoopidError(f"file {text} is wrong"))
+    assert said.isprintable()
+    said.encode()
+    assert one_line(said) == said
+
+
+@pytest.mark.parametrize("kind", LoopidError.__subclasses__(), ids=lambda kind: kind.__name__)
+def test_errors_come_back_from_workers(kind):
+    error = kind("polars", "logs") if kind is MissingExtraError else kind("what is wrong")
+    back = pickle.loads(pickle.dumps(error))
+    assert (type(back), str(back)) == (kind, str(error))
 
 
 def test_warnings_point_to_the_line_that_called_loopid():

@@ -43,7 +43,6 @@ from loopid.kinematics import (
 )
 from loopid.loading import bundled_robots, load_mechanism
 from loopid.logs import Log, Recording, prepare_recording, read_log
-from loopid.robot import LoopClosure, Mechanism
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors import (
     ForceParts,
@@ -55,6 +54,7 @@ from loopid.regressors import (
     structural_observation,
     tree_regressor,
 )
+from loopid.robot import LoopClosure, Mechanism
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     FourierSeries,

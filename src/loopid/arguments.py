@@ -1,26 +1,19 @@
-"""Arguments of public functions, checked against their annotations before any work is done."""
+"""Arguments of public functions, checked by pydantic against their annotations."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cache, wraps
 from inspect import signature
-from numbers import Integral, Real
-from types import NoneType, UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import ParamSpec, TypeVar
 
-import numpy as np
+from pydantic import ConfigDict, ValidationError, validate_call
 
 from loopid.errors import OptionError
 
 P = ParamSpec("P")
 R = TypeVar("R")
 Class = TypeVar("Class", bound=type)
-# What a sentence calls the types that are not called by their own names.
-WORDS = {int: "a whole number", float: "a number", str: "text", bool: "True or False",
-         NoneType: "None", os.PathLike: "a path"}  # fmt: skip
-COLLECTIONS = (Sequence, Iterable, Mapping, tuple, list, dict)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
@@ -33,15 +26,22 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     OptionError
         Naming the argument, what it must be, and what was given.
     """
-    parameters = signature(function)
+
+    @cache  # made by the first call: importing loopid does not wait for it
+    def validated() -> Callable[P, R]:
+        config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
+        validator: Callable[P, R] = validate_call(config=config)(function)
+        return validator
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        hints = _hints(function)
-        for name, value in parameters.bind(*args, **kwargs).arguments.items():
-            if name in hints and not _accepts(hints[name], value):
-                raise OptionError(f"{name} must be {_words(hints[name])}, not {_said(value)}")
-        return function(*args, **kwargs)
+        try:
+            return validated()(*args, **kwargs)
+        except ValidationError as error:
+            if error.title != function.__qualname__:
+                raise
+            signature(function).bind(*args, **kwargs)  # a TypeError as Python words it
+            raise OptionError(_sentence(error, list(signature(function).parameters))) from None
 
     return call
 
@@ -52,61 +52,15 @@ def checked_fields(cls: Class) -> Class:
     return cls
 
 
-@cache
-def _hints(function: Callable[..., Any]) -> dict[str, Any]:
-    """Annotated types; those of ``*args`` and ``**kwargs`` are of single values."""
-    kinds = {p.name: p.kind for p in signature(function).parameters.values()}
-    hints = get_type_hints(function)
-    return {n: hint for n, hint in hints.items() if n in kinds and "VAR" not in kinds[n].name}
+def _sentence(error: ValidationError, names: list[str]) -> str:
+    """Say what the first wrong argument must be; a union says it once for each of its types."""
+    details = error.errors(include_url=False)
+    place, given = details[0]["loc"][0], details[0]["input"]
+    name = names[min(place, len(names) - 1)] if isinstance(place, int) else place
+    valid = dict.fromkeys(_valid(one["msg"]) for one in details if one["loc"][0] == place)
+    shown = repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
+    return f"{name} must be {' or '.join(valid)}, not {shown:.60}"
 
 
-def _accepts(hint: Any, value: Any) -> bool:
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        return any(_accepts(part, value) for part in inside)
-    if origin is Literal:
-        return value in inside if isinstance(value, str) else False
-    if hint is int:
-        return isinstance(value, Integral) and not isinstance(value, bool)
-    if hint is float:
-        return isinstance(value, Real) and not isinstance(value, bool) and value == value
-    if origin in COLLECTIONS or hint in COLLECTIONS:
-        return _is_collection(origin or hint, inside, value)
-    if origin is np.ndarray or isinstance(hint, TypeVar) or hint is Any:
-        return True
-    return isinstance(value, origin or hint)
-
-
-def _is_collection(kind: Any, inside: tuple[Any, ...], value: Any) -> bool:
-    # Lists and arrays do for tuples; a text is a sequence of names in no one's mind.
-    wider = {tuple: Sequence, list: Sequence, dict: Mapping}.get(kind, kind)
-    if isinstance(value, str | bytes) or not isinstance(value, wider | np.ndarray):
-        return False
-    if wider is not Sequence or not inside:
-        return True
-    alike = len(inside) == 1 or inside[1] is Ellipsis
-    types = inside[:1] * len(value) if alike else inside
-    return len(value) == len(types) and all(map(_accepts, types, value))
-
-
-def _words(hint: Any) -> str:
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        return " or ".join(dict.fromkeys(map(_words, inside)))
-    if origin is Literal:
-        return " or ".join(map(repr, inside))
-    if hint is np.ndarray or origin is np.ndarray:
-        return "an array"
-    if origin in COLLECTIONS:
-        named = WORDS.get(inside[0], "") if inside else ""
-        return f"several {'names' if named == 'text' else 'values'}"
-    name = getattr(origin or hint, "__name__", str(hint))
-    return WORDS.get(
-        hint, WORDS.get(origin, f"a {name}" if name[0] not in "AEIO" else f"an {name}")
-    )
-
-
-def _said(value: Any) -> str:
-    if isinstance(value, str | int | float | complex | NoneType):
-        return f"{value!r:.60}"
-    return f"of type {type(value).__name__}"
+def _valid(message: str) -> str:
+    return message.partition(",")[0].removeprefix("Input should be ")

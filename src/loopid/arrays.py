@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from numbers import Real
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import SkipValidation
 
 from loopid.errors import DataError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+# Arguments of these types are checked by the functions that take them, which know their shapes.
+FloatArray = Annotated[NDArray[np.float64], SkipValidation]
+IntArray = Annotated[NDArray[np.int64], SkipValidation]
+BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 # Of any number that is taken: no product of a few such numbers overflows.

@@ -18,8 +18,8 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import SingularityError
 from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
-from loopid.robot import Mechanism
 from loopid.regressors import motion_regressor, standard_values, tree_regressor
+from loopid.robot import Mechanism
 
 # Inertias below this fraction of the robot's largest are round-off.
 LEAST_INERTIA = 1e-14

@@ -122,6 +122,7 @@ class ModelWarning(UserWarning):
 def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line that called loopid, however deep inside it the reason was found."""
     level, frame = 2, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("loopid."):
+    inside = ("loopid.", "pydantic.")  # pydantic checks arguments in between
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(inside):
         level, frame = level + 1, frame.f_back
     warnings.warn(one_line(message), category, stacklevel=level)

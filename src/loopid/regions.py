@@ -19,7 +19,7 @@ FLAT = 1e-9
 MOST_FACES = 50
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Region:
     """A convex region N c <= d of points c, in m in the frame of a link.
 
@@ -48,6 +48,10 @@ class Region:
                 f"normals, centre and half widths of {self.offsets.shape} faces must have shapes "
                 f"{', '.join(map(str, shapes))}, not {', '.join(map(str, found))}"
             )
+
+    def __repr__(self) -> str:
+        low, high = self.centre - self.half_widths, self.centre + self.half_widths
+        return f"Region({len(self.offsets)} faces, from {low.round(4)} to {high.round(4)} m)"
 
     @classmethod
     def box(cls, lower: FloatArray, upper: FloatArray) -> Region:

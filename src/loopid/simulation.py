@@ -10,8 +10,8 @@ from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import ClosedMotion, JointCoordinates, closed_motion
-from loopid.robot import Mechanism
 from loopid.regressors import JointTerms, motion_regressor, standard_values
+from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
 from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion

@@ -11,8 +11,8 @@ from loopid.base_parameters.candidates import spacing
 from loopid.base_parameters.coefficients import ACCIDENTS, PLAIN
 from loopid.base_parameters.forms import FORMS
 from loopid.lengths import NamedLength
-from loopid.robot import named_lengths
 from loopid.parameters import KINDS, ParameterSet
+from loopid.robot import named_lengths
 
 
 def made(value, leader="arm.mx", folded="hand.m"):

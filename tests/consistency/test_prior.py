@@ -14,8 +14,8 @@ from loopid.consistency import (
 from loopid.consistency.prior import FLAT
 from loopid.consistency.repair import THICKNESS
 from loopid.errors import DataError, FeasibilityError, OptionError
-from loopid.robot import inertia_defects
 from loopid.parameters import KINDS, ParameterSet
+from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)
 SOUND = np.array([2.0, 0.2, 0.0, 0.4, 0.3, 0.0, 0.3, -0.04, 0.0, 0.1])

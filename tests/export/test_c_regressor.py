@@ -25,10 +25,9 @@ from loopid import (
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
 from loopid.export import compile_regressor, export_regressor, regressor_code
 from loopid.export.codegen.compiled import NUMBERS
-from loopid.kinematics import closed_motion, constraint_residual
-from loopid.kinematics import nearby_configurations
-from loopid.robot import Body
+from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
 from loopid.regressors import motion_parameters, motion_regressor
+from loopid.robot import Body
 
 pytestmark = [
     pytest.mark.skipif(

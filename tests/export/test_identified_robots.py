@@ -22,8 +22,8 @@ from loopid.export import (
 )
 from loopid.identification import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.robot import inertia_defects
 from loopid.regressors import motion_regressor
+from loopid.robot import inertia_defects
 from made_runs import ARM, modelled, wander
 
 ROUND_TRIP = 1e-9

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from loopid import assemble, platform_coordinates
-from loopid.kinematics import constraint_jacobian, constraint_residual, try_assemble
-from loopid.kinematics import partition
+from loopid.kinematics import constraint_jacobian, constraint_residual, partition, try_assemble
 
 # Turned this far from the reference, the platform is beyond the type II singularity.
 YAW_BEYOND = {"3ups_rpu": 0.6, "5p": 1.4}

@@ -14,8 +14,7 @@ from loopid import (
     singularity_measure,
     structural_observation,
 )
-from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics import null_space
+from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual, null_space
 
 # Coordinates, equations, independent ones, of linkages that are not loops of rows + 1 joints.
 COUNTS = {

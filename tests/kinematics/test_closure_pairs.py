@@ -17,10 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pinocchio_loops
-from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics import close_loops
-from loopid.kinematics import null_space
 from closure_robots import ROWS as CLOSURE_ROWS
+from loopid.kinematics import (
+    close_loops,
+    constraint_drift,
+    constraint_jacobian,
+    constraint_residual,
+    null_space,
+)
 
 AXES = {
     "z": ((0, 0, 1), (0, 0, 1)),

@@ -10,8 +10,12 @@ from hypothesis import strategies as st
 
 from loopid import random_configurations
 from loopid.errors import DataError
-from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics import frame_poses
+from loopid.kinematics import (
+    constraint_drift,
+    constraint_jacobian,
+    constraint_residual,
+    frame_poses,
+)
 from loopid.robot import relative_quaternion
 
 KINDS = [("3d",), ("6d",), ("6d", "3d")]

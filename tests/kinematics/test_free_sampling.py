@@ -7,8 +7,7 @@ import pytest
 from closure_robots import loop
 from linkages import LINKAGES, four_bar
 from loopid import project, random_configurations, singularity_measure
-from loopid.kinematics import constraint_residual
-from loopid.kinematics import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY, constraint_residual
 
 FLYING = ("five-bar", "ball rssr")
 NAMES = ("ball rssr", *(f"flying {name}" for name in FLYING), "endless", "rocking", "2d loop",

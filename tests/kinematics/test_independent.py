@@ -8,8 +8,7 @@ import pytest
 from linkages import five_bar, four_bar
 from loopid import forward_dynamics, project, random_configurations, structural_observation
 from loopid.base_parameters.structure import analyse
-from loopid.kinematics import random_motions
-from loopid.kinematics import independent_coordinates
+from loopid.kinematics import independent_coordinates, random_motions
 from loopid.regressors import motion_regressor
 
 CHOICES = {

@@ -8,8 +8,7 @@ from scipy.optimize import brentq
 
 from loopid import assemble, project, singularity_measure
 from loopid.errors import SingularityError, SingularityWarning
-from loopid.kinematics import mobility
-from loopid.kinematics import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY, mobility
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 # Published for the 3UPS+RPU at x_m = 0, z_m = 0.7 m, theta = 0: yaw (rad), determinant (m²).

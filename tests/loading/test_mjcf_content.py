@@ -1,13 +1,18 @@
-"""What an MJCF file says: names, limits, closures, motors, reference, and what is left out."""
+"""What an MJCF says: names, limits, closures, motors, reference, what is left out or refused."""
+
+import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
 
-from loopid.errors import RobotFileError
-from loopid.loading.mjcf import read_mjcf
+from loopid import load_mechanism
+from loopid.errors import LoopidError, MissingExtraError, MissingFileError, RobotFileError
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+from loopid.loading.mjcf import read_mjcf
 
 INERTIAL = '<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
 ARM = f"""<mujoco model="arm">
@@ -205,8 +210,8 @@ def test_equalities_that_do_not_hold_the_robot_are_left_out(read_arm):
     )
     assert [closure.frames for closure in source.description.closures] == [("on_1", "on_2")]
     assert source.notes == (
-        "equality off is inactive and left out",
-        "equality drag is left out, as motion capture drives it from outside",
+        "inactive equalities are left out: off",
+        "equalities of motion-capture bodies are left out: drag",
     )
 
 
@@ -234,7 +239,7 @@ def test_a_tendon_drives_its_joints_but_not_those_that_follow(read_arm, rest, mo
     source = read_arm(TENDONS, f"<equality>{rest}</equality>", actuator)
     assert source.description.name_mot == motors
     assert len(source.notes) == notes
-    assert all(note.startswith("actuator m is taken for motors") for note in source.notes)
+    assert all(note.endswith("though one force drives all: m") for note in source.notes)
 
 
 def test_actuators_that_drive_no_joint_are_named(read_arm):
@@ -242,14 +247,14 @@ def test_actuators_that_drive_no_joint_are_named(read_arm):
     source = read_arm(TENDONS, f"<actuator>{actuators}</actuator>")
     assert source.description.name_mot == ["elbow"]
     (note,) = source.notes
-    assert note.startswith("actuators number 0, winch are not modelled")
+    assert note == "actuators that drive no joint are not modelled: number 0, winch"
 
 
 def test_that_no_actuator_drives_a_joint_is_said(read_arm):
     source = read_arm(TENDONS, '<actuator><motor name="winch" tendon="rope"/></actuator>')
     assert source.description.name_mot is None
     assert source.notes[1:] == (
-        "no actuator tells the motors: without 'name_mot' all hinges and slides count",
+        "no actuator drives a joint: without 'name_mot' all hinges and slides count",
     )
 
 
@@ -284,31 +289,35 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
 @pytest.mark.parametrize(
     ("joints", "rest", "note"),
     [
-        ('<joint name="a" stiffness="3"/>', "", "joint a has springs, whose forces are"),
+        ('<joint name="a" stiffness="3"/>', "", "springs of joints are not modelled: a"),
         (
             '<joint name="a" stiffness="3"/><joint name="b" axis="1 0 0"/>'
             '<joint name="c" axis="0 1 0" stiffness="1"/>',
             "",
-            "joints a, c have springs",
+            "springs of joints are not modelled: a, c",
         ),
-        ('<joint name="a" type="ball" range="0 30"/>', "", "joint a is limited in all directions"),
+        (
+            '<joint name="a" type="ball" range="0 30"/>',
+            "",
+            "limits of ball joints are not checked: a",
+        ),
         ("<joint/>", '<option density="1.2"/>', "the fluid around the robot is not modelled"),
         (
             '<joint name="a"/>',
             '<tendon><fixed name="t" stiffness="1"><joint joint="a" coef="1"/></fixed></tendon>',
-            "tendon t has springs",
+            "springs of tendons are not modelled: t",
         ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
     (text,) = read_body(joints, rest).notes
-    assert text.startswith(note)
+    assert text == note
 
 
 def test_gravity_compensation_is_not_modelled(read):
     text = ARM.replace('<body name="upper"', '<body name="upper" gravcomp="1"')
     (note,) = read(text.replace("REST", "")).notes
-    assert note == "body upper has gravity compensation, which is not modelled"
+    assert note == "gravity compensation of bodies is not modelled: upper"
 
 
 def test_damping_and_armature_need_no_note(read_body):
@@ -316,3 +325,115 @@ def test_damping_and_armature_need_no_note(read_body):
     assert source.notes == ()
     # They are terms of the joints beside the rigid bodies.
     np.testing.assert_array_equal(source.model.armature, 0)
+
+
+# Refusals.
+
+BODY = '<body name="b" {}><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{}</body>'
+HINGE = '<joint name="j" axis="1 0 0" {}/>'
+
+
+def small(joint=None, body="", rest=""):
+    joint = HINGE.format("") if joint is None else joint
+    return f"<mujoco><worldbody>{BODY.format(body, joint)}</worldbody>{rest}</mujoco>"
+
+
+@pytest.fixture
+def refused(tmp_path, refusal):
+
+    def message(content, *fragments):
+        (tmp_path / "robot.xml").write_text(content)
+        with pytest.raises(RobotFileError) as failure:
+            read_mjcf(tmp_path / "robot.xml")
+        return refusal(failure, "robot.xml", *fragments)
+
+    return message
+
+
+@pytest.mark.parametrize(
+    ("content", "fragment"),
+    [
+        ("", "MuJoCo refuses it: "),
+        ("no xml", "MuJoCo refuses it: "),
+        ("<mujoco><worldbody></mujoco>", "MuJoCo refuses it: "),
+        ("<mujoco>\n<worldbody><bdy/></worldbody></mujoco>", "unrecognized element"),
+        (small().replace('mass="1"', 'mass="0"'), "mass and inertia"),
+        (small(HINGE.format("") * 2), "repeated name 'j'"),
+        (small(HINGE.replace("1 0 0", "0 0 0").format("")), "axis"),
+        (small(rest='<include file="gone.xml"/>'), "gone.xml"),
+        (small(rest='<asset><mesh file="gone.stl"/></asset>'), "gone.stl"),
+        (small(rest='<actuator><motor joint="k"/></actuator>'), "'k'"),
+        (small(body='pos="inf 0 0"'), "body_pos of MuJoCo's model is not finite"),
+        (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model is not finite"),
+        (small(HINGE.format('range="nan 1"')), "jnt_range of MuJoCo's model is not finite"),
+        (small(rest='<keyframe><key qpos="nan"/></keyframe>'), "key_qpos"),
+        (small(body='quat="1e308 1e308 0 0"'), "body_quat of MuJoCo's model has a quaternion"),
+        (
+            small(
+                '<joint name="k" type="slide" ref="1e308"/>',
+                rest='<equality><joint joint1="k" polycoef="1e308"/></equality>',
+            ),
+            "equality number 0 has coefficients that are too large",
+        ),
+        (small(rest='<option gravity="0 0 -inf"/>'), "gravity of MuJoCo's model is not finite"),
+        ('<robot name="r"><link name="l"/></robot>', "its root is <robot>, not <mujoco>"),
+    ],
+)
+def test_bad_files_are_refused_with_mujocos_reason(refused, content, fragment):
+    refused(content, fragment)
+
+
+def test_mujoco_writes_no_log_file_of_its_warnings(refused, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    refused(small(HINGE.format('ref="nan"')), "qpos0")
+    assert [file.name for file in tmp_path.iterdir()] == ["robot.xml"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_missing_file_is_missing(tmp_path):
+    with pytest.raises(MissingFileError, match=r"gone\.xml is missing"):
+        read_mjcf(tmp_path / "gone.xml")
+
+
+def test_without_mujoco_the_extra_is_named(monkeypatch, tmp_path):
+    for module in [name for name in sys.modules if name.startswith("loopid.loading.mjcf")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    (tmp_path / "robot.xml").write_text(small())
+    with pytest.raises(MissingExtraError, match=r"pip install 'loopid\[mjcf\]'"):
+        load_mechanism(tmp_path / "robot.xml")
+
+
+WHOLE = small(
+    HINGE.format('ref="20" range="-30 90"') + '<joint name="k" type="ball"/><site name="s"/>',
+    'pos="0 0 1" quat="1 0 0 0"',
+    """<tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon>
+    <equality><connect name="c" body1="b" anchor="0 0 1"/><weld body1="b"/>
+    <joint joint1="j" polycoef="1 2 0 0 0"/><tendon tendon1="t"/></equality>
+    <actuator><motor joint="j" gear="3"/><motor tendon="t"/><motor site="s"/></actuator>
+    <keyframe><key name="home" qpos="0 1 0 0 0"/></keyframe>""",
+)
+WORDS = [*' "<>/=.-0\xff', "1e308", "nan", "inf", "-1", "body", "joint", "free", "site", "world"]
+
+
+@given(
+    at=st.integers(0, len(WHOLE)),
+    length=st.integers(0, 12),
+    instead=st.lists(st.sampled_from(WORDS), max_size=3).map("".join),
+)
+@example(at=0, length=0, instead="")
+def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tmp_path_factory):
+    file = tmp_path_factory.getbasetemp() / "changed.xml"
+    content = WHOLE[:at] + instead + WHOLE[at + length :]
+    # After refusing this one, MuJoCo 4.0.0 compiles nothing any more, but runs forever.
+    assume('anchor=""' not in content)
+    file.write_bytes(content.encode("latin1"))
+    try:
+        source, refusal = read_mjcf(file), None
+    except LoopidError as error:
+        refusal = str(error)
+    if refusal is None:
+        assert source.model.njoints - 1 == len(source.child_links)
+    else:
+        assert "\n" not in refusal
+        assert refusal.startswith(str(file))

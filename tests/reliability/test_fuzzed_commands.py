@@ -1,9 +1,10 @@
-"""Fuzzed command lines keep their promises; ``fuzz.py`` runs thousands of them."""
+"""Wrong commands are answered in one sentence; ``fuzz.py`` runs thousands of them."""
 
 import warnings
 
 import pytest
 from fuzz import fuzz
+from table import PAGE, page_with, table
 
 CALLS, PARTS = 150, 2
 
@@ -14,3 +15,8 @@ def test_commands_answer_or_refuse_in_one_sentence(tmp_path, part):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert fuzz(tmp_path, range(part * share, (part + 1) * share)) == {}
+
+
+def test_the_page_on_reliability_shows_what_is_answered(tmp_path):
+    page = PAGE.read_text()
+    assert page_with(table(tmp_path), page) == page

@@ -6,17 +6,9 @@ import sys
 
 import numpy as np
 import pytest
-from answers import assert_same
-from api_world import World
 
 import loopid
-from loopid.report import identification_record
 from made_runs import ARM, logged, wander
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return World(tmp_path_factory.mktemp("world"))
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +76,3 @@ def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, a
 
 def test_different_runs_differ(alone):
     assert alone[1][0] != alone[2][0]
-
-
-def test_everything_once_more_in_the_same_process(world):
-    def everything():
-        model = loopid.find_force_model(world.arm, "full", loopid.JointTerms(world.arm.actuated))
-        found = world.quietly(loopid.identify, model, *world.parts)
-        return (
-            model.base,
-            found.fit,
-            found.reduction,
-            found.candidates,
-            identification_record(found),
-        )
-
-    assert_same(everything(), everything())

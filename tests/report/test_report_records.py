@@ -11,9 +11,9 @@ from hypothesis.strategies import floats
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters.expressions import expression
-from loopid.robot import named_lengths
 from loopid.report import base_record, check_record, identification_record, motions_record
 from loopid.report.base import certificate
+from loopid.robot import named_lengths
 from loopid.trajectories import JointRange, MotionReview
 
 

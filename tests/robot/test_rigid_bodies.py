@@ -7,8 +7,8 @@ import pytest
 from lxml import etree
 
 from loopid.errors import OptionError
-from loopid.robot import LoopClosure
 from loopid.parameters import KINDS, model_kinds
+from loopid.robot import LoopClosure
 
 
 def numbers(element, *names):

@@ -17,10 +17,10 @@ from rich.table import Table
 from loopid.errors import one_line
 from loopid.files import require_folder
 from loopid.loading import load_mechanism
-from loopid.robot import Mechanism
 from loopid.progress import Progress as Reporter
 from loopid.regressors import JointTerms
 from loopid.report import require_matplotlib
+from loopid.robot import Mechanism
 
 RobotFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")

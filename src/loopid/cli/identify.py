@@ -47,8 +47,8 @@ from loopid.experiment import (
 )
 from loopid.files import write_files
 from loopid.logs import Recording, prepare_recording, read_log
-from loopid.robot import Mechanism
 from loopid.report import identification_files, identification_record, identification_tables
+from loopid.robot import Mechanism
 from loopid.trajectories import LowPass
 
 

@@ -25,11 +25,10 @@ from loopid.cli.console import (
     progress_bar,
     show,
 )
-from loopid.loading import second_opinion
-from loopid.robot import named_lengths
 from loopid.progress import Progress as Reporter
 from loopid.regressors import structural_observation
 from loopid.report import base_record, base_tables, check_record, check_tables
+from loopid.robot import named_lengths
 
 
 def check(
@@ -41,7 +40,7 @@ def check(
 ) -> None:
     """Report joints, closures, mobility and distance to singularity."""
     mechanism = loaded(file, lock, floating_base, free_mimics)
-    record = check_record(mechanism, second_opinion(file))
+    record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
 

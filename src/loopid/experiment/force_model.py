@@ -15,10 +15,10 @@ from loopid.experiment.repertoire import Repertoire
 from loopid.identification import FitSamples
 from loopid.kinematics import closed_motion
 from loopid.logs import Recording
-from loopid.robot import Mechanism
 from loopid.parameters import KINDS, ParameterSet
 from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation
+from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
 from loopid.workers import ordered_map

@@ -11,8 +11,8 @@ import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.experiment.force_model import ForceModel
-from loopid.robot import Mechanism
 from loopid.parameters import KINDS
+from loopid.robot import Mechanism
 
 # Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
 LEAST_MASS, LEAST_REACH = 0.01, 0.01

@@ -19,9 +19,9 @@ from loopid.experiment import ForceModel
 from loopid.export import base_npz, base_yaml
 from loopid.files import write_file
 from loopid.kinematics import closed_motion
-from loopid.robot import Mechanism
 from loopid.parameters import ParameterSet
 from loopid.regressors import JointTerms, motion_parameters, motion_regressor
+from loopid.robot import Mechanism
 
 FORMATS = {".yaml": base_yaml, ".yml": base_yaml, ".json": base_yaml, ".npz": base_npz}
 

@@ -12,9 +12,9 @@ from loopid.consistency import pseudo_inertia
 from loopid.errors import DataError, RobotFileError
 from loopid.export.inertias import require_feasible
 from loopid.export.sharing import shared, shared_at_rest
-from loopid.loading.closures import link_frames
-from loopid.robot import Body, Mechanism, tie_matrix
+from loopid.loading import link_frames
 from loopid.parameters import KINDS, MODELS, ParameterSet
+from loopid.robot import Body, Mechanism, tie_matrix
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9

@@ -11,8 +11,8 @@ from loopid.errors import DataError
 from loopid.experiment import ForceModel, find_force_model
 from loopid.export.base_values import require_same
 from loopid.export.saved_fit import SavedFit, likely_models
-from loopid.robot import Mechanism
 from loopid.progress import Progress
+from loopid.robot import Mechanism
 
 ALIKE = 1e-6  # relative difference of coefficients
 

@@ -28,10 +28,9 @@ from loopid.export.written import (
     require_faithful,
     tensor_changes,
 )
-from loopid.loading.mjcf.compiling import compile_mjcf
-from loopid.loading.mjcf.names import Names, read_names
-from loopid.robot import Mechanism
+from loopid.loading.mjcf_file import Names, compile_mjcf, read_names
 from loopid.parameters import ParameterSet
+from loopid.robot import Mechanism
 
 ORIENTATIONS = {"quat", "axisangle", "xyaxes", "zaxis", "euler"}
 # Attributes of <compiler> that have the last word on inertias.

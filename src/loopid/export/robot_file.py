@@ -12,9 +12,9 @@ from loopid.export.bodies import updated_links
 from loopid.export.urdf_inertials import read_inertials, rewritten
 from loopid.export.written import require_faithful
 from loopid.files import write_file
-from loopid.loading.tree_file import MJCF, find_files
-from loopid.robot import Mechanism
+from loopid.loading.files import MJCF, find_files
 from loopid.parameters import ParameterSet
+from loopid.robot import Mechanism
 
 
 @checked

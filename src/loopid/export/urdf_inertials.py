@@ -9,7 +9,6 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from loopid.arrays import FloatArray
 from loopid.consistency.moments import pseudo_inertia_of
@@ -23,8 +22,8 @@ from loopid.export.inertias import (
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate
 from loopid.export.written import centre_changes, mass_changes, number, tensor_changes
 from loopid.export.written import numbers as written
-from loopid.loading.urdf.markup import Element, naming, numbers, parse_xml, tree_part
-from loopid.loading.urdf.tags import MOMENTS, check_tags
+from loopid.loading import read_urdf_file
+from loopid.loading.urdf_file import MOMENTS
 
 PLACES = tuple(("xyz".index(key[1]), "xyz".index(key[2])) for key in MOMENTS)
 
@@ -63,39 +62,15 @@ class UrdfInertial:
 
 def read_inertials(path: Path) -> dict[str, UrdfInertial]:
     """The inertials of all links that have one which is not all zero."""
-    with naming(path):
-        tree = tree_part(parse_xml(path))
-        check_tags(tree)
-        found = {str(link.get("name")): _read(link) for link in tree if link.tag == "link"}
+    inertials = {link.name: link.inertial for link in read_urdf_file(path).robot.links}
     return {
-        name: inertial
-        for name, inertial in found.items()
-        if inertial is not None and (inertial.mass or inertial.tensor.any())
+        name: UrdfInertial(
+            inertial.mass, placement[:3, 3].copy(), placement[:3, :3].copy(), inertial.inertia
+        )
+        for name, inertial in inertials.items()
+        if inertial is not None and (inertial.mass or inertial.inertia.any())
+        for placement in [np.eye(4) if inertial.origin is None else inertial.origin]
     }
-
-
-def _read(link: Element) -> UrdfInertial | None:
-    inertial = link.find("inertial")
-    if inertial is None:
-        return None
-    origin, mass, inertia = inertial.find("origin"), *_required(inertial)
-    zero = np.zeros(3)
-    xyz, rpy = (
-        (zero, zero)
-        if origin is None
-        else (np.array(numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
-    )
-    tensor = np.empty((3, 3))
-    for (i, j), key in zip(PLACES, MOMENTS, strict=True):
-        tensor[i, j] = tensor[j, i] = numbers(inertia, key)[0]
-    return UrdfInertial(numbers(mass, "value")[0], xyz, pin.rpy.rpyToMatrix(rpy), tensor)
-
-
-def _required(inertial: Element) -> tuple[Element, Element]:
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    if mass is None or inertia is None:  # checked before
-        raise RobotFileError("an <inertial> has no <mass> or no <inertia>")
-    return mass, inertia
 
 
 def rewritten(

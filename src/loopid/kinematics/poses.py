@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray
-from loopid.robot import Mechanism, tie_matrix
 from loopid.parameters import model_kinds
+from loopid.robot import Mechanism, tie_matrix
 
 # Samples at a time: their arrays stay in the cache, and memory does not grow with the samples.
 BLOCK = 256
@@ -115,7 +115,9 @@ def frame_motions(
 ) -> FrameMotions:
     """How frames move at velocities (N, nv) and zero joint acceleration."""
     model, data = mechanism.model, mechanism.model.createData()
-    varying = [k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE]
+    varying = [
+        k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE
+    ]
     rates = np.empty((len(q), 6, model.nv))
     changes = np.zeros_like(rates) if varying else np.zeros(())
     for k, state in enumerate(zip(q, v, strict=True)):

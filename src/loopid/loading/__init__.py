@@ -1,14 +1,23 @@
-"""Robot files in, validated mechanisms out."""
+"""Robot files in, checked mechanisms out."""
 
-from loopid.loading.bundled import bundled_directory, bundled_robots
-from loopid.loading.mechanism import load_mechanism
-from loopid.loading.second_opinion import second_opinion
-from loopid.loading.urdf import SecondReading
+from loopid.loading.closures import link_frames
+from loopid.loading.files import bundled_directory, bundled_robots, find_files, find_motion_file
+from loopid.loading.load import load_mechanism
+from loopid.loading.regions import collision_regions
+from loopid.loading.urdf_file import parse_xml, read_urdf_file
+from loopid.loading.yaml_files import Section, first_problem, read_yaml
 
 __all__ = [
-    "SecondReading",
+    "Section",
     "bundled_directory",
     "bundled_robots",
+    "collision_regions",
+    "find_files",
+    "find_motion_file",
+    "first_problem",
+    "link_frames",
     "load_mechanism",
-    "second_opinion",
+    "parse_xml",
+    "read_urdf_file",
+    "read_yaml",
 ]

@@ -1,4 +1,4 @@
-"""What a robot file says beside its tree: closures, motors, reference, platform, alike links.
+"""What a robot file says beside its tree: closures, motors, reference, platform, identical links.
 
 The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
 (``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
@@ -7,16 +7,22 @@ say some of it themselves fill in the same description, and the YAML has the las
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.loading.closure_description import ClosureDescription, FrameKind
 from loopid.loading.yaml_files import Section, read_yaml
 
 JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
                     "UJOINT_ZX", "UJOINT_ZY"]  # fmt: skip
+
+
+def _without_cardan(kind: Any) -> Any:
+    """The name that Gepetto's files had for a universal joint before."""
+    return "UJOINT_XY" if kind == "CARDAN" else kind
 
 
 class PlatformDescription(Section):
@@ -27,10 +33,9 @@ class PlatformDescription(Section):
 
     @model_validator(mode="after")
     def _motions_differ(self) -> PlatformDescription:
-        for motion in self.coordinates.values():
+        for motion in _repeated(self.coordinates.values()):
             names = [name for name, other in self.coordinates.items() if other == motion]
-            if len(names) > 1:
-                raise ValueError(f"motion {motion!r} is listed twice, for {' and '.join(names)}")
+            raise ValueError(f"motion {motion!r} is listed twice, for {' and '.join(names)}")
         return self
 
 
@@ -45,18 +50,10 @@ class Description(Section):
     type: list[FrameKind] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
-    joint_type: list[JointType] = Field(default=[])
+    joint_type: list[Annotated[JointType, BeforeValidator(_without_cardan)]] = Field(default=[])
     reference: dict[str, float | list[float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
-
-    @field_validator("joint_type", mode="before")
-    @classmethod
-    def _cardan(cls, value: Any) -> Any:
-        """The name that Gepetto's files had for a universal joint before."""
-        if not isinstance(value, list):
-            return value
-        return ["UJOINT_XY" if kind == "CARDAN" else kind for kind in value]
 
     @model_validator(mode="after")
     def _lists_match(self) -> Description:
@@ -64,21 +61,17 @@ class Description(Section):
             one, two = len(getattr(self, first)), len(getattr(self, second))
             if one != two:
                 raise ValueError(f"'{first}' has {one} entries, but '{second}' has {two}")
-        motors = self.name_mot if isinstance(self.name_mot, list) else []
-        for names in (motors, self.joint_name):
-            repeated = sorted({name for name in names if names.count(name) > 1})
-            if repeated:
-                raise ValueError(f"joint {repeated[0]} is listed twice")
+        for names in (self.name_mot, self.joint_name):
+            for name in _repeated(names) if isinstance(names, list) else ():
+                raise ValueError(f"joint {name} is listed twice")
         if self.urdf is not None and self.mjcf is not None:
             raise ValueError("'urdf' and 'mjcf' exclude each other: the tree has one file")
         return self
 
     @model_validator(mode="after")
     def _groups_are_disjoint(self) -> Description:
-        links = [link for group in self.identical.values() for link in group]
-        repeated = sorted({link for link in links if links.count(link) > 1})
-        if repeated:
-            raise ValueError(f"identical: link {repeated[0]} is listed twice")
+        for link in _repeated(link for group in self.identical.values() for link in group):
+            raise ValueError(f"identical: link {link} is listed twice")
         for name, group in self.identical.items():
             if not name.strip():
                 raise ValueError("identical: a group needs a name")
@@ -98,6 +91,11 @@ class Description(Section):
         """Joints that are locked."""
         pairs = zip(self.joint_name, self.joint_type, strict=True)
         return tuple(name for name, kind in pairs if kind == "FIXED")
+
+
+def _repeated(names: Iterable[str]) -> list[str]:
+    names = list(names)
+    return sorted({name for name in names if names.count(name) > 1})
 
 
 def merged(own: Description, given: Description) -> Description:

@@ -6,23 +6,26 @@ stands for that. Links fixed to one joint are one body.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.errors import DataError, ModelWarning, OptionError, RobotFileError
-from loopid.loading.shapes import shape_points
-from loopid.loading.tree_file import find_files
-from loopid.loading.urdf.markup import Element, naming, numbers, parse_xml, required
-from loopid.robot import Mechanism
-from loopid.robot import in_groups
-from loopid.regions import Region
+from loopid.errors import DataError, ModelWarning, OptionError, RobotFileError, warn
+from loopid.loading.files import find_files
+from loopid.loading.urdf import placement
+from loopid.loading.urdf_file import Element, label, naming, numbers, parse_xml, required
+from loopid.regions import Region, cube_directions
+from loopid.robot import Mechanism, in_groups
+
+SHAPES = ("box", "cylinder", "sphere", "capsule", "mesh")
+SIDES = 16  # of the prism that stands for a cylinder, its edges on the cylinder
+PACKAGE = "package://"
 
 
 @checked
@@ -53,65 +56,101 @@ def collision_regions(mechanism: Mechanism) -> dict[str, Region]:
     files = find_files(mechanism.path)
     if files.is_mjcf:
         raise OptionError(f"{files.tree}: collision geometry is read from a URDF only")
+    regions: dict[str, list[Region]] = {}
+    names = in_groups(mechanism.links, mechanism.ties)
     with naming(files.tree):
         root = parse_xml(files.tree)
         links = {required(link, "name"): link for link in root.findall("link")}
-        points = {
-            body.link: _points(mechanism, body.joint_id, links, files.tree)
-            for body in mechanism.bodies
-        }
-    regions = {
-        link: _region(files.tree, link, found)
-        for link, found in points.items()
-        if found is not None
-    }
-    return _by_name(mechanism, regions)
+        for body, name in zip(mechanism.bodies, names, strict=True):
+            points = _points(mechanism.model, body.joint_id, links, files.tree)
+            if points is None:
+                continue
+            try:
+                region = Region.hull(points)
+            except DataError as error:
+                raise RobotFileError(f"collision geometry of link {body.link}: {error}") from error
+            regions.setdefault(name, []).append(region)
+    # A group of tied links has what all have.
+    return {name: reduce(Region.intersection, found) for name, found in regions.items()}
 
 
 def _points(
-    mechanism: Mechanism, joint: int, links: Mapping[str, Element], file: Path
+    model: pin.Model, joint: int, links: Mapping[str, Element], file: Path
 ) -> FloatArray | None:
     """Points (k, 3) of all collision geometry of a body; none where it has none, or unread."""
     found = []
-    for frame in mechanism.model.frames:
-        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY and frame.name in links:
-            for collision in links[frame.name].findall("collision"):
-                try:
-                    points = shape_points(collision, file)
-                except OSError as error:
-                    warnings.warn(
-                        f"{file}: no region for link {frame.name}: {error}",
-                        ModelWarning,
-                        stacklevel=4,
-                    )
-                    return None
-                found.append(_placed(frame.placement * _origin(collision), points))
+    for frame in model.frames:
+        if frame.parentJoint != joint or frame.type != pin.FrameType.BODY:
+            continue
+        link = links.get(frame.name)
+        for collision in [] if link is None else link.findall("collision"):
+            try:
+                points = _shape_points(collision, file)
+            except OSError as error:
+                warn(f"{file}: no region for link {frame.name}: {error}", ModelWarning)
+                return None
+            place = frame.placement * placement(collision.find("origin"))
+            found.append(points @ place.rotation.T + place.translation)
     return np.concatenate(found) if found else None
 
 
-def _origin(collision: Element) -> pin.SE3:
-    origin = collision.find("origin")
-    if origin is None:
-        return pin.SE3.Identity()
-    xyz, rpy = (np.array(numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+def _shape_points(collision: Element, file: Path) -> FloatArray:
+    """Points (k, 3) in m about the origin of a ``<collision>``, whose convex hull it fills."""
+    geometry = collision.find("geometry")
+    shape = None if geometry is None else next((tag for tag in geometry if tag.tag in SHAPES), None)
+    if shape is None:
+        listed = ", ".join(SHAPES)
+        raise RobotFileError(f"{label(collision)} has none of the geometries {listed}")
+    if shape.tag == "mesh":
+        return _mesh_points(shape, file)
+    if shape.tag == "box":
+        corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
+        return np.asarray(corners * _sizes(shape, "size", 3), dtype=np.float64)
+    (radius,) = _sizes(shape, "radius")
+    if shape.tag == "sphere":
+        return np.asarray(radius * cube_directions(), dtype=np.float64)
+    (length,) = _sizes(shape, "length")
+    up = np.array([0.0, 0.0, length / 2])
+    end = radius * cube_directions()
+    if shape.tag == "cylinder":
+        angles = 2 * np.pi * np.arange(SIDES) / SIDES
+        end = radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(SIDES)])
+    return np.concatenate([end - up, end + up])
 
 
-def _placed(placement: pin.SE3, points: FloatArray) -> FloatArray:
-    return np.asarray(points @ placement.rotation.T + placement.translation, dtype=np.float64)
+def _sizes(shape: Element, attribute: str, count: int = 1) -> FloatArray:
+    values = np.array(numbers(shape, attribute, count))
+    if not (values > 0).all():
+        raise RobotFileError(
+            f"<{shape.tag!s}> {attribute} must be positive: {shape.get(attribute)}"
+        )
+    return values
 
 
-def _region(file: Path, link: str, points: FloatArray) -> Region:
+def _mesh_points(shape: Element, file: Path) -> FloatArray:
+    import trimesh  # here, as it takes a while to import
+
+    path = _mesh_file(required(shape, "filename"), file)
+    scale = np.array(numbers(shape, "scale", 3, "1 1 1"))
     try:
-        return Region.hull(points)
-    except DataError as error:
-        raise RobotFileError(f"{file}: collision geometry of link {link}: {error}") from error
+        mesh: Any = trimesh.load(path, force="mesh")
+    except Exception as error:  # whatever its readers of many formats raise
+        raise FileNotFoundError(f"mesh {path} cannot be read: {error}") from error
+    if not len(mesh.vertices):
+        raise FileNotFoundError(f"mesh {path} cannot be read: it holds no points")
+    return np.asarray(mesh.vertices * scale, dtype=np.float64)
 
 
-def _by_name(mechanism: Mechanism, regions: Mapping[str, Region]) -> dict[str, Region]:
-    """Regions under the names of the parameters: a group of tied links has what all have."""
-    named: dict[str, list[Region]] = {}
-    for link, name in zip(mechanism.links, in_groups(mechanism.links, mechanism.ties), strict=True):
-        if link in regions:
-            named.setdefault(name, []).append(regions[link])
-    return {name: reduce(Region.intersection, found) for name, found in named.items()}
+def _mesh_file(name: str, file: Path) -> Path:
+    """A mesh beside the URDF, or of a package in one of the folders above it."""
+    if not name.startswith(PACKAGE):
+        found = file.parent / name.removeprefix("file://")
+        if found.is_file():
+            return found
+        raise FileNotFoundError(f"there is no mesh {found}")
+    parts = Path(name.removeprefix(PACKAGE)).parts
+    for folder in file.resolve().parents:
+        for candidate in (folder.joinpath(*parts), folder.joinpath(*parts[1:])):
+            if candidate.is_file():
+                return candidate
+    raise FileNotFoundError(f"mesh {name} is in no folder above it")

@@ -12,9 +12,9 @@ from loopid.errors import AssemblyError, LogError, LogWarning
 from loopid.kinematics import singularity_measure, try_assemble
 from loopid.logs.masks import Extent, describe, extent
 from loopid.logs.recording import Dropped
-from loopid.robot import Mechanism
 from loopid.order_statistics import largest
 from loopid.progress import Progress
+from loopid.robot import Mechanism
 from loopid.scratch import Spool, mapped_rows, row_blocks
 
 # Samples with a smaller singularity measure are left out.

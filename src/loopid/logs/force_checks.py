@@ -14,8 +14,8 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray, spread_rows
 from loopid.errors import LogWarning
 from loopid.logs.recording import Recording
-from loopid.robot import Mechanism
 from loopid.regressors import force_parts
+from loopid.robot import Mechanism
 from loopid.scratch import picked
 
 # Samples that the checks look at, evenly spread.

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import checked
 from loopid.errors import LogError, MissingFileError, OptionError
-from loopid.loading.yaml_files import Section, first_problem, read_yaml
+from loopid.loading import Section, first_problem, read_yaml
 
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
 

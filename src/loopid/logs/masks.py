@@ -10,8 +10,8 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.logs.recording import Dropped
-from loopid.robot import Mechanism
 from loopid.order_statistics import percentile
+from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
 from loopid.trajectories import LowPass
 

@@ -17,8 +17,8 @@ from loopid.logs.log import Log
 from loopid.logs.masks import describe, idle_speeds, saturation_of
 from loopid.logs.recording import Dropped, Recording
 from loopid.logs.smoothing import Smooth, default_lowpass, smooth
-from loopid.robot import Mechanism
 from loopid.progress import Progress
+from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import LowPass
 

@@ -13,8 +13,8 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning
 from loopid.logs.messages import rows_text
 from loopid.logs.stream import Stream
-from loopid.robot import Mechanism
 from loopid.order_statistics import Signal, largest, percentile
+from loopid.robot import Mechanism
 from loopid.scratch import row_blocks, rows_where, spooled, steps
 
 # Forces this many times their 99th percentile are no forces.

@@ -19,10 +19,10 @@ from loopid.experiment import (
 )
 from loopid.identification import FitResult, quiet_fit
 from loopid.logs import Recording
-from loopid.robot import Mechanism
 from loopid.paper.base import rows_of_table_ii
 from loopid.paper.experiment import friction_terms
 from loopid.paper.printed import TABLE_V
+from loopid.robot import Mechanism
 
 FIRST = len(TABLE_V)
 

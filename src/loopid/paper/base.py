@@ -10,9 +10,9 @@ import numpy as np
 from loopid.arrays import IntArray
 from loopid.base_parameters import BaseParameters, find_base_parameters
 from loopid.errors import SearchError
-from loopid.robot import Mechanism
 from loopid.paper.printed import PRINTED_DIGITS, TABLE_II
 from loopid.regressors import structural_observation
+from loopid.robot import Mechanism
 
 TIMED_RUNS = 7
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from loopid.arrays import FloatArray
 from loopid.logs import Recording
-from loopid.robot import Mechanism
 from loopid.paper.printed import FORCE_NOISE
 from loopid.progress import Progress
 from loopid.regressors import ForceParts, JointTerms, force_parts
+from loopid.robot import Mechanism
 from loopid.seeds import derived_seed
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (

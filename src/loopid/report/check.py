@@ -14,16 +14,12 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
-from loopid.loading import SecondReading
-from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 from loopid.report.style import plain_table
+from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 
 
-def check_record(mechanism: Mechanism, second: SecondReading | None = None) -> dict[str, Any]:
-    """All findings about a mechanism at its reference, ready for JSON.
-
-    With what another reader makes of its URDF, if one was asked.
-    """
+def check_record(mechanism: Mechanism) -> dict[str, Any]:
+    """All findings about a mechanism at its reference, ready for JSON."""
     found = mobility(mechanism)
     measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
     return {
@@ -52,18 +48,6 @@ def check_record(mechanism: Mechanism, second: SecondReading | None = None) -> d
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
-        "second_reader": _second_reader(second),
-    }
-
-
-def _second_reader(reading: SecondReading | None) -> dict[str, Any] | None:
-    if reading is None:
-        return None
-    return {
-        "name": "yourdfpy",
-        "links": reading.links,
-        "joints": reading.joints,
-        "differences": list(reading.differences),
     }
 
 
@@ -181,13 +165,4 @@ def _summary_table(record: dict[str, Any]) -> Table:
     if record["unequal_links"]:
         table.add_row("not identical in the file", "; ".join(record["unequal_links"]))
     table.add_row("physically inconsistent", "; ".join(record["inertia_defects"]) or "none")
-    table.add_row("read a second time", _agreement(record["second_reader"]))
     return table
-
-
-def _agreement(second: dict[str, Any] | None) -> str:
-    if second is None:
-        return "not applicable: not a URDF"
-    if second["differences"]:
-        return f"{second['name']} differs: {'; '.join(second['differences'])}"
-    return f"{second['name']} agrees on {second['links']} links and {second['joints']} joints"

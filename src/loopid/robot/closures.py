@@ -2,13 +2,14 @@
 
 A kind of closure is a set of elementary equations. Each of these is one class with its residual r,
 the rate of r as a linear map of the frames' velocities (hence the Jacobian), the part of the second
-derivative that is quadratic in the velocities (the rest of the drift), its unit, and r as a
-CasADi expression for exported C code. With d = p_b - p_a, R the rotation and ω the angular velocity of a
-frame, everything along the fixed axes [Featherstone2008, ch. 8]:
+derivative that is quadratic in the velocities (the rest of the drift), its unit, and r as a CasADi
+expression for exported C code. With d = p_b - p_a, and with R the rotation and ω the angular
+velocity of a frame, everything along the fixed axes [Featherstone2008, ch. 8]:
 
     r̈ = rate(accelerations) + curvature(velocities).
 
-``CLOSURE_KINDS`` is the registry: a new kind is an entry there, made of equations below or new ones.
+``CLOSURE_KINDS`` is the registry: a new kind is an entry there, made of equations below or new
+ones.
 """
 
 from __future__ import annotations

@@ -12,8 +12,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.bundled import find_motion_file
-from loopid.loading.yaml_files import read_yaml
+from loopid.loading import find_motion_file, read_yaml
 from loopid.trajectories.motion import Motion
 from loopid.trajectories.program_file import MotionDescription, ProgramDescription
 from loopid.trajectories.steps import StepReader

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.loading.yaml_files import Section
+from loopid.loading import Section
 
 Positive = Annotated[float, Field(gt=0)]
 Pose = Annotated[dict[str, float], Field(min_length=1)]

@@ -9,9 +9,9 @@ import numpy as np
 
 from loopid.experiment import ForceModel
 from loopid.export.codegen.tree import Frame, tree_frames
-from loopid.robot import Mechanism, tie_indices
 from loopid.parameters import KINDS, Parameter, model_kinds
 from loopid.regressors import JOINT_TERMS, JointState, JointTerms
+from loopid.robot import Mechanism, tie_indices
 
 
 def base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:

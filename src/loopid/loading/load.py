@@ -1,0 +1,203 @@
+"""``load_mechanism``: from robot files to a closed ``Mechanism`` that was checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pinocchio as pin
+
+from loopid.arguments import checked
+from loopid.errors import MissingExtraError, MobilityError, OptionError, RobotFileError
+from loopid.loading.checks import warn_of_findings
+from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
+from loopid.loading.description import Description, merged
+from loopid.loading.files import RobotFiles, find_files
+from loopid.loading.reference import (
+    Reference,
+    close_reference,
+    joint_named,
+    read_joint,
+    written_reference,
+)
+from loopid.loading.tree import TreeSource, build_tree
+from loopid.loading.urdf import read_urdf
+from loopid.robot import Body, LinkGroup, Mechanism
+
+
+@checked
+def load_mechanism(
+    path: str | Path,
+    lock: Sequence[str] = (),
+    *,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    tied: bool = False,
+) -> Mechanism:
+    """Load a robot and check that it is one.
+
+    Parameters
+    ----------
+    path : str or Path
+        A YAML with the loop closures (its URDF or MJCF beside it), a URDF or URDF+, an MJCF, or the
+        name of a bundled robot such as ``"3ups_rpu"``.
+    lock : sequence of str
+        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, in
+        addition to those the YAML fixes.
+    floating_base : bool
+        Whether the root of a URDF moves freely.
+    free_mimics : bool
+        Whether joints of a URDF that mimic others have motors of their own all the same.
+    tied : bool
+        Whether links that the file declares ``identical`` share their parameters.
+
+    Returns
+    -------
+    Mechanism
+        Closed at its reference to 1e-10 m, or as far as the rounded numbers of its file allow.
+
+    Raises
+    ------
+    MissingFileError, RobotFileError, MobilityError, OptionError
+        Naming the file and the offender.
+    MissingExtraError
+        When an MJCF is to be read and MuJoCo is not installed.
+
+    Warns
+    -----
+    MobilityWarning, SingularityWarning, ClosureWarning, ReferenceWarning, InertiaWarning, \
+ModelWarning
+        Of what is loaded nevertheless.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot.independent
+    ('leg1_stroke', 'leg2_stroke', 'leg3_stroke', 'leg4_stroke')
+    >>> loopid.load_mechanism("3ups_rpu", lock=["leg1_stroke"]).actuated
+    ('leg2_stroke', 'leg3_stroke', 'leg4_stroke')
+    """
+    files = find_files(path)
+    source = _read_tree(files, floating_base, free_mimics)
+    description = merged(source.description, files.given)
+    tree = build_tree(files.named, source, description, lock)
+    locked = _locked_values(files.named, source.model, description, lock)
+    mechanism = _mechanism(files.named, tree, description, locked, tied)
+    motors_given = description.name_mot is not None
+    # Where no motors are known, none can be kept where it is.
+    closed = close_reference(mechanism, given=files.given.reference if motors_given else ())
+    warn_of_findings(*closed, tree, motors_given)
+    return closed.mechanism
+
+
+def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> TreeSource:
+    floating = floating_base or files.given.floating_base
+    if not files.is_mjcf:
+        return read_urdf(files.tree, floating, free_mimics)
+    if floating:
+        raise OptionError(
+            f"{files.tree}: an MJCF says itself whether its base floats: add a freejoint"
+        )
+    try:
+        from loopid.loading.mjcf import read_mjcf  # here, as it needs MuJoCo
+    except ImportError as error:
+        raise MissingExtraError("mujoco", "mjcf") from error
+    return read_mjcf(files.tree)
+
+
+def _mechanism(
+    file: Path,
+    tree: TreeSource,
+    description: Description,
+    locked: Mapping[str, float | None],
+    tied: bool,
+) -> Mechanism:
+    """The mechanism at the reference as it is written."""
+    bodies = _bodies(tree)
+    if tied and not description.identical:
+        raise OptionError(f"{file} declares no identical links: nothing to tie")
+    values = {name: value for name, value in locked.items() if value is not None}
+    reference = {n: value for n, value in description.reference.items() if n not in locked}
+    return Mechanism(
+        name=tree.name,
+        path=file,
+        model=tree.model,
+        closures=find_closures(file, tree.model, description),
+        couplings=find_couplings(file, tree.model, description, values),
+        actuated=_motors(file, tree.model, description, locked),
+        bodies=bodies,
+        reference=written_reference(file, tree.model, reference),
+        platform=find_platform(file, tree.model, description.platform),
+        identical=_identical(file, tree, description, bodies),
+        tied=tied,
+    )
+
+
+def _locked_values(
+    file: Path, whole: pin.Model, description: Description, lock: Sequence[str]
+) -> dict[str, float | None]:
+    """Joints, and turns of joints, that are locked; those with one coordinate with its value."""
+    locked = dict.fromkeys((*description.fixed, *lock))
+    joints = {
+        name: joint
+        for name in locked
+        if whole.existJointName(name) and (joint := whole.joints[whole.getJointId(name)]).nv == 1
+    }
+    at: dict[str, Reference] = {
+        name: value
+        for name, value in description.reference.items()
+        # A list is for what has taken the place of the joint.
+        if name in joints and not isinstance(value, list)
+    }
+    q = written_reference(file, whole, at)
+    return locked | {name: read_joint(joint, q) for name, joint in joints.items()}
+
+
+def _motors(
+    file: Path, model: pin.Model, description: Description, locked: Mapping[str, float | None]
+) -> tuple[str, ...]:
+    """Joints with motors that are not locked; all with one coordinate where no file says."""
+    joints, motors = list(model.names)[1:], description.name_mot
+    if motors is None:
+        motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
+    elif isinstance(motors, str):
+        motors = [name for name in joints if motors in name]
+    motors = [name for name in motors if name not in locked]
+    for name in motors:
+        joint_named(name, model, f"{file}: unknown joint {name!r} in name_mot")
+    if not motors:
+        raise MobilityError(
+            f"{file}: no joint has a motor, so no force would be known: choose 'name_mot' among "
+            f"{', '.join(joints)}"
+        )
+    return tuple(motors)
+
+
+def _bodies(tree: TreeSource) -> tuple[Body, ...]:
+    """Moving bodies with an inertial, each named by the link that its joint carries."""
+    model, frames = tree.model, link_frames(tree.model)
+    joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
+    moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
+    if not moving:
+        raise RobotFileError(f"{tree.file}: no moving link has an <inertial>: nothing to identify")
+    return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
+
+
+def _identical(
+    file: Path, tree: TreeSource, description: Description, bodies: Sequence[Body]
+) -> tuple[LinkGroup, ...]:
+    """Groups of links that the description declares identical."""
+    links = [body.link for body in bodies]
+    frames = {frame.name for frame in tree.model.frames}
+    for name, members in description.identical.items():
+        for link in members:
+            if link not in links:
+                known = "has no parameters of its own" if link in frames else "is unknown"
+                raise RobotFileError(
+                    f"{file}: identical: link {link!r} of {name} {known}: choose among "
+                    f"{', '.join(links)}"
+                )
+        if name in links and name not in members:
+            raise RobotFileError(f"{file}: identical: group {name} is named like another link")
+    return tuple(LinkGroup(name, tuple(group)) for name, group in description.identical.items())

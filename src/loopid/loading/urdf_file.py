@@ -1,0 +1,291 @@
+"""A URDF file, read by yourdfpy once all that readers take on trust is checked.
+
+Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
+missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
+So both get a copy of what the tree is made of, in which names and numbers are sound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from lxml import etree
+
+from loopid.errors import RobotFileError
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint, Link, Robot
+
+Element = etree._Element
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+# What the tree is made of: tags inside tags, those that must be there, names, and numbers with
+# their count and the default of URDF. Geometry and extensions may be broken without harm.
+TAGS = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+}
+REQUIRED = ("mass", "inertia", "parent", "child")
+NAMES = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
+NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
+    "origin": {"xyz": (3, "0 0 0"), "rpy": (3, "0 0 0")},
+    "mass": {"value": (1, None)},
+    "inertia": dict.fromkeys(MOMENTS, (1, None)),
+    "axis": {"xyz": (3, "1 0 0")},
+    "limit": {"lower": (1, "0"), "upper": (1, "0"), "effort": (1, None), "velocity": (1, None)},
+    "mimic": {"multiplier": (1, "1"), "offset": (1, "0")},
+}
+WORDS = {1: "a finite number", 3: "three finite numbers"}
+LARGEST = 1e100  # so that no product of a few numbers overflows
+LEAST_AXIS = 1e-9
+# Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
+# as they are written; with more, nothing is lost. In units of the last digit: 1.57079 is cut off,
+# and 3.14158 is twice that.
+STEP = math.pi / 36
+DECIMALS = range(4, 13)
+SLACK = 1.5
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """A URDF whose names, numbers and tree are sound.
+
+    Attributes
+    ----------
+    root : Element
+        The whole file.
+    tree : str
+        XML of links and joints only, for Pinocchio.
+    robot : yourdfpy.urdf.Robot
+        Links and joints in the order of the file.
+    """
+
+    root: Element
+    tree: str
+    robot: Robot
+
+    @property
+    def root_link(self) -> str:
+        """The link that no joint carries."""
+        children = {joint.child for joint in self.robot.joints}
+        return str(next(link.name for link in self.robot.links if link.name not in children))
+
+
+def read_urdf_file(path: Path) -> UrdfFile:
+    """Read a URDF with yourdfpy.
+
+    Raises
+    ------
+    RobotFileError
+        Naming the file, the link, joint or tag and the offending value.
+    """
+    from yourdfpy import URDF  # here, as it takes 0.3 s to import
+
+    with naming(path):
+        root = parse_xml(path)
+        tree = etree.tostring(_sound_tree(root))
+        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
+        _check_names(robot)
+        for joint in robot.joints:
+            with naming(f"joint {joint.name}"):
+                _check_joint(joint)
+        for link in robot.links:
+            with naming(f"link {link.name}"):
+                _check_mass(link)
+        _check_tree(robot)
+    return UrdfFile(root, tree.decode(), robot)
+
+
+@contextmanager
+def naming(what: str | Path) -> Iterator[None]:
+    """Name a file or an element in front of whatever is refused inside."""
+    try:
+        yield
+    except RobotFileError as error:
+        raise RobotFileError(f"{what}: {error}") from error
+
+
+def parse_xml(path: Path) -> Element:
+    """Root of a URDF, without comments, and with its entities left alone.
+
+    Prefixes without a namespace are common, and harmless; other broken grammar is refused.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RobotFileError(f"cannot be read: {error.strerror}") from error
+    try:
+        root = etree.fromstring(content, _parser(recover=False))
+    except etree.XMLSyntaxError as error:
+        if error.code != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
+            raise RobotFileError(f"not a valid URDF: {error.msg}") from error
+        root = etree.fromstring(content, _parser(recover=True))
+    # Some simulators declare a default namespace.
+    space = f"{{{root.nsmap.get(None)}}}"
+    for element in root.iter(f"{space}*"):
+        element.tag = str(element.tag).removeprefix(space)
+    if root.tag != "robot":
+        raise RobotFileError(f"not a valid URDF: the root is <{root.tag!s}>, not <robot>")
+    return root
+
+
+def _parser(recover: bool) -> etree.XMLParser[Element]:
+    return etree.XMLParser(
+        recover=recover, remove_comments=True, remove_pis=True, resolve_entities=False
+    )
+
+
+def label(element: Element) -> str:
+    """A tag with its name, for messages."""
+    name = element.get("name")
+    return f"<{element.tag!s}>" if name is None else f"<{element.tag!s} name={name!r}>"
+
+
+def child(element: Element, tag: str) -> Element:
+    """A tag that must be there."""
+    found = element.find(tag)
+    if found is None:
+        raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
+    return found
+
+
+def required(element: Element, attribute: str) -> str:
+    """Text of an attribute that must be there."""
+    text = (element.get(attribute) or "").strip()
+    if not text:
+        raise RobotFileError(f"{label(element)} has no {attribute}")
+    if not text.isprintable():
+        raise RobotFileError(f"{label(element)}: {attribute} must be printable, not {text!r:.60}")
+    return text
+
+
+def numbers(
+    element: Element, attribute: str, count: int = 1, default: str | None = None
+) -> tuple[float, ...]:
+    """Numbers of an attribute, which must be there unless it has a default.
+
+    Raises
+    ------
+    RobotFileError
+        Naming tag and attribute, unless there are as many as asked for, all of them finite.
+    """
+    what, text = f"<{element.tag!s}> {attribute}", element.get(attribute, default)
+    if text is None:
+        raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
+    try:
+        read = exact_angle if attribute == "rpy" else float
+        values = tuple(read(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
+    # Limits are often the largest number there is.
+    if element.tag != "limit" and max(map(abs, values)) > LARGEST:
+        raise RobotFileError(f"{what} is too large: {text}")
+    return values
+
+
+def exact_angle(text: str) -> float:
+    """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
+
+    A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
+    each other, and parameters that no motor feels seem to have an effect of 1e-11.
+    """
+    value = float(text)
+    decimals = len(text.partition(".")[2])
+    steps = round(value / STEP) if math.isfinite(value) else 0
+    if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():
+        return value
+    exact = steps * STEP
+    return exact if abs(exact - value) < SLACK * 10.0**-decimals else value
+
+
+def _sound_tree(root: Element) -> Element:
+    """Links and joints of a URDF with what the tree needs of them, numbers as Python writes them.
+
+    Pinocchio's parser knows fewer spellings of a number.
+    """
+    tree = etree.Element("robot", {"name": " ".join(root.get("name", "").split())})
+    for element in root.iterchildren("link", "joint"):
+        with naming(f"{element.tag!s} {required(element, 'name')}"):
+            tree.append(_sound(element))
+    return tree
+
+
+def _sound(element: Element) -> Element:
+    tag, kind = str(element.tag), element.get("type", "").strip()
+    copy = etree.Element(tag, {"type": kind} if tag == "joint" else None)
+    if tag in NAMES:
+        copy.set(NAMES[tag], required(element, NAMES[tag]))
+    for attribute, (count, default) in NUMBERS.get(tag, {}).items():
+        copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
+    for inner in TAGS.get(tag, ()):
+        there = child(element, inner) if inner in REQUIRED else element.find(inner)
+        if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
+            copy.append(_sound(there))
+    return copy
+
+
+def _check_names(robot: Robot) -> None:
+    if not robot.links:
+        raise RobotFileError("not a valid URDF: it has no <link>")
+    for tag, elements in (("link", robot.links), ("joint", robot.joints)):
+        for name, count in Counter(element.name for element in elements).items():
+            if count > 1:
+                raise RobotFileError(f"<{tag} name={name!r}> appears {count} times")
+
+
+def _check_joint(joint: Joint) -> None:
+    if joint.type not in JOINT_TYPES:
+        listed = ", ".join(JOINT_TYPES)
+        raise RobotFileError(f"unknown type {joint.type!r}: choose among {listed}")
+    if np.abs(joint.axis).max() < LEAST_AXIS:
+        raise RobotFileError("<axis> is zero")
+    limit = joint.limit
+    if limit is None:
+        if joint.type in ("revolute", "prismatic"):
+            raise RobotFileError(f"a {joint.type} joint needs a <limit>")
+        return
+    if limit.lower > limit.upper:
+        raise RobotFileError(f"<limit> lower {limit.lower} exceeds upper {limit.upper}")
+    for key in ("effort", "velocity"):
+        if getattr(limit, key) < 0:
+            raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
+
+
+def _check_mass(link: Link) -> None:
+    if link.inertial is not None and link.inertial.mass < 0:
+        raise RobotFileError(f"mass must not be negative: {link.inertial.mass:g} kg")
+
+
+def _check_tree(robot: Robot) -> None:
+    """Refuse joints between links that are not there, and links that do not form one tree."""
+    links = {link.name for link in robot.links}
+    for joint in robot.joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
+    carriers = Counter(joint.child for joint in robot.joints)
+    for child, count in carriers.items():
+        if count > 1:
+            raise RobotFileError(f"link {child} is the child of {count} joints: not a tree")
+    roots = sorted(links - set(carriers))
+    if len(roots) != 1:
+        listed = ", ".join(roots) or "none"
+        raise RobotFileError(f"the links must form one tree with one root, but roots are: {listed}")
+    reached, more = set(roots), set(roots)
+    while more:
+        more = {joint.child for joint in robot.joints if joint.parent in more}
+        reached |= more
+    if reached != links:
+        lost = ", ".join(sorted(links - reached))
+        raise RobotFileError(f"links {lost} hang on a cycle of joints, not on root {roots[0]}")

@@ -1,0 +1,96 @@
+"""Arguments of public functions against their annotations: one case a type."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from loopid.arguments import checked, checked_fields
+from loopid.arrays import FloatArray
+from loopid.errors import OptionError
+
+
+@dataclass(frozen=True)
+class Thing:
+    array: FloatArray
+
+
+# Annotation: what is taken, what is refused, and in which words.
+TYPES = {
+    "a valid integer": (int, (1, np.int64(2), -3), (1.5, "a", None, [1])),
+    "a valid number": (float, (1, 1.5, np.float32(2)), ("a", None, 1j)),
+    "a finite number": (float, (0.0,), (float("nan"), float("inf"))),
+    "a valid string": (str, ("a", ""), (1, None, ["a"])),
+    "a valid tuple": (tuple[int, ...], ((1, 2), [3], ()), (1, "12")),
+    "'a' or 'b'": (Literal["a", "b"], ("a", "b"), ("c", 1, None)),
+    "a valid number or None": (float | None, (None, 1.0), ("x",)),
+    "an instance of Generator": (np.random.Generator, (np.random.default_rng(0),), (1,)),
+}
+
+
+@pytest.mark.parametrize("words", TYPES)
+def test_what_is_annotated_is_taken_and_the_rest_refused(words):
+    hint, sound, wrong = TYPES[words]
+
+    @checked
+    def function(value: hint) -> object:
+        return value
+
+    for value in sound:
+        taken = function(value)
+        assert taken == (tuple(value) if isinstance(value, list) else value)
+    for value in wrong:
+        with pytest.raises(OptionError, match=f"^value must be {words.removesuffix(' or None')}"):
+            function(value)
+
+
+def test_functions_mappings_paths_and_arrays():
+    @checked
+    def function(
+        call: Callable[[int], int],
+        table: Mapping[str, int],
+        several: Iterable[int],
+        path: str | Path,
+        names: Sequence[str],
+        thing: Thing,
+        array: FloatArray,
+    ) -> Thing:
+        return thing
+
+    sound = (len, {}, iter(()), Path("a"), ["a"], Thing(np.zeros(2)), "checked where it is used")
+    assert function(*sound) is sound[5]
+    for place, wrong in enumerate((1, [1], 1, 1, "ab", 1)):
+        with pytest.raises(OptionError):
+            function(*sound[:place], wrong, *sound[place + 1 :])
+
+
+def test_what_python_refuses_itself_stays_its_own():
+    @checked
+    def function(value: int, *rest: str, key: int = 1, **more: int) -> tuple[object, ...]:
+        """What it does."""
+        return value, rest, key, more
+
+    assert function(1, "a", "b", key=2, other=3) == (1, ("a", "b"), 2, {"other": 3})
+    assert (function.__name__, function.__doc__) == ("function", "What it does.")
+    with pytest.raises(TypeError, match="missing a required argument"):
+        function()
+    with pytest.raises(OptionError, match="key must be a valid integer, not 'x'"):
+        function(1, key="x")
+
+
+def test_fields_are_checked_however_they_are_set():
+    @checked_fields
+    @dataclass(frozen=True)
+    class Filter:
+        cutoff: float
+        order: int = 2
+
+    assert replace(Filter(1.0), order=3) == Filter(1.0, 3)
+    for wrong in ({"cutoff": "x"}, {"cutoff": 1.0, "order": 2.5}, {"cutoff": float("nan")}):
+        with pytest.raises(OptionError):
+            Filter(**wrong)
+    with pytest.raises(OptionError, match="order must be a valid integer"):
+        replace(Filter(1.0), order="x")
