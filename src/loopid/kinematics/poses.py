@@ -18,8 +18,8 @@ from loopid.arrays import BoolArray, FloatArray
 from loopid.parameters import model_kinds
 from loopid.robot import Mechanism, tie_matrix
 
-# Samples at a time: their arrays stay in the cache, and memory does not grow with the samples.
-BLOCK = 256
+# Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
+BLOCK = 1024
 # Joints whose axes change in their own frame, which Pinocchio's ``data.dJ`` leaves out.
 VARYING_SUBSPACE = ("JointModelUniversal", "JointModelSphericalZYX", "JointModelComposite")
 
