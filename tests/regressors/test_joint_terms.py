@@ -13,7 +13,7 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_TERMS
+from loopid.regressors import JOINT_TERMS, JointTerm
 
 
 @pytest.fixture
@@ -109,3 +109,22 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
 def test_wrong_terms_are_refused(knee, arguments, word):
     with pytest.raises(OptionError, match=word):
         JointTerms(**({"joints": knee.actuated} | arguments)).parameters(knee)
+
+
+def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
+    class Spring(JointTerm):
+        units = ("N/m", "N m/rad")
+
+        @staticmethod
+        def signal(joint, terms, math):
+            return joint.position
+
+    monkeypatch.setitem(JOINT_TERMS, "Ks", Spring)
+    q = random_configurations(knee, 5)
+    motion = closed_motion(knee, q, *random_motions(knee, 5))
+    terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Ks",))
+    assert [p.unit for p in terms.parameters(knee)] == ["N/m", "N m/rad"]
+    columns = terms.columns(knee, motion)
+    for k, index in enumerate(knee.velocity_indices(terms.joints)):
+        expected = motion.projection.G[:, index] * q[:, index, None]
+        np.testing.assert_allclose(columns[:, :, k], expected, rtol=1e-14)

@@ -85,10 +85,10 @@ def assemble(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> q = loopid.assemble(robot, [[2.0, 1.1]], ["left_joint", "right_joint"])
-    >>> q.shape
-    (1, 4)
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> q = loopid.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
+    >>> loopid.platform_coordinates(robot, q).round(6).tolist()
+    [[0.0, 0.7, 0.1, 0.0]]
     """
     outcome = try_assemble(mechanism, values, coordinates, start, trajectory, tolerance)
     lost = np.flatnonzero(~outcome.assembled)

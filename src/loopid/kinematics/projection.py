@@ -134,8 +134,8 @@ def project(
     rates = None
     if independent_velocities is not None:
         rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
-    G, columns, *motion = _projected(mechanism, q, chosen, dependent, rates)
-    return Projection(G, motion[1] if motion else None, chosen, columns)
+    G, columns, _, gamma = _projected(mechanism, q, chosen, dependent, rates)
+    return Projection(G, None if rates is None else gamma, chosen, columns)
 
 
 @checked
@@ -214,25 +214,26 @@ def _projected(
     chosen: IntArray,
     dependent: IntArray,
     rates: FloatArray | None,
-) -> list[FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """G, the dependent columns A_d, and with independent velocities (N, dof) also v and γ."""
-    scales, results, doubts = mechanism.coordinate_scales, [], []
+    nv, scales, doubts = mechanism.model.nv, mechanism.coordinate_scales, []
+    G = np.empty((len(q), nv, len(chosen)))
+    columns = np.empty((len(q), mechanism.rows, len(dependent)))
+    v, gamma = np.zeros((2, 0 if rates is None else len(q), nv))
     for rows in blocks(len(q)):
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
         if rows.start == 0:
             _refuse_too_many(A[:1], len(chosen))
-        G, solver = velocity_map(mechanism, A, chosen, dependent)
+        G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
+        columns[rows] = solver.matrices
         doubts.append((rows.start + solver.doubtful, solver.factors))
-        found = [G, A[:, :, dependent]]
         if rates is not None:
-            v, gamma = np.einsum("nij,nj->ni", G, rates[rows]), np.zeros((len(A), len(scales)))
-            drift = mechanism.row_scales * constraint.drift(v)
-            gamma[:, dependent] = -scales[dependent] * solver.solve(drift[:, :, None])[:, :, 0]
-            found += [v, gamma]
-        results.append(found)
+            v[rows] = np.einsum("nij,nj->ni", G[rows], rates[rows])
+            drift = mechanism.row_scales * constraint.drift(v[rows])
+            gamma[rows, dependent] = -scales[dependent] * solver.solve(drift[:, :, None])[:, :, 0]
     _refuse_singular(doubts, len(dependent))
-    return [np.concatenate(parts) for parts in zip(*results, strict=True)]
+    return G, columns, v, gamma
 
 
 def velocity_map(

@@ -124,7 +124,7 @@ class JointTerms:
     >>> robot = loopid.load_mechanism("five_bar")
     >>> terms = loopid.JointTerms(robot.actuated, ("Fc", "Fv"))
     >>> terms.parameters(robot).labels
-    ('left_joint.Fc', 'left_joint.Fv', 'right_joint.Fc', 'right_joint.Fv')
+    ('left_crank_joint.Fc', 'left_crank_joint.Fv', 'right_crank_joint.Fc', 'right_crank_joint.Fv')
     """
 
     joints: tuple[str, ...]

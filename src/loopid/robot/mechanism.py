@@ -126,7 +126,7 @@ class Mechanism:
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
     >>> robot.actuated, robot.rows, len(robot.parameters())
-    (('left_joint', 'right_joint'), 3, 40)
+    (('left_crank_joint', 'right_crank_joint'), 3, 40)
     """
 
     name: str
