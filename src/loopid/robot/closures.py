@@ -120,7 +120,7 @@ class Slide(Equations):
         self.across = across(axis).T
 
     def residual(self, pair: FramePair) -> FloatArray:
-        return (_transposed(pair.rotation_a @ self.across) @ pair.distance)[:, :, 0]
+        return _dot(pair.rotation_a @ self.across, pair.distance)[:, :, 0]
 
     def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
         k = pair.rotation_a @ self.across
@@ -189,25 +189,31 @@ class Turn(Equations):
 
 
 class Square(Equations):
-    """An axis i of frame a and an axis j of frame b are at right angles: r = (R_a i)ᵀ (R_b j)."""
+    """Axes i of frame a and an axis j of frame b are at right angles: r = (R_a i)ᵀ (R_b j)."""
 
     count = 1
     angular = True
 
-    def __init__(self, axis_a: Axis, axis_b: Axis) -> None:
-        self.cosine = _Cosines(np.array([axis_a]).T, np.array([axis_b]).T)
+    def __init__(self, axes_a: Axis | FloatArray, axis_b: Axis) -> None:
+        self.axes_a, self.axis_b = np.atleast_2d(axes_a).T, np.array([axis_b]).T
 
     def residual(self, pair: FramePair) -> FloatArray:
-        return self.cosine.value(pair)[:, :, 0]
+        return _dot(*self._carried(pair))[:, :, 0]
 
     def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
-        return self.cosine.rate(pair, rates)
+        return _dot(_cross(*self._carried(pair)), rates.turn_a - rates.turn_b)
 
     def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
-        return self.cosine.curvature(pair, rates)
+        i, j = self._carried(pair)
+        normal_rate = _cross(_cross(rates.turn_a, i), j) + _cross(i, _cross(rates.turn_b, j))
+        return _dot(normal_rate, rates.turn_a - rates.turn_b)
 
     def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
-        return [self.cosine.expression(a, b, casadi)]
+        i, j = (_constant(casadi, axes) for axes in (self.axes_a, self.axis_b))
+        return [(a.rotation @ i).T @ (b.rotation @ j)]
+
+    def _carried(self, pair: FramePair) -> tuple[FloatArray, FloatArray]:
+        return pair.rotation_a @ self.axes_a, pair.rotation_b @ self.axis_b
 
 
 class Align(Equations):
@@ -221,56 +227,30 @@ class Align(Equations):
     angular = True
 
     def __init__(self, axis_a: Axis, axis_b: Axis) -> None:
-        self.along = _Cosines(np.array([axis_a]).T, np.array([axis_b]).T)
-        self.across = _Cosines(across(axis_a).T, np.array([axis_b]).T)
+        self.along, self.across = Square(axis_a, axis_b), Square(across(axis_a), axis_b)
 
     def residual(self, pair: FramePair) -> FloatArray:
-        return (2.0 * self.across.value(pair) / self._denominator(pair))[:, :, 0]
+        return np.asarray(2.0 * self.across.residual(pair) / self._scale(pair)[:, :, 0])
 
     def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
-        s, scale = self.across.value(pair), self._denominator(pair)
+        s, scale = self.across.residual(pair)[:, :, None], self._scale(pair)
         both = self.across.rate(pair, rates) * scale - s * self.along.rate(pair, rates)
         return np.asarray(2.0 * both / scale**2)
 
     def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
         """By the quotient rule, twice."""
-        s, scale = self.across.value(pair), self._denominator(pair)
+        s, scale = self.across.residual(pair)[:, :, None], self._scale(pair)
         c_rate, c_curvature = self.along.rate(pair, rates), self.along.curvature(pair, rates)
         second = self.across.curvature(pair, rates) * scale - s * c_curvature
         first = self.across.rate(pair, rates) * scale - s * c_rate
         return np.asarray(2.0 * (second / scale**2 - 2.0 * c_rate * first / scale**3))
 
     def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
-        s, c = (each.expression(a, b, casadi) for each in (self.across, self.along))
+        (s,), (c,) = (each.expressions(a, b, casadi) for each in (self.across, self.along))
         return [2 * s / (1 + c)]
 
-    def _denominator(self, pair: FramePair) -> FloatArray:
-        return np.maximum(1.0 + self.along.value(pair), 1e-12)
-
-
-class _Cosines:
-    """Cosines (R_a i)ᵀ (R_b j) of axes i (3, k) of frame a with one axis j (3, 1) of frame b."""
-
-    def __init__(self, axes_a: FloatArray, axis_b: FloatArray) -> None:
-        self.axes_a, self.axis_b = axes_a, axis_b
-
-    def value(self, pair: FramePair) -> FloatArray:
-        return _dot(*self._carried(pair))
-
-    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
-        return _dot(_cross(*self._carried(pair)), rates.turn_a - rates.turn_b)
-
-    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
-        i, j = self._carried(pair)
-        normal_rate = _cross(_cross(rates.turn_a, i), j) + _cross(i, _cross(rates.turn_b, j))
-        return _dot(normal_rate, rates.turn_a - rates.turn_b)
-
-    def expression(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> Any:
-        i, j = (_constant(casadi, axes) for axes in (self.axes_a, self.axis_b))
-        return (a.rotation @ i).T @ (b.rotation @ j)
-
-    def _carried(self, pair: FramePair) -> tuple[FloatArray, FloatArray]:
-        return pair.rotation_a @ self.axes_a, pair.rotation_b @ self.axis_b
+    def _scale(self, pair: FramePair) -> FloatArray:
+        return np.maximum(1.0 + self.along.residual(pair), 1e-12)[:, :, None]
 
 
 def across(axis: Axis) -> FloatArray:
@@ -295,10 +275,6 @@ def _turn_map(vector: FloatArray, scalar: FloatArray) -> FloatArray:
     x, y, z = vector.T
     w = scalar
     return np.moveaxis(np.array([[w, z, -y], [-z, w, x], [y, -x, w]]), 2, 0)
-
-
-def _transposed(matrices: FloatArray) -> FloatArray:
-    return matrices.transpose(0, 2, 1)
 
 
 def _dot(one: FloatArray, two: FloatArray) -> FloatArray:
