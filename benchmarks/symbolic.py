@@ -19,9 +19,9 @@ import numpy as np
 
 from loopid import Mechanism, find_base_parameters, load_mechanism, random_configurations
 from loopid.kinematics import platform_coordinates
+from loopid.paper.symbolic import Geometry, base_parameter_rows, read_geometry
+from loopid.paper.symbolic import gravity_regressor as symbolic_regressor
 from loopid.regressors import gravity_regressor, structural_observation
-from loopid.symbolic import Geometry, base_parameter_rows, read_geometry
-from loopid.symbolic import gravity_regressor as symbolic_regressor
 from tables import show, write_json
 
 URDF = Path(__file__).parents[1] / "urdf"

@@ -38,7 +38,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return validated()(*args, **kwargs)
         except ValidationError as error:
-            if error.title != function.__qualname__:
+            if error.title not in (function.__name__, function.__qualname__):
                 raise
             signature(function).bind(*args, **kwargs)  # a TypeError as Python words it
             raise OptionError(_sentence(error, list(signature(function).parameters))) from None

@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 from loopid import find_base_parameters
 from loopid.errors import SingularityWarning
 from loopid.loading import bundled_directory
-from loopid.symbolic import Geometry, base_parameter_rows
+from loopid.paper.symbolic import Geometry, base_parameter_rows
 
 CONFIGURATIONS = [
     (robot, number)

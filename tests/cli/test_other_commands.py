@@ -1,7 +1,8 @@
 """``loopid motions`` and ``loopid paper``, and what all commands have in common."""
 
-import importlib
+import importlib.metadata
 import json
+import os
 import re
 import subprocess
 import sys
@@ -64,8 +65,7 @@ OPTIONS = {
 }
 
 
-# Of the command's own name there is a function, too.
-COMMAND = importlib.import_module("loopid.cli.paper")
+COMMAND = "loopid.cli.commands"
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def small(monkeypatch):
             report(9, 9)
         return small_paper()
 
-    monkeypatch.setattr(COMMAND, "reproduce_paper", reproduce)
+    monkeypatch.setattr(f"{COMMAND}.reproduce_paper", reproduce)
     return asked
 
 
@@ -125,8 +125,7 @@ def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp
         (["paper", "--seed", "-1"], ["seed"]),
     ],
 )
-def test_refusals_are_one_sentence_and_exit_code_2(run, monkeypatch, arguments, words):
-    monkeypatch.setattr("loopid.paper.reproduce.RATE", 0.2)
+def test_refusals_are_one_sentence_and_exit_code_2(run, arguments, words):
     done = run(*arguments)
     assert done.code == 2
     assert done.out == ""
@@ -167,8 +166,7 @@ def test_a_log_that_is_not_there_is_refused_before_anything_is_computed(run, mon
     def compute(*arguments):
         pytest.fail("the paper was computed first")
 
-    monkeypatch.setattr("loopid.paper.reproduce.fit_simulated", compute)
-    monkeypatch.setattr("loopid.paper.reproduce.RATE", 0.2)
+    monkeypatch.setattr("loopid.paper.reproduction.compare_base_parameters", compute)
     done = run("paper", "--log", "nowhere")
     assert done.code == 2
     assert done.err.startswith("loopid: error: there is no log nowhere")
@@ -178,8 +176,8 @@ def test_a_row_that_is_not_found_ends_with_an_error(run, small, monkeypatch):
     found = small_paper()
     base = replace(found.base, rows=(*found.base.rows[:8], None, *found.base.rows[9:]))
     lacking = replace(found, base=base)
-    monkeypatch.setattr(COMMAND, "reproduce_paper", lambda *a, **b: lacking)
-    monkeypatch.setattr(COMMAND, "paper_tables", lambda found: [])
+    monkeypatch.setattr(f"{COMMAND}.reproduce_paper", lambda *a, **b: lacking)
+    monkeypatch.setattr(f"{COMMAND}.paper_tables", lambda found: [])
     done = run("paper")
     assert done.code == 2
     assert "not every row of the paper's Table II was found" in done.err
@@ -199,6 +197,36 @@ def test_the_commands_are_listed(run):
     done = run("--help")
     for command in OPTIONS:
         assert re.search(rf"^ +{command} +\S", done.out, flags=re.MULTILINE)
+
+
+def test_the_version_is_told(run):
+    done = run("--version")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == f"loopid {importlib.metadata.version('loopid')}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("loopid ", {"check", "base", "motions", "identify", "export", "paper"}),
+        ("loopid base --se", {"--search", "--seed"}),
+    ],
+)
+def test_shells_complete_commands_and_options(words, found):
+    # As the script of --show-completion asks for it, here of the module's own entry point.
+    place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    asked = os.environ | place | {"_LOOPID_COMPLETE": "complete_bash"}
+    script = [sys.executable, "-m", "loopid"]
+    done = subprocess.run(script, env=asked, capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == found
+    assert done.stderr == ""
+
+
+def test_the_module_is_the_command_line():
+    script = [sys.executable, "-m", "loopid", "check", "nowhere"]
+    done = subprocess.run(script, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("loopid: error: nowhere does not exist")
 
 
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly():

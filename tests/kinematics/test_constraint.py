@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 
 import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
-from closure_robots import ROWS as CLOSURE_ROWS
 from linkages import LINKAGES, PLANAR
 from loopid import (
     find_base_parameters,
@@ -233,7 +232,7 @@ def test_a_closure_allows_the_motions_of_its_joint_and_no_others(kind, axes, fix
     q = at_closed(pair, kind, axes, generator)
     assert np.abs(constraint_residual(pair, q)).max() < 1e-14
     # As many equations as freedoms lost, all independent: around here there is nothing else.
-    assert np.linalg.matrix_rank(constraint_jacobian(pair, q)[0]) == CLOSURE_ROWS[kind]
+    assert np.linalg.matrix_rank(constraint_jacobian(pair, q)[0]) == ROWS[kind]
 
 
 @every_axis

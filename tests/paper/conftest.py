@@ -2,7 +2,7 @@
 
 import pytest
 
-from loopid.paper.experiment import Experiment
+from loopid.paper.experiment import run_experiment
 from small_paper import small_paper
 
 
@@ -17,11 +17,17 @@ def comparison(paper):
 
 
 @pytest.fixture(scope="session")
-def experiment(paper) -> Experiment:
+def experiment(paper):
     return paper.experiment
 
 
 @pytest.fixture(scope="session")
-def coarse(experiment):
+def coarse(knee):
     """A tenth of the samples of the small experiment."""
-    return experiment.thinned(10)
+    return run_experiment(knee, 0.2)
+
+
+@pytest.fixture(scope="session")
+def short(knee):
+    """Two short trajectories at the rate of the paper's reproduction."""
+    return run_experiment(knee, 10.0, names=("3", "9"))

@@ -32,7 +32,7 @@ from material import Material
 from loopid import cli
 from loopid.cli import app
 from loopid.errors import one_line
-from loopid.paper import reproduce
+from loopid.paper import reproduce_paper
 
 Parameter = Any  # Typer brings a click of its own.
 
@@ -394,10 +394,8 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
 
 def small_paper(stack: ExitStack) -> None:
     """Let the paper be reproduced from few samples."""
-    stack.enter_context(patch.object(reproduce, "RATE", 2.0))
-    stack.enter_context(patch.object(reproduce, "COVERAGE_RATE", 0.2))
-    few = partial(reproduce.reproduce_paper, repetitions=3)
-    stack.enter_context(patch("loopid.cli.paper.reproduce_paper", few))
+    few = partial(reproduce_paper, repetitions=3, rate=2.0)
+    stack.enter_context(patch("loopid.cli.commands.reproduce_paper", few))
 
 
 def fuzz(folder: Path, numbers: range, seed: int = 0, report=None) -> dict[str, list[str]]:

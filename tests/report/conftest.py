@@ -1,4 +1,4 @@
-"""One identification of the knee robot, and one reproduction of the paper, to be reported."""
+"""One identification of the knee robot, to be reported."""
 
 import warnings
 
@@ -7,12 +7,6 @@ import pytest
 from loopid.experiment import find_force_model, identify, split_recordings
 from loopid.logs import prepare_recording, read_log
 from made_runs import friction, logged, wander
-from small_paper import small_paper
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return small_paper()
 
 
 @pytest.fixture(scope="session")

@@ -12,17 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from loopid import load_mechanism
 from loopid.errors import MissingExtraError
 from loopid.experiment import data_support, find_force_model, identify
-from loopid.report import drawing, identify_figures, identify_support, paper_figures
-from loopid.report.drawing import COLUMN, MOST_POINTS, RESOLUTION, thinned
+from loopid.report import figures, identify_figures, identify_support
+from loopid.report.figures import COLUMN, MOST_POINTS, RESOLUTION, thinned
 from loopid.report.identify_figures import draw_forces, draw_parameters, draw_reduction
 from loopid.report.identify_support import draw_spectrum
-from loopid.report.paper_figures import (
-    draw_action,
-    draw_gravity,
-    draw_gravity_and_friction,
-    draw_influence,
-    draw_shares,
-)
 from made_runs import ARM, modelled, stand, wander
 
 DRAWERS = {
@@ -30,11 +23,6 @@ DRAWERS = {
     "parameters": (draw_parameters, "identification"),
     "reduction": (draw_reduction, "identification"),
     "spectrum": (draw_spectrum, "support"),
-    "figure_2": (draw_shares, "shares"),
-    "figure_3": (draw_gravity_and_friction, "shares"),
-    "figure_4": (draw_influence, "simulated"),
-    "figure_5": (draw_gravity, "actual"),
-    "figure_6": (draw_action, "actual"),
 }
 
 
@@ -46,13 +34,10 @@ def knee_support(knee):
 
 
 @pytest.fixture(scope="module")
-def parts(identification, paper):
+def parts(identification):
     return {
         "identification": identification,
         "support": identification.support,
-        "shares": paper.shares,
-        "simulated": paper.simulated,
-        "actual": paper.actual,
     }
 
 
@@ -65,7 +50,7 @@ def drawn(request, parts):
 
     def keep(figure, name):
         kept.append(figure)
-        return drawing.rendered(figure, name)
+        return figures.rendered(figure, name)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "rendered", keep)
@@ -186,24 +171,6 @@ def test_the_chosen_number_of_corrections_is_marked(monkeypatch, identification)
     (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, identification)
     chosen = [line for line in ax.lines if line.get_label() == "supported"]
     assert list(chosen[0].get_xdata()) == [identification.reduction.supported] * 2
-
-
-def test_figure_4_shows_influence_and_what_is_explained(monkeypatch, paper):
-    (ax,) = axes_of(monkeypatch, paper_figures, draw_influence, paper.simulated)
-    heights = [bar.get_height() for bar in ax.patches]
-    np.testing.assert_allclose(heights, paper.simulated.influence)
-    explained = [line for line in ax.lines if len(line.get_ydata()) == 15]
-    assert any(np.allclose(line.get_ydata(), paper.simulated.explained) for line in explained)
-
-
-def test_figures_of_the_robot_show_limbs_1_and_4(monkeypatch, paper):
-    actual = paper.actual
-    for drawer, values in ((draw_gravity, "measured_gravity"), (draw_action, "measured_force")):
-        axes = axes_of(monkeypatch, paper_figures, drawer, actual)
-        rows = thinned(len(actual.time))
-        for ax, limb in zip(axes, (1, 4), strict=True):
-            shown = np.where(actual.used, getattr(actual, values), np.nan)[rows, limb - 1]
-            np.testing.assert_array_equal(ax.lines[0].get_ydata(), shown)
 
 
 @pytest.mark.parametrize("count", [1, 2, MOST_POINTS, 40_000])

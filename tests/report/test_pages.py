@@ -13,13 +13,8 @@ from loopid.report import (
     identification_files,
     identification_record,
     identification_tables,
-    motions_record,
-    motions_tables,
-    paper_files,
-    paper_tables,
 )
 from loopid.report.identify import findings
-from loopid.report.paper_base_tables import base_table
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
@@ -27,11 +22,6 @@ LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 @pytest.fixture(scope="module")
 def files(identification):
     return identification_files(identification)
-
-
-@pytest.fixture(scope="module")
-def paper_page_files(paper):
-    return paper_files(paper)
 
 
 def printed(table, width):
@@ -58,13 +48,6 @@ def test_every_figure_is_on_the_page_and_every_link_leads_to_a_file(files):
     assert {name.replace(".svg", ".png") for name in linked} <= set(files)
 
 
-def test_every_figure_of_the_paper_is_on_its_page(paper_page_files):
-    linked = set(LINK.findall(paper_page_files["paper.md"]))
-    assert linked == {f"figure_{number}.svg" for number in range(2, 7)}
-    pictures = {f"figure_{number}.{kind}" for number in range(2, 7) for kind in ("svg", "png")}
-    assert set(paper_page_files) == {"paper.md", *pictures}
-
-
 def test_the_record_is_beside_the_page(files, identification):
     record = json.loads(files["identification.json"])
     assert record == identification_record(identification)
@@ -77,21 +60,10 @@ def test_the_page_holds_all_tables(files, identification):
         assert label in files["report.md"]
 
 
-def test_the_papers_page_holds_tables_i_to_v_and_the_coverage(paper_page_files, paper):
-    page = paper_page_files["paper.md"]
-    for number in ("I", "II", "III", "IV", "V"):
-        assert f"**Table {number}: " in page
-    for table in paper_tables(paper):
-        assert table.title in page
-    assert f"{paper.coverage.shares.mean():.1%}" in page
-
-
 @pytest.mark.parametrize("width", [80, 120])
-def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(identification, paper, width):
-    reviews = motions_record("3ups_rpu", paper.experiment.reviews, paper.seconds)
-    tables = [*identification_tables(identification), *paper_tables(paper)]
+def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(identification, width):
     cut = set()
-    for table in [*tables, *motions_tables(reviews)]:
+    for table in identification_tables(identification):
         text = printed(table, width)
         assert max(map(len, text.splitlines())) <= width
         numbers = {
@@ -181,29 +153,6 @@ def test_findings_are_sentences_and_count_the_supported_ones(identification):
     plain = tuple(replace(part, cutoff=None) for part in identification.training)
     said = findings(replace(identification, training=plain))
     assert any("unfiltered" in text for text in said)
-
-
-def test_a_stand_in_is_said_to_be_one_and_a_log_is_named(paper):
-    page = paper_files(paper)["paper.md"]
-    assert "No log of the real robot was given" in page
-    assert "Table V: base parameters from a simulated stand-in" in page
-    actual = replace(paper.actual, truth=None, sources=("run_7",))
-    page = paper_files(replace(paper, actual=actual))["paper.md"]
-    assert "No log of the real robot was given" not in page
-    assert "Table V: base parameters from run_7" in page
-
-
-def test_a_row_that_is_not_found_is_said_so(paper):
-    rows = (*paper.base.rows[:8], None, *paper.base.rows[9:])
-    text = printed(base_table(replace(paper.base, rows=rows)), 160)
-    assert text.count("not found") == 1
-
-
-def test_a_motion_that_breaks_a_limit_is_said_so(paper):
-    review = replace(paper.experiment.reviews["1"], margin=0.9)
-    record = motions_record("robot", {"1": review}, {"1": 12.0})
-    (table,) = motions_tables(record)
-    assert "singularity measure falls" in next(iter(table.columns[-1].cells))
 
 
 def test_candidates_are_shown_with_what_they_take_from_the_data(identification):

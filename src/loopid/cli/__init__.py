@@ -1,25 +1,23 @@
-"""The command line, one file a command."""
+"""The command line: ``loopid`` and ``python -m loopid``."""
 
 from __future__ import annotations
 
 import sys
 import warnings
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from loopid.cli.commands import base, check, motions, paper
 from loopid.cli.console import escape_odd_names, show_warning
 from loopid.cli.export import export
 from loopid.cli.identify import identify
-from loopid.cli.motions import motions
-from loopid.cli.paper import paper
-from loopid.cli.structure import base, check
 from loopid.errors import LoopidError
 
 app = typer.Typer(
-    help="Identify the dynamics of robots with closed kinematic loops.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -27,12 +25,30 @@ for command in (check, base, motions, identify, export, paper):
     app.command()(command)
 
 
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"loopid {version('loopid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def loopid(
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Identify the dynamics of robots with closed kinematic loops."""
+
+
 def main() -> None:
     """Run the command line; every refusal is one line and exit code 2."""
     warnings.showwarning = show_warning
     escape_odd_names()
     try:
-        app()
+        app(prog_name="loopid")
     except LoopidError as error:
         _refuse(str(error))
     except MemoryError as error:

@@ -4,6 +4,7 @@
 prints is data in ``printed``; everything else comes from the same functions that any robot uses.
 """
 
-from loopid.paper.reproduce import PaperReproduction, reproduce_paper
+from loopid.paper.page import paper_files, paper_tables
+from loopid.paper.reproduction import PaperReproduction, reproduce_paper
 
-__all__ = ["PaperReproduction", "reproduce_paper"]
+__all__ = ["PaperReproduction", "paper_files", "paper_tables", "reproduce_paper"]

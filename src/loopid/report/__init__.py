@@ -1,25 +1,46 @@
 """What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
-from loopid.report.base import base_record, base_tables
-from loopid.report.check import check_record, check_tables
-from loopid.report.drawing import require_matplotlib
+from loopid.report.figures import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    drawing,
+    rendered,
+    require_matplotlib,
+    thinned,
+)
 from loopid.report.identify import identification_record
 from loopid.report.identify_page import identification_files
 from loopid.report.identify_tables import identification_tables
-from loopid.report.motions import motions_record, motions_tables
-from loopid.report.paper import paper_files, paper_tables
+from loopid.report.structure import (
+    base_record,
+    base_tables,
+    check_record,
+    check_tables,
+    motions_record,
+    motions_tables,
+)
+from loopid.report.tables import markdown_table, plain_table
 
 __all__ = [
+    "BLUE",
+    "GREY",
+    "ORANGE",
+    "RED",
     "base_record",
     "base_tables",
     "check_record",
     "check_tables",
+    "drawing",
     "identification_files",
     "identification_record",
     "identification_tables",
+    "markdown_table",
     "motions_record",
     "motions_tables",
-    "paper_files",
-    "paper_tables",
+    "plain_table",
+    "rendered",
     "require_matplotlib",
+    "thinned",
 ]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from loopid.report.style import plain_table
+from loopid.report.tables import plain_table
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit

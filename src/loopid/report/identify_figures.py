@@ -6,7 +6,7 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.experiment import Identification, prediction_reach
-from loopid.report.drawing import (
+from loopid.report.figures import (
     BLUE,
     GREY,
     ORANGE,

@@ -7,7 +7,7 @@ from loopid.identification.storage import record_text
 from loopid.report.identify import identification_record
 from loopid.report.identify_figures import identification_figures
 from loopid.report.identify_tables import identification_tables
-from loopid.report.markdown import markdown_table
+from loopid.report.tables import markdown_table
 
 CAPTIONS = {
     "forces": "Forces on data that were not fitted.",

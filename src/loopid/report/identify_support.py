@@ -9,8 +9,8 @@ import numpy as np
 from rich.table import Table
 
 from loopid.experiment import DataSupport, Lighting, WeakDirection
-from loopid.report.drawing import BLUE, GREY, ORANGE, RED, drawing, rendered
-from loopid.report.style import plain_table
+from loopid.report.figures import BLUE, GREY, ORANGE, RED, drawing, rendered
+from loopid.report.tables import plain_table
 
 # Of the least effect that is shown, where dark combinations are drawn.
 BELOW = 0.1

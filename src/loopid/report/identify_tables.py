@@ -8,7 +8,7 @@ from loopid.experiment import Candidate, Identification
 from loopid.report.identify import findings
 from loopid.report.identify_consistent import consistent_table
 from loopid.report.identify_support import support_table
-from loopid.report.style import plain_table
+from loopid.report.tables import plain_table
 
 
 def identification_tables(found: Identification) -> list[Table]:

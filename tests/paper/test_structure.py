@@ -7,12 +7,16 @@ import pinocchio as pin
 import pytest
 
 from loopid.errors import SearchError
-from loopid.paper import base as paper_base
-from loopid.paper.base import compare_base_parameters, matching_rows, rows_of_table_ii
-from loopid.paper.geometry import measured_geometry
+from loopid.paper import structure
+from loopid.paper.page import transfer_table
 from loopid.paper.printed import TABLE_I, TABLE_II
-from loopid.report.paper_base_tables import transfer_table
-from loopid.symbolic import base_parameter_rows, read_geometry
+from loopid.paper.structure import (
+    compare_base_parameters,
+    matching_rows,
+    measured_geometry,
+    rows_of_table_ii,
+)
+from loopid.paper.symbolic import base_parameter_rows, read_geometry
 
 FIELDS = {"d_s": "ds"}
 STEMS = {"m12": "leg1_stem.m", "m22": "leg2_stem.m", "m32": "leg3_stem.m"}
@@ -74,7 +78,7 @@ def test_every_row_of_table_ii_is_found_once(comparison):
 
 def test_a_row_that_differs_is_not_found(knee, comparison, monkeypatch):
     wrong = (*TABLE_II[:8], TABLE_II[8] | {"leg2_stem.m": 0.1930}, *TABLE_II[9:])
-    monkeypatch.setattr(paper_base, "TABLE_II", wrong)
+    monkeypatch.setattr(structure, "TABLE_II", wrong)
     rows = matching_rows(comparison.base)
     assert [k for k, row in enumerate(rows) if row is None] == [8]
     assert not replace(comparison, rows=rows).agrees
@@ -106,7 +110,7 @@ def test_table_iii_is_what_inertia_transfer_says(knee, comparison, monkeypatch):
         geometry = read_geometry(table, robot, 1)
         printed = {name: getattr(geometry, FIELDS.get(name, name)) for name in TABLE_I}
         angles = {name: np.degrees(value) for name, value in printed.items() if "beta" in name}
-        monkeypatch.setattr("loopid.report.paper_base_tables.TABLE_I", printed | angles)
+        monkeypatch.setattr("loopid.paper.page.TABLE_I", printed | angles)
         exact = {row.number: row.coefficients(geometry) for row in base_parameter_rows()}
         seen = {9: set(), 10: set()}
         for number, term, _, formula, found in cells(transfer_table(comparison)):

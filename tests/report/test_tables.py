@@ -6,9 +6,7 @@ from dataclasses import replace
 import pytest
 from rich.table import Table
 
-from loopid.report import identification_tables, paper_tables
-from loopid.report.markdown import markdown_table
-from loopid.report.style import plain_table
+from loopid.report import identification_tables, markdown_table, plain_table
 
 
 def parsed(text):
@@ -37,11 +35,6 @@ def assert_same_cells(table: Table):
 
 def test_tables_of_an_identification_have_the_same_cells(identification):
     for table in identification_tables(identification):
-        assert_same_cells(table)
-
-
-def test_tables_of_the_paper_have_the_same_cells(paper):
-    for table in paper_tables(paper):
         assert_same_cells(table)
 
 

@@ -1,0 +1,530 @@
+"""The 3UPS+RPU in symbols: gravity regressor and base parameters, derived with SymPy alone.
+
+Everything follows from the paper's frames and the virtual power of the weights, without a
+multibody library and without the rest of loopid, so that it can check both. The successor robot,
+the 5P, is the same machine with other base and platform points. Derivation: docs/derivations.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields
+from functools import cache
+from math import radians
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from ruamel.yaml import YAML
+
+from loopid.arrays import FloatArray, samples
+from loopid.errors import (
+    MissingExtraError,
+    MissingFileError,
+    OptionError,
+    RobotFileError,
+    SingularityError,
+)
+from loopid.parameters import GRAVITY_KINDS
+
+try:
+    import sympy as sp
+except ImportError as error:
+    raise MissingExtraError("sympy", "symbolic") from error
+
+GRAVITY = 9.81  # m/s², against Z_F
+# Below this reciprocal condition number of J the forces are round-off.
+SINGULAR_RCOND = 1e-13
+
+# Pose of the platform: position (m) in the X_F Z_F plane, pitch and yaw (rad).
+POSE: tuple[sp.Symbol, ...] = sp.symbols("x_m z_m theta psi")
+
+# Link name -> index of the link in the paper's symbols (m_11 ... m_42, m_m).
+PAPER_INDEX = {
+    "leg1_cylinder": "11",
+    "leg1_stem": "12",
+    "leg2_cylinder": "21",
+    "leg2_stem": "22",
+    "leg3_cylinder": "31",
+    "leg3_stem": "32",
+    "leg4_cylinder": "41",
+    "leg4_stem": "42",
+    "platform": "m",
+}
+GRAVITY_LABELS = tuple(f"{link}.{kind}" for link in PAPER_INDEX for kind in GRAVITY_KINDS)
+
+Points = tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]
+
+
+def parameter_symbols() -> dict[str, sp.Symbol]:
+    """Symbols of the gravitational parameters, in the column order of the regressor.
+
+    Returns
+    -------
+    dict of str to Symbol
+        36 entries: ``leg2_stem.m`` to ``m_22`` (kg), ``leg2_stem.mx`` to ``mx_22``, the first
+        moment m_22 x_G22 along the link's x axis (kg m), and so on.
+    """
+    return {
+        f"{link}.{kind}": sp.Symbol(f"{kind}_{index}")
+        for link, index in PAPER_INDEX.items()
+        for kind in GRAVITY_KINDS
+    }
+
+
+# Geometry: where the joints sit on the base and on the platform.
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Geometric parameters of one configuration (the paper's Table I).
+
+    Angles are in radians; :meth:`from_degrees` takes them as the paper prints them.
+
+    Parameters
+    ----------
+    R1, R2, R3 : float
+        Distances of the base points A_i from the fixed origin, m.
+    ds : float
+        Position of limb 4's revolute joint along X_F, m.
+    beta_FD, beta_FI : float
+        Angles of A_2 and A_3 from X_F, rad.
+    Rm1, Rm2, Rm3 : float
+        Distances of the platform points B_i from the platform origin, m.
+    beta_MD, beta_MI : float
+        Angles of B_2 and B_3 from the platform's x axis, rad.
+    """
+
+    R1: float
+    R2: float
+    R3: float
+    ds: float
+    beta_FD: float
+    beta_FI: float
+    Rm1: float
+    Rm2: float
+    Rm3: float
+    beta_MD: float
+    beta_MI: float
+
+    @classmethod
+    def from_degrees(cls, **values: float) -> Geometry:
+        """Build from lengths in m and angles in degrees, named as the fields."""
+        angles = {name: radians(value) for name, value in values.items() if "beta" in name}
+        return cls(**(values | angles))
+
+    @staticmethod
+    def symbols() -> tuple[sp.Symbol, ...]:
+        """Symbols of the fields, in field order, as the paper writes them; shape (11,)."""
+        names = "R_1 R_2 R_3 d_s beta_FD beta_FI R_m1 R_m2 R_m3 beta_MD beta_MI"
+        return tuple(sp.symbols(names))
+
+    def values(self) -> tuple[float, ...]:
+        """Values of the fields, in the order of :meth:`symbols`; m and rad, shape (11,)."""
+        return astuple(self)
+
+    def substitutions(self) -> dict[sp.Symbol, float]:
+        """Value of every symbol, for ``subs``; m and rad."""
+        return dict(zip(self.symbols(), self.values(), strict=True))
+
+
+def read_geometry(path: str | PathLike[str], robot: str, configuration: int) -> Geometry:
+    """Read one configuration from the geometry table ``geometry.yaml``.
+
+    Parameters
+    ----------
+    path : path-like
+        The table: robot name to ``configurations``, each with lengths in m, angles in degrees.
+    robot : str
+        Name of the robot in the table.
+    configuration : int
+        Number of its configuration.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    OptionError
+        If the robot or the configuration is not in the table.
+    RobotFileError
+        If the configuration lacks an entry or has an unknown one.
+    """
+    if not Path(path).is_file():
+        raise MissingFileError(f"no geometry table at {path}")
+    table = YAML(typ="safe").load(Path(path))
+    configurations = _entry(table, robot, "robot")["configurations"]
+    entries = _entry(configurations, configuration, f"configuration of {robot}")
+    names = {field.name for field in fields(Geometry)}
+    if entries.keys() != names:
+        missing, unknown = sorted(names - entries.keys()), sorted(entries.keys() - names)
+        raise RobotFileError(
+            f"{path}, {robot}, configuration {configuration}: missing {missing}, unknown {unknown}"
+        )
+    return Geometry.from_degrees(**entries)
+
+
+def _entry(table: dict[Any, Any], key: object, what: str) -> Any:
+    if key not in table:
+        raise OptionError.unknown(what, key, map(str, table))
+    return table[key]
+
+
+def base_points() -> Points:
+    """Centres A_i of the universal joints of limbs 1 to 3; (3, 1) each, fixed frame, m."""
+    R_1, R_2, R_3, _, beta_FD, beta_FI, *_ = Geometry.symbols()
+    return _points(R_1, R_2, R_3, beta_FD, beta_FI)
+
+
+def platform_points() -> Points:
+    """Centres B_i of the spherical joints of limbs 1 to 3; (3, 1) each, platform frame, m."""
+    *_, R_m1, R_m2, R_m3, beta_MD, beta_MI = Geometry.symbols()
+    return _points(R_m1, R_m2, R_m3, beta_MD, beta_MI)
+
+
+def _points(r1: sp.Symbol, r2: sp.Symbol, r3: sp.Symbol, b2: sp.Symbol, b3: sp.Symbol) -> Points:
+    return (
+        sp.ImmutableMatrix([-r1, 0, 0]),
+        sp.ImmutableMatrix([r2 * sp.cos(b2), r2 * sp.sin(b2), 0]),
+        sp.ImmutableMatrix([r3 * sp.cos(b3), -r3 * sp.sin(b3), 0]),
+    )
+
+
+# Link frames as functions of the pose, by closed-form inverse kinematics.
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A link frame: `origin` (3, 1) in m and `axes` (3, 3), x y z as columns, fixed frame."""
+
+    origin: sp.ImmutableMatrix
+    axes: sp.ImmutableMatrix
+
+
+def platform_frame() -> Frame:
+    """Origin p, which is also the end of limb 4, and axes R = Ry(theta) Rz(psi)."""
+    x_m, z_m, theta, psi = POSE
+    c, s = sp.cos(theta), sp.sin(theta)
+    pitch = sp.ImmutableMatrix([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    c, s = sp.cos(psi), sp.sin(psi)
+    yaw = sp.ImmutableMatrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return Frame(sp.ImmutableMatrix([x_m, 0, z_m]), pitch * yaw)
+
+
+def _leg_vectors() -> list[sp.ImmutableMatrix]:
+    """Vectors d_i = p + R B_i - A_i of limbs 1 to 3."""
+    m = platform_frame()
+    pairs = zip(base_points(), platform_points(), strict=True)
+    return [m.origin + m.axes * B - A for A, B in pairs]
+
+
+def _limb_4_vector() -> sp.ImmutableMatrix:
+    """From limb 4's revolute joint, about -Y_F, to the platform origin."""
+    return platform_frame().origin - _revolute_centre()
+
+
+def _revolute_centre() -> sp.ImmutableMatrix:
+    return sp.ImmutableMatrix([Geometry.symbols()[3], 0, 0])
+
+
+def stroke_functions() -> sp.ImmutableMatrix:
+    """Actuated coordinates q_13, q_23, q_33, q_42 as functions of the pose; (4, 1), m."""
+    vectors = [*_leg_vectors(), _limb_4_vector()]
+    return sp.ImmutableMatrix([sp.sqrt(sum(x**2 for x in d)) for d in vectors])
+
+
+def link_frames() -> dict[str, Frame]:
+    """Frames of the nine bodies, by link name in the column order of the regressor.
+
+    Every stem is reached along its own limb, not through the platform: that both ways agree
+    is the loop closure, which the inertia transfer uses and a test proves.
+    """
+    frames: dict[str, Frame] = {}
+    for leg, (A, d) in enumerate(zip(base_points(), _leg_vectors(), strict=True), start=1):
+        d_x, d_y, d_z = d
+        q_1, q_2 = sp.atan2(d_z, d_x), sp.atan2(sp.sqrt(d_x**2 + d_z**2), -d_y)
+        q_3 = sp.sqrt(d_x**2 + d_y**2 + d_z**2)
+        c1, s1, c2, s2 = sp.cos(q_1), sp.sin(q_1), sp.cos(q_2), sp.sin(q_2)
+        axes = sp.ImmutableMatrix([[c1 * c2, -s1, c1 * s2], [s2, 0, -c2], [s1 * c2, c1, s1 * s2]])
+        frames[f"leg{leg}_cylinder"] = Frame(A, axes)
+        frames[f"leg{leg}_stem"] = Frame(A + q_3 * axes[:, 2], axes)
+    d_x, _, d_z = _limb_4_vector()
+    q_1, q_2 = sp.atan2(-d_x, d_z), sp.sqrt(d_x**2 + d_z**2)
+    c, s = sp.cos(q_1), sp.sin(q_1)
+    axes = sp.ImmutableMatrix([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
+    frames["leg4_cylinder"] = Frame(_revolute_centre(), axes)
+    stem_axes = sp.ImmutableMatrix.hstack(-x, -z, -y)
+    frames["leg4_stem"] = Frame(_revolute_centre() + q_2 * z, stem_axes)
+    frames["platform"] = platform_frame()
+    return frames
+
+
+# Gravity by the principle of virtual power.
+
+
+@dataclass(frozen=True)
+class GravityModel:
+    """What K_G is made of, in the symbols of the pose and of the geometry.
+
+    In equilibrium the power of the actuators equals the rate of the potential energy for every
+    pose rate Ẋ compatible with the loops: τᵀ J Ẋ = Ẋᵀ P Φ_G. Hence τ = J⁻ᵀ P Φ_G = K_G Φ_G, the
+    gravitational term of the paper's equation (3).
+
+    Parameters
+    ----------
+    strokes : ImmutableMatrix
+        Actuated coordinates q_13, q_23, q_33, q_42, m; (4, 1).
+    jacobian : ImmutableMatrix
+        J = ∂(strokes)/∂(x_m, z_m, θ, ψ), m or m/rad; (4, 4).
+    energy : ImmutableMatrix
+        Potential energy for each unit parameter, in the order of ``GRAVITY_LABELS``, J; (1, 36).
+    power : ImmutableMatrix
+        P, power of each unit parameter for each unit pose rate; (4, 36).
+    """
+
+    strokes: sp.ImmutableMatrix
+    jacobian: sp.ImmutableMatrix
+    energy: sp.ImmutableMatrix
+    power: sp.ImmutableMatrix
+
+
+@cache
+def gravity_model() -> GravityModel:
+    """Derive the gravity model; the first call takes a moment, later ones return the same."""
+    strokes = stroke_functions()
+    # Height of a body's centre of mass times its mass: m h(o) + mx h(x) + my h(y) + mz h(z).
+    heights = [h for frame in link_frames().values() for h in (frame.origin[2], *frame.axes[2, :])]
+    energy = GRAVITY * sp.ImmutableMatrix([heights])
+    return GravityModel(strokes, strokes.jacobian(POSE), energy, energy.jacobian(POSE).T)
+
+
+# Base parameters by inertia transfer. Every body's energy is written over the same 15 atoms,
+# functions of the pose; what multiplies an atom is one base parameter [Gautier1991], [Khalil2004].
+# The atoms are heights that bodies share: of p, and of the unit vectors along the axes of limbs 1
+# to 3, of limb 4's stem (whose z axis stays horizontal) and of the platform.
+_P = sp.Symbol("h_p")
+_LIMBS = {leg: sp.symbols(f"h_{leg}x h_{leg}y h_{leg}z") for leg in (1, 2, 3)}
+_LIMB_4 = sp.symbols("h_4x h_4y")
+_PLATFORM = sp.symbols("h_mx h_my h_mz")
+
+
+@dataclass(frozen=True)
+class BaseParameterRow:
+    """One row of the paper's Table II.
+
+    Parameters
+    ----------
+    number : int
+        Row of Table II, 1 to 15.
+    expression : Expr
+        The base parameter, linear in the symbols of ``parameter_symbols()``, with the symbols of
+        ``Geometry.symbols()``; kg for row 1, kg m for the others.
+    atom : Expr
+        The function of the pose that it multiplies in the potential energy divided by g; m for
+        row 1, a direction cosine with Z_F for the others.
+    """
+
+    number: int
+    expression: sp.Expr
+    atom: sp.Expr
+
+    def coefficients(self, geometry: Geometry) -> dict[str, float]:
+        """Coefficient of every parameter in the row, by column label.
+
+        A term that a geometry happens to cancel stays, with a coefficient of zero or round-off.
+        """
+        numeric = self.expression.subs(geometry.substitutions())
+        return {
+            label: float(numeric.coeff(symbol))
+            for label, symbol in parameter_symbols().items()
+            if self.expression.has(symbol)
+        }
+
+
+@cache
+def base_parameter_rows() -> tuple[BaseParameterRow, ...]:
+    """Derive the base parameters, in the order and with the signs of the paper's Table II.
+
+    Returns
+    -------
+    tuple of BaseParameterRow
+        15 rows. Rows 9 and 10 hold what the paper's Table III shows; row 9 also
+        R_m3 cos(beta_MI) m_32, which Table III omits and which is zero for beta_MI = 90°.
+    """
+    symbols = parameter_symbols()
+    energy = sp.expand(
+        sum(
+            symbols[f"{link}.{kind}"] * height
+            for link, heights in _transferred_heights().items()
+            for kind, height in zip(GRAVITY_KINDS, heights, strict=True)
+        )
+    )
+    return tuple(
+        BaseParameterRow(number, energy.coeff(symbol), atom)
+        for number, (symbol, atom) in enumerate(_atoms().items(), start=1)
+    )
+
+
+def _transferred_heights() -> dict[str, tuple[sp.Expr, ...]]:
+    """Heights of each link's origin and axes, over the atoms.
+
+    The masses of stems 1 to 3 are transferred to B_i and that of stem 4 to p, points of the
+    platform on which the loop closures hold their origins; cylinders have fixed origins.
+    """
+    heights: dict[str, tuple[sp.Expr, ...]] = {}
+    for (leg, axes), B in zip(_LIMBS.items(), platform_points(), strict=True):
+        heights[f"leg{leg}_cylinder"] = (0, *axes)
+        heights[f"leg{leg}_stem"] = (_P + B.dot(_PLATFORM), *axes)
+    x_42, y_42 = _LIMB_4
+    # x_42 = -x_41, y_42 = -z_41, and y_41 = -z_42 is the horizontal axis of the revolute joint.
+    heights["leg4_cylinder"] = (0, -x_42, 0, -y_42)
+    heights["leg4_stem"] = (_P, x_42, y_42, 0)
+    heights["platform"] = (_P, *_PLATFORM)
+    return heights
+
+
+def _atoms() -> dict[sp.Symbol, sp.Expr]:
+    """The atoms, symbol to function of the pose, in the row order of Table II."""
+    frames = link_frames()
+    functions = {_P: frames["platform"].origin[2]}
+    shared = {f"leg{leg}_cylinder": axes for leg, axes in _LIMBS.items()}
+    for link, symbols in (shared | {"leg4_stem": _LIMB_4, "platform": _PLATFORM}).items():
+        functions |= zip(symbols, frames[link].axes[2, : len(symbols)], strict=True)
+    (x1, y1, z1), (x2, y2, z2), (x3, y3, z3) = _LIMBS.values()
+    x_42, y_42 = _LIMB_4
+    order = (_P, x1, x2, z1, z2, z3, x3, y_42, *_PLATFORM, x_42, y1, y2, y3)
+    return {symbol: functions[symbol] for symbol in order}
+
+
+# Numerical values over many poses at once.
+
+
+def strokes(geometry: Geometry, poses: ArrayLike) -> FloatArray:
+    """Strokes of the four prismatic joints by closed-form inverse kinematics.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometric parameters, m and rad.
+    poses : array-like
+        x_m, z_m (m), theta, psi (rad) of each pose; (N, 4), or (4,) for one.
+
+    Returns
+    -------
+    ndarray
+        q_13, q_23, q_33, q_42 in m; (N, 4).
+
+    Raises
+    ------
+    DataError
+        If `poses` has another shape or is not finite.
+    """
+    return _evaluator("strokes")(geometry, samples(poses, len(POSE), "poses"))[:, :, 0]
+
+
+def stroke_jacobian(geometry: Geometry, poses: ArrayLike) -> FloatArray:
+    """Jacobian J of the strokes with respect to the pose.
+
+    Parameters as in :func:`strokes`.
+
+    Returns
+    -------
+    ndarray
+        Rows limbs 1 to 4, columns x_m, z_m (m/m), theta, psi (m/rad); (N, 4, 4).
+
+    Raises
+    ------
+    DataError
+        If `poses` has another shape or is not finite.
+    SingularityError
+        If a limb has no length at a pose.
+    """
+    poses = samples(poses, len(POSE), "poses")
+    J = _evaluator("jacobian")(geometry, poses)
+    _refuse(poses, ~np.isfinite(J).all(axis=(1, 2)), "a limb has no length")
+    return J
+
+
+def gravity_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
+    """Gravity regressor K_G = J⁻ᵀ P of the paper's equation (3).
+
+    K_G Φ_G are the forces of the actuators that hold the robot against gravity.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometric parameters, m and rad.
+    poses : array-like
+        x_m, z_m (m), theta, psi (rad) of each pose; (N, 4), or (4,) for one.
+
+    Returns
+    -------
+    ndarray
+        Rows limbs 1 to 4, columns ``GRAVITY_LABELS``, N per kg or per kg m; (N, 4, 36).
+
+    Raises
+    ------
+    DataError
+        If `poses` has another shape or is not finite.
+    SingularityError
+        If a pose is a type II singularity (J loses rank), or puts a limb 1 to 3 parallel to Y_F,
+        where its universal joint is singular, or leaves a limb without length.
+    """
+    return _forces("power", geometry, poses)
+
+
+def base_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
+    """Regressor of the 15 base parameters, from the gradients of their atoms.
+
+    Parameters and errors as in :func:`gravity_regressor`.
+
+    Returns
+    -------
+    ndarray
+        Rows limbs 1 to 4, columns as :func:`base_parameter_rows`, N per kg or per kg m;
+        (N, 4, 15).
+    """
+    return _forces("atom power", geometry, poses)
+
+
+def _forces(power: str, geometry: Geometry, poses: ArrayLike) -> FloatArray:
+    """J⁻ᵀ times the power for each unit parameter and unit pose rate."""
+    poses = samples(poses, len(POSE), "poses")
+    J, P = stroke_jacobian(geometry, poses), _evaluator(power)(geometry, poses)
+    _refuse(poses, ~np.isfinite(P).all(axis=(1, 2)), "a limb is parallel to Y_F")
+    singular = 1.0 / np.linalg.cond(J) < SINGULAR_RCOND
+    _refuse(poses, singular, f"type II singularity, 1/cond(J) is below {SINGULAR_RCOND:g}")
+    return np.asarray(np.linalg.solve(J.transpose(0, 2, 1), P), dtype=np.float64)
+
+
+def _refuse(poses: FloatArray, bad: Any, reason: str) -> None:
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise SingularityError(
+            f"{bad.sum()} of {len(poses)} poses: {reason}; the first is pose {first}, "
+            f"(x_m, z_m, theta, psi) = {poses[first].tolist()}"
+        )
+
+
+@cache
+def _evaluator(name: str) -> Callable[[Geometry, FloatArray], FloatArray]:
+    """Compile a matrix into a function of the geometry and of N poses at once.
+
+    Entries that divide zero by zero come out as NaN, without a warning.
+    """
+    if name == "atom power":
+        atoms = sp.ImmutableMatrix([row.atom for row in base_parameter_rows()])
+        matrix = GRAVITY * atoms.jacobian(POSE).T
+    else:
+        matrix = getattr(gravity_model(), name)
+    compiled = sp.lambdify((*POSE, *Geometry.symbols()), list(matrix), "numpy", cse=True)
+
+    def evaluate(geometry: Geometry, poses: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            entries = compiled(*poses.T, *geometry.values())
+        columns = [np.broadcast_to(entry, len(poses)) for entry in entries]
+        return np.stack(columns, axis=-1).reshape(len(poses), *matrix.shape)
+
+    return evaluate

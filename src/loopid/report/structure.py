@@ -1,0 +1,320 @@
+"""Reports of ``loopid check``, ``base`` and ``motions``: records for JSON, tables of the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from decimal import ROUND_CEILING, Context
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from loopid.base_parameters import BaseParameters, expression, name_coefficients
+from loopid.base_parameters.expressions import equations
+from loopid.kinematics import (
+    NEAR_SINGULARITY,
+    Factorisation,
+    mobility,
+    scaled_constraint,
+    singularity_measure,
+)
+from loopid.lengths import NamedLength
+from loopid.report.tables import json_number, plain_table
+from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
+from loopid.trajectories import MotionReview
+
+# loopid check: joints, closures, mobility, distance to singularity.
+
+
+def check_record(mechanism: Mechanism) -> dict[str, Any]:
+    """All findings about a mechanism at its reference, ready for JSON."""
+    found = mobility(mechanism)
+    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    return {
+        "mechanism": mechanism.name,
+        "joints": [_joint(mechanism, name) for name in mechanism.joints],
+        "bodies": list(mechanism.links),
+        "closures": _closures(mechanism),
+        "closure_rows": found.rows,
+        "closure_rank": found.rank,
+        "rank_gap": json_number(found.rank_gap),
+        "least_singular_value": found.least,
+        "redundant_rows": found.rows - found.rank,
+        "coordinates": mechanism.model.nv,
+        "degrees_of_freedom": found.degrees_of_freedom,
+        "generic_degrees_of_freedom": found.generic_degrees_of_freedom,
+        "singular_reference": found.singular,
+        "actuated": list(mechanism.actuated),
+        "passive": list(mechanism.passive),
+        "independent": list(mechanism.independent),
+        "undetermined": list(mechanism.free),
+        "redundant_actuation": list(mechanism.redundant),
+        "closure_residual": found.residual,
+        "singularity_measure": measure,
+        "near_singularity": measure < NEAR_SINGULARITY,
+        "characteristic_length": mechanism.length,
+        "identical": {group.name: list(group.links) for group in mechanism.identical},
+        "unequal_links": list(unequal_links(mechanism)),
+        "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
+    }
+
+
+def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
+    joint, (lower, upper) = mechanism.joint(name), mechanism.position_limits
+    q = slice(joint.idx_q, joint.idx_q + joint.nq)
+    if joint.nv == 1:
+        kind = "prismatic" if joint.idx_v in mechanism.prismatic else "revolute"
+    else:
+        kinds = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
+        kind = kinds.get(joint.shortname().removeprefix("JointModel"), "other")
+    return {
+        "name": name,
+        "type": kind,
+        "actuated": name in mechanism.actuated,
+        "reference": [float(value) for value in mechanism.reference[q]],
+        "lower": [json_number(value) for value in lower[q]],
+        "upper": [json_number(value) for value in upper[q]],
+    }
+
+
+def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
+    residual, jacobian = scaled_constraint(mechanism, mechanism.reference[None])
+    closures: tuple[LoopClosure | JointCoupling, ...]
+    closures = (*mechanism.closures, *mechanism.couplings)
+    records, first = [], 0
+    for closure in closures:
+        rows = slice(first, first + closure.rows)
+        if isinstance(closure, JointCoupling):
+            joined = {"frames": [], "joints": list(closure.joints)}
+        else:
+            joined = {"frames": [closure.frame_a, closure.frame_b], "joints": []}
+        records.append(
+            {
+                "name": closure.name,
+                **joined,
+                "type": closure.kind,
+                "rows": closure.rows,
+                "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
+                "residual": float(np.abs(residual[:, rows]).max()),
+            }
+        )
+        first += closure.rows
+    return records
+
+
+def check_tables(record: dict[str, Any]) -> list[Table]:
+    """The record as tables: joints, closures, summary."""
+    columns = ("joint", "type", "role", ">reference", ">lower", ">upper")
+    joints = plain_table(f"{record['mechanism']}: joints (m, rad)", *columns)
+    for joint in record["joints"]:
+        values = (
+            " ".join("-" if x is None else f"{round(x, 4) + 0.0:.4f}" for x in joint[key])
+            for key in ("reference", "lower", "upper")
+        )
+        role = "actuated" if joint["actuated"] else "passive"
+        joints.add_row(joint["name"], joint["type"], role, *values)
+    headers = ("frames or joints", "type", ">rows", ">rank", ">residual (m)")
+    closures = plain_table("closures", *headers)
+    for closure in record["closures"]:
+        name = " - ".join(closure["frames"]) or closure["name"]
+        numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
+        closures.add_row(name, closure["type"], *numbers)
+    return [joints, *([closures] if record["closures"] else []), _summary_table(record)]
+
+
+def _summary_table(record: dict[str, Any]) -> Table:
+    table = plain_table("at the reference", "", "")
+    rank = f"{record['closure_rank']} of {record['closure_rows']} rows"
+    rank += f", {record['redundant_rows']} redundant" if record["redundant_rows"] else ""
+    freedom = f"{record['degrees_of_freedom']}"
+    if record["singular_reference"]:
+        freedom += f" (singular reference: {record['generic_degrees_of_freedom']} around it)"
+    near = " (near!)" if record["near_singularity"] else ""
+    measure = f"{record['singularity_measure']:.3g}{near}, from 0 (singular) to 1"
+    rows = {
+        "closure rank": rank,
+        "degrees of freedom": freedom,
+        "actuated coordinates": ", ".join(record["actuated"]),
+        "passive coordinates": ", ".join(record["passive"]) or "none",
+        "left free by the motors": ", ".join(record["undetermined"]) or "none",
+        "redundant motors": ", ".join(record["redundant_actuation"]) or "none",
+        "closure residual": f"{record['closure_residual']:.1e} m",
+        "singularity measure": measure,
+        "bodies with parameters": ", ".join(record["bodies"]),
+        **{f"identical: {name}": ", ".join(links) for name, links in record["identical"].items()},
+    }
+    if record["unequal_links"]:
+        rows["not identical in the file"] = "; ".join(record["unequal_links"])
+    rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
+    for row in rows.items():
+        table.add_row(*row)
+    return table
+
+
+# loopid base: base parameters and how sure they are.
+
+
+def base_record(
+    mechanism: str, model: str, base: BaseParameters, lengths: Sequence[NamedLength] = ()
+) -> dict[str, Any]:
+    """Base parameters and their search, ready for JSON.
+
+    ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
+    no choice has less than that over ``gap``, null where nothing was proven.
+    Coefficients that are made of the lengths are named; the lengths in these names are listed.
+    """
+    names, search = name_coefficients(base, lengths), base.search
+    used = {length for found in names for name in found.values() for length in name.lengths}
+    return {
+        "mechanism": mechanism,
+        "model": model,
+        "standard_parameters": len(base.parameters),
+        "nonzero_parameters": len(base.structure.columns),
+        "rank": base.structure.rank,
+        "rank_gap": base.structure.rank_gap,
+        "condition_number": json_number(base.condition_number),
+        "nullspace_condition_number": json_number(base.nullspace_condition_number),
+        "search": {
+            "name": search.name,
+            "criterion": search.criterion,
+            "condition_number": json_number(search.condition_number),
+            "certified": search.certified,
+            "gap": json_number(search.gap),
+            "candidates": search.candidates,
+            "evaluated": search.evaluated,
+            "nodes": search.nodes,
+            "ties": search.ties,
+            "tolerance": search.tolerance,
+            "seconds": search.seconds,
+        },
+        "base_parameters": [
+            {
+                "name": name,
+                "terms": terms,
+                "coefficients": {
+                    label: found[label].text if label in found else None for label in terms
+                },
+                "expression": expression(terms, names=found),
+                "where": equations(terms, found),
+            }
+            for name, terms, found in zip(base.names, base.terms, names, strict=True)
+        ],
+        "lengths": [
+            {
+                "symbol": length.symbol,
+                "value": length.value,
+                "meaning": length.meaning,
+                # how many others are as long
+                "equally_long": sum(math.isclose(abs(x.value), abs(length.value)) for x in lengths)
+                - 1,
+            }
+            for length in lengths
+            if length in used
+        ],
+    }
+
+
+def base_tables(record: dict[str, Any]) -> list[Table]:
+    """The record as tables: the parameters, the lengths in them, then the findings."""
+    title = f"{record['mechanism']}: base parameters, {record['model']} model"
+    parameters = plain_table(title, ">", "base parameter")
+    for number, parameter in enumerate(record["base_parameters"], start=1):
+        # The sum, and below it what its coefficients are, each on a line of its own.
+        where = "\n        ".join(parameter["where"])
+        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
+        parameters.add_row(number, text)
+    lengths = plain_table("lengths", "", ">", "")
+    for length in record["lengths"]:
+        lengths.add_row(length["symbol"], f"{length['value']:.4g} m", length["meaning"])
+    return [parameters, *([lengths] if record["lengths"] else []), _findings(record)]
+
+
+def _findings(record: dict[str, Any]) -> Table:
+    search = record["search"]
+    conditions = record["nullspace_condition_number"], record["condition_number"]
+    nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
+    table = plain_table("findings", "", "")
+    for row in (
+        (
+            "parameters with an effect",
+            f"{record['nonzero_parameters']} of {record['standard_parameters']}",
+        ),
+        ("base parameters", f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})"),
+        ("combinations", f"{search['candidates']:,}"),
+        ("search", f"{search['name']}, criterion {search['criterion']}"),
+        (
+            "cond(V22), cond(W_B)",
+            ", ".join("infinite" if value is None else f"{value:.4f}" for value in conditions),
+        ),
+        ("certificate", certificate(search)),
+        ("looked at one by one", f"{search['evaluated']:,}{nodes}"),
+        ("time", f"{1e3 * search['seconds']:.3g} ms"),
+    ):
+        table.add_row(*row)
+    return table
+
+
+def certificate(search: dict[str, Any]) -> str:
+    """What is proven about a search's answer, in words."""
+    gap = search["gap"]
+    if search["certified"]:
+        if search["ties"] is None:
+            return "proven best (ties too many to count)"
+        alone = search["ties"] == 1
+        others = "the only one" if alone else f"one of {search['ties']:,} equally good"
+        return f"proven best, {others}"
+    if gap is None:
+        return "not certified: a better choice may exist"
+    if gap >= 2:
+        return f"not certified: at most {_rounded_up(gap)} times the least possible"
+    return f"not certified: at most {_rounded_up(100 * (gap - 1))} % above the least possible"
+
+
+def _rounded_up(value: float) -> str:
+    """Three digits, rounded up: a bound that is rounded down would not be proven."""
+    return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
+
+
+# loopid motions: each motion beside the robot's limits.
+
+
+def motions_record(
+    mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
+) -> dict[str, Any]:
+    """Reviews and durations by name of the motion, ready for JSON."""
+    motions = []
+    for name, review in reviews.items():
+        limited = [r for r in review.ranges if math.isfinite(r.clearance)]
+        nearest = min(limited, key=lambda r: r.clearance, default=None)
+        motions.append(
+            {
+                "name": name,
+                "seconds": seconds[name],
+                "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
+                "nearest_limit": None if nearest is None else nearest.joint,
+                "clearance": None if nearest is None else nearest.clearance,
+                "singularity": review.singularity,
+                "singular_time": review.singular_time,
+                "speeds": review.speeds,
+                "problems": list(review.problems),
+            }
+        )
+    return {"mechanism": mechanism, "motions": motions}
+
+
+def motions_tables(record: dict[str, Any]) -> list[Table]:
+    """One line a motion, and what speaks against any of them."""
+    columns = ("motion", ">time", ">least clearance", ">singularity", ">top speed")
+    table = plain_table(f"{record['mechanism']}: motions", *columns, "problems")
+    for motion in record["motions"]:
+        limited = motion["clearance"] is not None
+        table.add_row(
+            motion["name"],
+            f"{motion['seconds']:.1f}",
+            f"{motion['clearance']:.4f} {motion['nearest_limit']}" if limited else "no limits",
+            f"{motion['singularity']:.4f}",
+            f"{max(motion['speeds'].values()):.4f}",
+            "; ".join(motion["problems"]) or "none",
+        )
+    return [table]

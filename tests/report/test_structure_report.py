@@ -1,0 +1,130 @@
+"""Records and tables of ``loopid check``, ``base`` and ``motions``."""
+
+import json
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.strategies import floats
+
+from loopid import find_base_parameters, structural_observation
+from loopid.base_parameters import expression
+from loopid.report import base_record, check_record, motions_record, motions_tables
+from loopid.report.structure import certificate
+from loopid.robot import named_lengths
+from loopid.trajectories import JointRange, MotionReview
+
+REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})
+
+
+@pytest.fixture(scope="module")
+def base(knee):
+    return find_base_parameters(structural_observation(knee))
+
+
+def assert_strict(record):
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+
+
+def test_records_are_strict_json(knee, base):
+    assert_strict(base_record(knee.name, "gravity", base))
+    assert_strict(check_record(knee))
+
+
+def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
+    base = find_base_parameters(structural_observation(knee), "qr")
+    records = {
+        gap: base_record(knee.name, "gravity", replace(base, search=replace(base.search, gap=gap)))
+        for gap in (inf, 1.16914, 3.3906)
+    }
+    for record in records.values():
+        assert_strict(record)
+    found = {gap: (r["search"]["gap"], certificate(r["search"])) for gap, r in records.items()}
+    assert found == {
+        inf: (None, "not certified: a better choice may exist"),
+        1.16914: (1.16914, "not certified: at most 17 % above the least possible"),
+        3.3906: (3.3906, "not certified: at most 3.4 times the least possible"),
+    }
+
+
+@given(gap=floats(1 + 1e-6, 1e12))
+def test_a_printed_bound_holds(gap):
+    said = certificate({"certified": False, "gap": gap})
+    (number,) = [float(word) for word in said.split() if word[0].isdigit()]
+    printed = 1 + number / 100 if "%" in said else number
+    assert gap <= printed * (1 + 1e-12)
+    assert printed - 1 < 1.011 * (gap - 1)
+
+
+def test_terms_rebuild_the_matrix(knee, base):
+    record = base_record(knee.name, "gravity", base)
+    labels = base.parameters.labels
+    for parameter, row in zip(record["base_parameters"], base.matrix, strict=True):
+        assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
+
+
+def test_coefficients_are_named_and_their_lengths_listed(knee, base):
+    record = base_record(knee.name, "gravity", base, named_lengths(knee))
+    assert_strict(record)
+    (row,) = [row for row in record["base_parameters"] if row["name"] == "platform.mx"]
+    assert row["coefficients"] == {
+        "platform.mx": None,
+        "leg1_stem.m": "x(platform_B1)",
+        "leg2_stem.m": "x(platform_B2)",
+    }
+    assert row["where"] == ["-0.3 = x(platform_B1)", "0.1928 = x(platform_B2)"]
+    assert row["expression"] == f"{expression(row['terms'])}, where {', '.join(row['where'])}"
+    assert [length["symbol"] for length in record["lengths"]] == [
+        f"{axis}(platform_B{leg})" for axis, leg in ("x1", "x2", "y2", "y3")
+    ]
+    # x of B1, y of B3 and the distance of B2 are all 0.3 m.
+    assert [length["equally_long"] for length in record["lengths"]] == [2, 0, 0, 2]
+
+
+def test_without_lengths_sums_stay_numbers(knee, base):
+    record = base_record(knee.name, "gravity", base)
+    assert [row["expression"] for row in record["base_parameters"]] == list(base.expressions)
+    assert record["lengths"] == []
+
+
+def test_a_motion_is_recorded_with_its_nearest_limit():
+    ranges = (JointRange("a", -1.0, 1.0, -2.0, 3.0), JointRange("b", 0.0, 0.5, -0.2, np.inf))
+    review = MotionReview(ranges, 0.05, 2.5, 0.01, {"a": 0.3})
+    record = motions_record("robot", {"up": review}, {"up": 12.0})
+    assert_strict(record)
+    (motion,) = record["motions"]
+    assert (motion["name"], motion["seconds"]) == ("up", 12.0)
+    assert (motion["nearest_limit"], motion["clearance"]) == ("b", 0.2)
+    assert motion["ranges"] == {"a": [-1.0, 1.0], "b": [0.0, 0.5]}
+    assert (motion["singularity"], motion["singular_time"]) == (0.05, 2.5)
+    assert motion["problems"] == []
+
+
+@pytest.mark.parametrize("ranges", [(), (JointRange("a", -1.0, 1.0, -np.inf, np.inf),)])
+def test_a_robot_without_limits_is_recorded_in_strict_json(ranges):
+    review = MotionReview(ranges, 0.05, 2.5, 0.01, {"a": 0.3})
+    record = motions_record("robot", {"up": review}, {"up": 12.0})
+    assert_strict(record)
+    assert record["motions"][0]["clearance"] is None
+
+
+@pytest.mark.parametrize(
+    ("terms", "text"),
+    [
+        ({"a.m": 1.0}, "a.m"),
+        ({"a.m": -1.0, "b.m": 1.0}, "-a.m + b.m"),
+        ({"a.m": 1.0, "b.m": -0.25, "c.mx": 2.0}, "a.m - 0.25 b.m + 2 c.mx"),
+        ({"a.m": -np.pi}, "-3.142 a.m"),
+        ({}, ""),
+    ],
+)
+def test_expressions_read_as_sums(terms, text):
+    assert expression(terms) == text
+
+
+def test_a_motion_that_breaks_a_limit_is_said_so():
+    record = motions_record("robot", {"1": replace(REVIEW, margin=0.9)}, {"1": 12.0})
+    (table,) = motions_tables(record)
+    assert "singularity measure falls" in next(iter(table.columns[-1].cells))
