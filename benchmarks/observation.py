@@ -2,7 +2,7 @@
 
     python benchmarks/observation.py [--samples N] [--json FILE]
 
-One core; microseconds of processor time per sample, medians over rounds in which all phases take
+One core; microseconds of processor time per sample, the least of rounds in which all phases take
 turns. The bare loop asks Pinocchio for the regressor Y of each sample and keeps it. The regressor
 K = Gᵀ Y of the closed loops takes
 
@@ -23,7 +23,6 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from time import process_time
 from typing import Any
 
@@ -89,7 +88,7 @@ def observation(name: str, robot: Mechanism, model: str, count: int) -> dict[str
 
     columns, parameters = regressor(), robot.parameters(model)
     resting = model == "gravity"
-    taken = medians(
+    taken = least(
         {
             "bare": bare(robot, q, still if resting else v, still if resting else a),
             "jacobian": lambda: constraint_jacobian(robot, q),
@@ -119,7 +118,7 @@ def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
     strokes = smooth_strokes(robot)
     found = assemble(robot, strokes, trajectory=True)
     still = np.zeros((len(found), robot.model.nv))
-    taken = medians(
+    taken = least(
         {
             "bare": bare(robot, found, still, still),
             "assembly": lambda: assemble(robot, strokes, trajectory=True),
@@ -151,7 +150,7 @@ def bare(robot: Mechanism, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Calla
     return run
 
 
-def medians(
+def least(
     phases: dict[str, Callable[[], object]], count: int, rounds: int = ROUNDS
 ) -> dict[str, float]:
     """Processor time per sample of each phase in µs, taken in turn so that drift hits all."""
@@ -161,7 +160,7 @@ def medians(
             start = process_time()
             phase()
             times[name].append((process_time() - start) / count * 1e6)
-    return {name: median(values) for name, values in times.items()}
+    return {name: min(values) for name, values in times.items()}
 
 
 if __name__ == "__main__":

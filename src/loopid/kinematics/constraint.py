@@ -52,7 +52,10 @@ class Constraint:
         A = np.zeros((len(self.q), self.mechanism.rows, self.mechanism.model.nv))
         coupled = self.mechanism.rows - len(self.mechanism.couplings)
         if self.pairs:
-            A[:, :coupled] = self._rates(self.poses.linear, self.poses.angular)
+            linear, closures = self.poses.linear, self.mechanism.closures
+            turns = any(part.turns for closure in closures for part in closure.equations)
+            angular = self.poses.angular if turns else np.broadcast_to(np.nan, linear.shape)
+            A[:, :coupled] = self._rates(linear, angular)
         for row, coupling in enumerate(self.mechanism.couplings, coupled):
             A[:, row, list(coupling.v_indices)] = coupling.coefficients
         return A

@@ -20,14 +20,16 @@ from loopid.robot import Mechanism, tie_matrix
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
+REGRESSORS = 128  # samples whose columns of all joints are in memory at a time
 # Joints whose axes change in their own frame, which Pinocchio's ``data.dJ`` leaves out.
 VARYING_SUBSPACE = ("JointModelUniversal", "JointModelSphericalZYX", "JointModelComposite")
 
 
-def blocks(count: int) -> Iterator[slice]:
+def blocks(count: int, size: int | None = None) -> Iterator[slice]:
     """Slices of a number of samples, one at least."""
-    for first in range(0, max(count, 1), BLOCK):
-        yield slice(first, min(first + BLOCK, count))
+    step = size or BLOCK
+    for first in range(0, max(count, 1), step):
+        yield slice(first, min(first + step, count))
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,8 @@ def torque_regressors(
     to_rows = identity if G is None else np.ascontiguousarray(G.transpose(0, 2, 1))
     columns = mechanism.columns(model)  # with "gravity" m, mx, my and mz of each body
     K = np.empty((len(q), to_rows.shape[1], len(columns)))
-    whole = np.empty((BLOCK, to_rows.shape[1], 10 * (tree.njoints - 1)))
-    for rows in blocks(len(q)):
+    whole = np.empty((REGRESSORS, to_rows.shape[1], 10 * (tree.njoints - 1)))
+    for rows in blocks(len(q), REGRESSORS):
         states = zip(q[rows], v[rows], a[rows], to_rows[rows], whole, strict=False)
         for *state, to_row, out in states:
             Y = pin.computeJointTorqueRegressor(tree, data, *state)

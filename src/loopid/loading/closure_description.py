@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from loopid.loading.yaml_files import Section
 from loopid.robot import CLOSURE_KINDS, JointCoupling
@@ -16,17 +16,18 @@ ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
 Vector = tuple[float, float, float]
 
 
-def _among(*kinds: str) -> AfterValidator:
+def _among(*kinds: str) -> BeforeValidator:
     """Check for one of some kinds, and give it its own name."""
 
-    def known(value: str) -> str:
-        kind = ALIASES.get(value.lower(), value.lower())
+    def known(value: Any) -> str:
+        kind = value.lower() if isinstance(value, str) else ""
+        kind = ALIASES.get(kind, kind)
         if kind not in kinds:
             valid = ", ".join(map(repr, kinds))
-            raise ValueError(f"unknown kind of closure {value!r}: choose among {valid}")
+            raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
         return kind
 
-    return AfterValidator(known)
+    return BeforeValidator(known)
 
 
 FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]

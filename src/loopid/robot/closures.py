@@ -75,6 +75,7 @@ class Equations(ABC):
 
     count: ClassVar[int]
     angular: ClassVar[bool] = False  # whether the residual is an angle in rad, otherwise in m
+    turns: ClassVar[bool] = True  # whether it depends on how the frames turn
 
     @abstractmethod
     def residual(self, pair: FramePair) -> FloatArray:
@@ -97,6 +98,7 @@ class Point(Equations):
     """The origins coincide: r = -d."""
 
     count = 3
+    turns = False
 
     def residual(self, pair: FramePair) -> FloatArray:
         return -pair.distance[:, :, 0]
@@ -139,6 +141,7 @@ class Distance(Equations):
     """A rod of length l joins the origins: r = (dᵀd - l²) / 2l."""
 
     count = 1
+    turns = False
 
     def __init__(self, length: float) -> None:
         self.length = length
