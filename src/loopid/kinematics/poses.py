@@ -21,6 +21,10 @@ from loopid.robot import Mechanism, tie_matrix
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
 REGRESSORS = 128  # samples whose columns of all joints are in memory at a time
+# glibc hands the memory of large arrays back to the system, from which it comes as slowly as it is
+# used, until it has seen a large one come and go (M_MMAP_THRESHOLD in mallopt(3)). The array is
+# never written to: elsewhere this does nothing.
+np.empty(31 << 17)
 # Joints whose axes change in their own frame, which Pinocchio's ``data.dJ`` leaves out.
 VARYING_SUBSPACE = ("JointModelUniversal", "JointModelSphericalZYX", "JointModelComposite")
 
