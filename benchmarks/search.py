@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from loopid import ExhaustiveSearch, Observation, find_base_parameters, load_mechanism
-from loopid.base_parameters import ChoiceProblem, SubgroupSearch, analyse
+from loopid import Observation, find_base_parameters, load_mechanism
+from loopid.base_parameters import ChoiceProblem, ExhaustiveSearch, SubgroupSearch, analyse
 from loopid.base_parameters.search.exhaustive import best_in_range
 from loopid.regressors import structural_observation
 from tables import show, write_json

@@ -2,11 +2,8 @@
 
 import pytest
 
-import loopid.logs.text_table
-import loopid.order_statistics
+import loopid.logs.formats
 import loopid.scratch
-
-MODULES = (loopid.scratch, loopid.logs.text_table, loopid.order_statistics)
 
 
 @pytest.fixture
@@ -14,8 +11,9 @@ def set_block_rows(monkeypatch):
     """Set how many rows a block has, and keep nothing larger in memory."""
 
     def set_them(rows):
-        for module in MODULES:
-            monkeypatch.setattr(module, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(loopid.scratch, "BLOCK_ROWS", rows)
         monkeypatch.setattr(loopid.scratch, "SPOOLED_BYTES", 0)
+        monkeypatch.setattr(loopid.logs.formats, "BATCH_ROWS", rows)
+        monkeypatch.setattr(loopid.logs.formats, "BATCH_BYTES", 100 * rows)
 
     return set_them

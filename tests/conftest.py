@@ -16,8 +16,17 @@ from hypothesis import settings
 
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
-from loopid import load_mechanism, random_configurations
+from loopid import (
+    find_force_model,
+    identify,
+    load_mechanism,
+    prepare_recording,
+    random_configurations,
+    read_log,
+    split_recordings,
+)
 from loopid.errors import MobilityWarning
+from made_runs import friction, logged, quietly, wander
 
 ROOT = Path(__file__).parents[1]
 
@@ -206,3 +215,20 @@ def rate():
         return (8 * near - far) / (12 * step)
 
     return derivative
+
+
+@pytest.fixture(scope="session")
+def knee_run(knee, tmp_path_factory):
+    """Path of a log of the knee robot with friction, in which motors stand at times."""
+    path = tmp_path_factory.mktemp("knee") / "run.csv"
+    motion = wander(knee, 1, seconds=40.0, rate=50.0)
+    path.write_text(logged(knee, motion, friction(knee), noise=2.0))
+    return path
+
+
+@pytest.fixture(scope="session")
+def identification(knee, knee_run):
+    """What that log identifies, through reading, filter and split."""
+    recording = quietly(prepare_recording, knee, read_log(knee_run, knee))
+    model = find_force_model(knee, "gravity", friction(knee)[0])
+    return quietly(identify, model, *split_recordings([recording]))

@@ -1,5 +1,7 @@
 """Runs of simulated robots whose truth is known."""
 
+import warnings
+
 import numpy as np
 
 from closure_robots import body, urdf
@@ -7,7 +9,7 @@ from loopid import JointTerms, platform_coordinates
 from loopid.kinematics import measured_coordinates
 from loopid.logs import Recording
 from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import FourierSeries, Waypoint, joint_motion, point_to_point
+from loopid.trajectories import FourierSeries, Motion, Waypoint, joint_motion, point_to_point
 
 FRICTION = {"Fc": (17.0, 22.0, 19.0, 230.0), "Fv": (320.0, 320.0, 320.0, 2000.0)}
 HINGE = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
@@ -83,3 +85,22 @@ def changed(robot, **differences):
     for name, difference in differences.items():
         values[labels.index(".".join(name.rsplit("_", 1)))] += difference
     return values
+
+
+def one_joint(robot, joint, size, seconds=6.0, rate=20.0):
+    """A motion of one motor; the others stand."""
+    middle = measured_coordinates(robot).read(robot.reference[None].copy())[0]
+    time, omega = np.arange(int(seconds * rate)) / rate, 2 * np.pi * 0.4
+    position, velocity, acceleration = (np.zeros((len(time), len(middle))) for _ in range(3))
+    position += middle
+    position[:, joint] += size * np.sin(omega * time)
+    velocity[:, joint] = size * omega * np.cos(omega * time)
+    acceleration[:, joint] = -size * omega**2 * np.sin(omega * time)
+    return joint_motion(robot, Motion(robot.measured, time, position, velocity, acceleration))
+
+
+def quietly(function, *arguments, **options):
+    """Call a function whose warnings are not what is tested."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments, **options)

@@ -1,4 +1,4 @@
-"""Smooth motion with errors of a known kind, as a robot's log has them."""
+"""Smooth motion with errors of a known kind, as a robot's log has them, and rates of coverage."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,9 @@ from scipy.signal import lfilter
 
 from loopid import ParameterSet
 from loopid.identification import FitSamples
+
+TRUTH = np.array([3.0, -1.0, 0.5, 10.0, 2.0, -4.0])
+DEVIATIONS = np.array([0.5, 4.0])  # of the errors of two actuators
 
 
 def smooth_regressor(seed=0, samples=1000, dof=2, count=6, harmonics=4):
@@ -23,21 +26,34 @@ def autoregressive(rng, shape, coefficient, lead=500):
     return lfilter([1.0], [1.0, -coefficient], white, axis=0)[lead:]
 
 
+def outliers(rng, shape, share=0.05, size=12.0):
+    return np.where(rng.random(shape) < share, rng.choice([-size, size], size=shape), 0.0)
+
+
+def named(count):
+    return ParameterSet.from_labels([f"link{j}.m" for j in range(count)])
+
+
 def named_samples(W, force, used=None, stretches=None):
-    names = ParameterSet.from_labels([f"link{j}.m" for j in range(W.shape[2])])
-    return FitSamples.of(names, tuple("abcd"[: W.shape[1]]), W, force, used, stretches)
+    return FitSamples.of(named(W.shape[2]), tuple("abcd"[: W.shape[1]]), W, force, used, stretches)
 
 
-@pytest.fixture(scope="session")
-def make_regressor():
-    return smooth_regressor
+def runs(few, many):
+    """Repetitions of a Monte Carlo: few in an ordinary run, many in ``make validate``."""
+    many = pytest.param(many, marks=pytest.mark.validate)
+    return pytest.mark.parametrize("runs", [few, many])
 
 
-@pytest.fixture(scope="session")
-def make_errors():
-    return autoregressive
+def covered(result, truth=TRUTH):
+    low, high = result.intervals().T
+    return (low <= truth) & (truth <= high)
 
 
-@pytest.fixture(scope="session")
-def make_samples():
-    return named_samples
+def assert_coverage(rates, slack=0.015):
+    """95 % intervals covered the true values (runs, n) at their rate, as far as so many runs tell.
+
+    Each parameter by 4 binomial standard deviations, their mean by 2, and some slack.
+    """
+    deviation = np.sqrt(0.95 * 0.05 / len(rates))
+    assert np.mean(rates, axis=0).min() > 0.95 - 4 * deviation - slack
+    assert abs(np.mean(rates) - 0.95) < 2 * deviation + slack

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from numbers import Real
+from reprlib import Repr
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,6 +21,9 @@ BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 # Of any number that is taken: no product of a few such numbers overflows.
 LARGEST = 1e100
+
+_texts = Repr()  # how long the fields of a ``repr`` may be
+_texts.maxother, _texts.maxtuple = 70, 4
 
 
 def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
@@ -98,3 +103,42 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     if count is not None and len(values) != count:
         raise DataError(f"{name} must have {count} rows, one a sample, not {len(values)}")
     return values
+
+
+class ComparedByFields:
+    """Dataclasses of arrays: equal when all compared fields are, NaN included; a short ``repr``.
+
+    For dataclasses with ``eq=False, repr=False``.
+    """
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = [field.name for field in fields(self) if field.compare]  # type: ignore[arg-type]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    def __repr__(self) -> str:
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        parts = [f"{name}={_short(getattr(self, name))}" for name in names]
+        line = ", ".join(parts)
+        inside = line if len(line) < 80 else "\n  " + ",\n  ".join(parts)
+        return f"{type(self).__name__}({inside})"
+
+
+def _equal(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or (np.isnan(one) and np.isnan(other))
+    return one == other
+
+
+def _short(value: object) -> str:
+    """A field in one line; of large arrays only the shape."""
+    if not isinstance(value, np.ndarray):
+        return _texts.repr(value).replace("\n", " ")
+    if value.ndim == 1 and value.size <= 8:
+        return np.array2string(value, precision=4, separator=", ", max_line_width=1000)
+    return f"<array of shape {value.shape}>"

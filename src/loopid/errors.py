@@ -100,11 +100,11 @@ class LogWarning(UserWarning):
 
 
 class CorrelationWarning(UserWarning):
-    """The errors of a fit follow one another: there are fewer independent samples than rows."""
+    """Residuals of a fit are autocorrelated: there are fewer independent samples than rows."""
 
 
 class ExcitationWarning(UserWarning):
-    """Data hardly show a parameter that was fitted to them."""
+    """Data hardly excite a parameter that was fitted to them."""
 
 
 class MobilityWarning(UserWarning):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from html import escape
 
 import numpy as np
 
@@ -119,3 +120,12 @@ class ParameterSet:
 
     def __getitem__(self, column: int) -> Parameter:
         return self.parameters[column]
+
+
+def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """A table for notebooks."""
+    lines = [
+        "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+        for tag, cells in [("th", head), *(("td", row) for row in rows)]
+    ]
+    return "<table>\n" + "\n".join(lines) + "\n</table>"

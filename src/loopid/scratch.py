@@ -1,7 +1,7 @@
-"""Rows of any number in a small memory: what is large lies in a temporary file.
+"""Arrays of many rows in a small memory: what is large lies in a temporary file.
 
-A spooled array is an ordinary read-only array whose rows the system fetches from the file when they
-are touched. Work on such arrays goes block by block, and a block that is done leaves the memory.
+Such an array is an ordinary NumPy array whose pages the system fetches from the file when they are
+touched. Code that goes over it by ``row_blocks`` keeps only one block at a time in memory.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import mmap
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from typing import IO, Any
+from typing import Any
 from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loopid.arrays import BoolArray, IntArray, all_measurable, finite, frozen, samples
+from loopid.arrays import IntArray, all_measurable, finite, frozen, samples
 
 # Rows that are in memory at a time.
 BLOCK_ROWS = 4096
@@ -28,12 +28,31 @@ _mappings: WeakSet[mmap.mmap] = WeakSet()
 
 
 def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
-    """The rows, or so many from 0 on, in blocks; pages of files are let go after each."""
+    """The rows, or so many from 0 on, in blocks; pages of files leave the memory after each."""
     whole = slice(0, rows) if isinstance(rows, int) else rows
     step = BLOCK_ROWS if size is None else size
     for first in range(whole.start, whole.stop, step):
         yield slice(first, min(first + step, whole.stop))
-        _release_pages()
+        release_pages()
+
+
+def release_pages() -> None:
+    """Let the pages of all files leave the memory; they come back when they are touched."""
+    if hasattr(mmap, "MADV_DONTNEED"):
+        for mapping in list(_mappings):
+            mapping.madvise(mmap.MADV_DONTNEED)
+
+
+def empty_columns(count: int, width: int) -> NDArray[np.float64]:
+    """A writable array (N, k), stored column after column, in a file if it is large."""
+    size = 8 * count * width
+    if size <= SPOOLED_BYTES:
+        return np.empty((width, count)).T
+    with tempfile.TemporaryFile() as file:
+        file.truncate(size)
+        mapping = mmap.mmap(file.fileno(), size)
+    _mappings.add(mapping)
+    return np.frombuffer(mapping, np.float64).reshape(width, count).T
 
 
 def spooled(blocks: Iterable[NDArray[Any]]) -> NDArray[Any]:
@@ -49,20 +68,9 @@ def mapped_rows(function: Callable[[slice], NDArray[Any]], count: int) -> NDArra
     return spooled(function(rows) for rows in row_blocks(count))
 
 
-def rows_where(function: Callable[[slice], BoolArray], count: int) -> IntArray:
-    """Numbers of the rows that a function of blocks of rows flags."""
-    found = [np.flatnonzero(function(rows)) + rows.start for rows in row_blocks(count)]
-    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
-
-
 def picked(array: NDArray[Any], rows: IntArray) -> NDArray[Any]:
     """Single rows, a few at a time: the system fetches many around each."""
     return np.concatenate([array[rows[few]] for few in row_blocks(len(rows), PICKED_ROWS)])
-
-
-def steps(values: NDArray[Any], rows: slice) -> NDArray[Any]:
-    """From each of a block of rows to the next one."""
-    return np.diff(values[rows.start : rows.stop + 1], axis=0)
 
 
 class Spool:
@@ -70,9 +78,8 @@ class Spool:
 
     def __init__(self) -> None:
         self._blocks: list[NDArray[Any]] = []
-        self._bytes = 0
-        self._file: IO[bytes] | None = None
-        self._rows = 0
+        self._file: Any = None
+        self._bytes = self._rows = 0
 
     def __len__(self) -> int:
         return self._rows
@@ -83,11 +90,10 @@ class Spool:
         self._rows += len(block)
         self._bytes += block.nbytes
         self._blocks.append(block)
-        if self._file is None and self._bytes > SPOOLED_BYTES:
-            self._file = tempfile.TemporaryFile()  # noqa: SIM115
-        if self._file is not None:
+        if self._bytes > SPOOLED_BYTES:
+            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115
             for waiting in self._blocks:
-                self._file.write(waiting.data if waiting.size else b"")
+                self._file.write(waiting.tobytes())
             # One empty block stays, for the shape and type.
             self._blocks = [block[:0].copy()]
 
@@ -105,7 +111,12 @@ class Spool:
 
 def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """As ``frozen``, but without copying what lies in a file."""
-    return array if _is_spooled(array, dtype) else frozen(array, dtype)  # type: ignore[return-value]
+    if not isinstance(array, np.ndarray) or not _is_spooled(array, dtype):
+        return frozen(array, dtype)
+    if array.flags.writeable:
+        array = array.view()
+        array.setflags(write=False)
+    return array
 
 
 def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -137,10 +148,3 @@ def _is_spooled(array: ArrayLike, dtype: Any) -> bool:
     if isinstance(base, memoryview):
         base = base.obj
     return isinstance(base, mmap.mmap) and np.asarray(array).dtype == np.dtype(dtype)
-
-
-def _release_pages() -> None:
-    """Let the pages of all files leave the memory; they come back when they are touched."""
-    if hasattr(mmap, "MADV_DONTNEED"):
-        for mapping in list(_mappings):
-            mapping.madvise(mmap.MADV_DONTNEED)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arguments import checked, checked_fields
-from loopid.arrays import BoolArray, FloatArray, finite, frozen
+from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import ClosedMotion, JointCoordinates, closed_motion
+from loopid.kinematics import JointCoordinates, closed_motion
 from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
@@ -35,6 +35,12 @@ class Noise:
         Standard deviation of a normal force error, in N or N m.
     encoder_step : float
         Resolution of the positions, in m or rad; 0 for exact ones.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.Noise(gaussian=2.0, encoder_step=20e-6)
+    Noise(uniform=0.0, gaussian=2.0, encoder_step=2e-05)
     """
 
     uniform: float = 0.0
@@ -47,7 +53,7 @@ class Noise:
                 raise OptionError(f"{name} must be a number from 0 on, not {getattr(self, name)}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Measurement:
     """Simulated signals of all m motors, in the order of ``mechanism.actuated``.
 
@@ -67,6 +73,10 @@ class Measurement:
     position: FloatArray
     force: FloatArray
     exact_force: FloatArray
+
+    def __repr__(self) -> str:
+        count, motors = self.force.shape
+        return f"<Measurement of {motors} motors: {count} samples over {np.ptp(self.time):g} s>"
 
 
 @checked
@@ -102,11 +112,20 @@ def simulate_measurement(
         When a motor has several coordinates, or only one of terms and values is given.
     DataError
         When no forces of the motors give the motion, as they leave a coordinate free.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1))
+    <Measurement of 1 motors: 41 samples over 2 s>
     """
     values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
         values.append(_joint_values(mechanism, joint_terms, joint_values))
-    force = _of_motors(mechanism, motion, joint_terms, np.concatenate(values))
+    force = _motor_forces(mechanism, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
     error += generator.normal(scale=noise.gaussian, size=force.shape)
@@ -117,44 +136,31 @@ def simulate_measurement(
     return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
 
 
-def _of_motors(
+def _motor_forces(
     mechanism: Mechanism, motion: JointMotion, terms: JointTerms | None, values: FloatArray
 ) -> FloatArray:
     """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
-    parts = []
+    dof, motors = len(mechanism.independent), mechanism.velocity_indices(mechanism.actuated)
+    driven, parts = dof - len(mechanism.free), []
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
         K = motion_regressor(mechanism, whole, "full", terms)
-        parts.append(_forces(mechanism, whole, K, values))
+        needed = K @ values
+        force, left = needed[:, :driven], needed[:, driven:]
+        if mechanism.redundant:
+            shares = whole.projection.G[:, motors, :driven].transpose(0, 2, 1)
+            force = np.einsum("nmi,ni->nm", np.linalg.pinv(shares), force)
+        parts.append((force, left, (np.abs(K) @ np.abs(values)).max(axis=1, initial=0.0)))
     force, left, sizes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    _refuse_unbalanced(mechanism, np.abs(left) > UNBALANCED * sizes.max(initial=0.0))
-    return np.asarray(force, dtype=np.float64)
-
-
-def _forces(
-    mechanism: Mechanism, motion: ClosedMotion, K: FloatArray, values: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Forces of the motors (L, m), of free coordinates (L, free), and sizes of all terms (L,)."""
-    needed, driven = K @ values, K.shape[1] - len(mechanism.free)
-    sizes = (np.abs(K) @ np.abs(values)).max(axis=1, initial=0.0)
-    force, left = needed[:, :driven], needed[:, driven:]
-    if mechanism.redundant:
-        motors = mechanism.velocity_indices(mechanism.actuated)
-        shares = motion.projection.G[:, motors, :driven].transpose(0, 2, 1)
-        force = np.einsum("nmi,ni->nm", np.linalg.pinv(shares), force)
-    return force, left, sizes
-
-
-def _refuse_unbalanced(mechanism: Mechanism, wrong: BoolArray) -> None:
-    """Refuse samples where free coordinates (N, free) ask for forces."""
-    columns = zip(mechanism.free, wrong.T, strict=True)
-    names = [name for name, column in columns if column.any()]
-    if names:
+    wrong = (np.abs(left) > UNBALANCED * sizes.max(initial=0.0)).any(axis=0)
+    if wrong.any():
+        names = [name for name, flag in zip(mechanism.free, wrong, strict=True) if flag]
         raise DataError(
             f"the motors of {mechanism.name} leave {', '.join(names)} free, and the motion asks "
             "for forces there: take accelerations from forward_dynamics"
         )
+    return np.asarray(force, dtype=np.float64)
 
 
 def _joint_values(

@@ -10,7 +10,7 @@ import pytest
 
 from loopid import JointTerms, load_mechanism
 from loopid.cli import main
-from made_runs import ARM, FRICTION, friction, logged, wander
+from made_runs import ARM, FRICTION, logged, wander
 
 
 @dataclass
@@ -49,19 +49,15 @@ def run_json(run):
 
 
 @pytest.fixture(scope="session")
-def log_texts(knee):
-    """A run of the knee robot as CSV."""
-    motion = wander(knee, 1, seconds=30.0, rate=50.0)
-    return {"run.csv": logged(knee, motion, friction(knee), seed=1)}
+def logs(knee_run):
+    """Path of a run of the knee robot."""
+    return {knee_run.name: str(knee_run)}
 
 
 @pytest.fixture(scope="session")
-def logs(log_texts, tmp_path_factory):
-    """Path of the same run."""
-    folder = tmp_path_factory.mktemp("logs")
-    for name, text in log_texts.items():
-        (folder / name).write_text(text)
-    return {name: str(folder / name) for name in log_texts}
+def log_texts(knee_run):
+    """The same run as text."""
+    return {knee_run.name: knee_run.read_text()}
 
 
 @pytest.fixture(scope="session")

@@ -45,7 +45,7 @@ OPTIONS = {
         "--model",
         "--terms",
         "--estimator",
-        "--on-dark",
+        "--unidentifiable",
         "--prior-deviation",
         "--consistent",
         "--repair",

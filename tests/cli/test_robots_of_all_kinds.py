@@ -32,7 +32,7 @@ def identified(run_json, legs):
 
 
 def test_legs_made_alike_are_identified_together(identified):
-    untied, tied = (record["fit"]["parameters"] for record in identified)
+    untied, tied = (record["fit"]["base_parameters"] for record in identified)
     owners = {entry["name"].rpartition(".")[0] for entry in tied}
     assert owners == {"upper", "lower", "platform"}
     assert {entry["name"].rpartition(".")[0] for entry in untied} > {"leg1_upper", "leg2_lower"}
@@ -79,7 +79,7 @@ def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
     (tmp_path / "run.csv").write_text(logged(robot, motion, terms, noise=0.05))
     record = run_json("identify", file, tmp_path / "run.csv", "--model", "full")
     assert record["actuators"] == ["left_joint", "right_joint"]
-    found = {entry["name"]: entry["value"] for entry in record["fit"]["parameters"]}
+    found = {entry["name"]: entry["value"] for entry in record["fit"]["base_parameters"]}
     for name, value in zip(terms[0].parameters(robot).labels, terms[1], strict=True):
         assert found[name] == pytest.approx(value, abs=0.08)
 

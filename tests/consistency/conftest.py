@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, load_mechanism
-from loopid.consistency.exact import whiten
 from loopid.consistency.prior import sound_prior
+from loopid.consistency.whitening import Whitening
 from loopid.experiment import find_force_model
 from loopid.identification import FitSamples, WeightedLeastSquares
 from made_runs import ARM, friction, wander
@@ -83,6 +83,6 @@ def whitened():
     def make(case, prior=None, regions=None, margin=1e-3):
         values = case.prior if prior is None else prior
         sound = sound_prior(case.base.parameters, values, regions or {})
-        return whiten(case.base, sound, regions or {}, margin)
+        return Whitening.about(case.base, sound, regions or {}, margin)
 
     return make

@@ -5,17 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cone_programs import fitted as independent_fit
-from possible_bodies import bodies_of, body_columns, least_relative, shaken
+from oracles import bodies_of, body_columns, least_relative, shaken
+from oracles import fitted as independent_fit
 
-from loopid.consistency import REGULARISATIONS, conic, consistent_fit, log_cholesky
-from loopid.consistency.problem import convex_problem
-from loopid.consistency.pseudo_inertia import parameters_of, pseudo_inertia
+from loopid.consistency import (
+    REGULARISATIONS,
+    consistent_fit,
+    consistent_parameters,
+    semidefinite,
+)
+from loopid.consistency.whitening import ConvexProblem
 from loopid.errors import DataError, FeasibilityError, MissingExtraError, OptionError
 from loopid.identification import OrdinaryLeastSquares
 from loopid.parameters import ParameterSet
-
-SOLVERS = ("clarabel", "log-cholesky")
+from loopid.pseudo_inertia import parameters_of, pseudo_inertia
 
 
 def rough_prior(case, size=0.3, seed=1):
@@ -28,11 +31,10 @@ def noisy(arm_case):
     return arm_case.fitted(3.0, seed=2)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("regularisation", REGULARISATIONS)
 @pytest.mark.parametrize("strength", [1.0, 0.01])
 def test_it_is_the_optimum_that_an_independent_program_finds(
-    arm_case, noisy, solver, regularisation, strength
+    arm_case, noisy, regularisation, strength
 ):
     prior = rough_prior(arm_case)
     result = consistent_fit(
@@ -41,13 +43,11 @@ def test_it_is_the_optimum_that_an_independent_program_finds(
         prior,
         regularisation=regularisation,
         strength=strength,
-        solver=solver,
     )
     bodies = bodies_of(arm_case.base.parameters, prior)
     expected = independent_fit(
         arm_case, *noisy, prior, bodies, regularisation, strength, result.margin
     )
-    assert result.solver == solver
     errors = noisy[1].standard_errors
     values = arm_case.base.values(expected)
     np.testing.assert_allclose(result.values / errors, values / errors, atol=3e-3)
@@ -57,24 +57,11 @@ def test_it_is_the_optimum_that_an_independent_program_finds(
     )
 
 
-@pytest.mark.parametrize("regularisation", REGULARISATIONS)
-def test_solvers_agree_on_ninety_parameters(knee_case, regularisation):
-    data = knee_case.fitted(5.0, seed=3)
-    results = [
-        consistent_fit(
-            *data, knee_case.base, knee_case.prior, regularisation=regularisation, solver=solver
-        )
-        for solver in SOLVERS
-    ]
-    first, second = (result.values / data[1].standard_errors for result in results)
-    np.testing.assert_allclose(first, second, atol=2e-3)
-
-
 def test_every_noisy_fit_is_possible_and_predicts_as_well(knee_case):
     parameters, prior = knee_case.base.parameters, knee_case.prior
     for seed in range(12):
         problem, fit = knee_case.fitted(5.0, seed)
-        result = consistent_fit(problem, fit, knee_case.base, prior, solver=SOLVERS[seed % 2])
+        result = consistent_fit(problem, fit, knee_case.base, prior)
         bodies = bodies_of(parameters, result.standard_parameters)
         assert (np.linalg.eigvalsh(bodies) > 0).all()
         least = least_relative(parameters, result.standard_parameters, prior)
@@ -95,7 +82,7 @@ def test_consistency_brings_the_fit_nearer_to_a_possible_truth(knee_case):
     errors = []
     for seed in range(5):
         problem, fit = knee_case.fitted(5.0, seed)
-        result = consistent_fit(problem, fit, knee_case.base, prior, solver="log-cholesky")
+        result = consistent_fit(problem, fit, knee_case.base, prior)
         errors.append([np.linalg.norm(W @ (v - truth)) for v in (fit.values, result.values)])
     free, consistent = np.mean(errors, axis=0)
     assert consistent < free
@@ -137,15 +124,14 @@ def test_no_possible_neighbour_is_better(arm_case, noisy, whitened):
     target = R @ (fit.values - arm_case.base.values(w.prior.values))
     generator = np.random.default_rng(4)
     for kind in REGULARISATIONS:
-        convex = convex_problem(w, R @ arm_case.base.matrix @ w.map, target, kind, 0.1)
-        solution = log_cholesky.solve(convex)
-        assert solution.settled
-        best = convex.objective(solution.unknowns)
+        convex = ConvexProblem.of(w, R @ arm_case.base.matrix @ w.map, target, kind, 0.1)
+        solution = semidefinite.minimise(convex)
+        best = convex.objective(solution)
         tried = 0
         for size in (1e-3, 1e-2, 0.1):
-            for direction in generator.normal(size=(200, len(solution.unknowns))):
-                other = solution.unknowns + size * direction
-                if w.allows(other):
+            for direction in generator.normal(size=(200, len(solution))):
+                other = solution + size * direction
+                if w.depth(other) > 0:
                     tried += 1
                     assert convex.objective(other) >= best - 1e-7 * (1 + best)
         assert tried > 10
@@ -180,19 +166,18 @@ def test_units_and_frames_do_not_matter_but_to_the_euclidean_distance(
     back = np.linalg.inv(tau)
     found = []
     for chosen, M in ((w, base.matrix), (other, base.matrix @ back)):
-        convex = convex_problem(chosen, R @ M @ chosen.map, target, regularisation, 0.1)
-        found.append(chosen.standard_parameters(log_cholesky.solve(convex).unknowns))
+        convex = ConvexProblem.of(chosen, R @ M @ chosen.map, target, regularisation, 0.1)
+        found.append(chosen.standard_parameters(semidefinite.minimise(convex)))
     sizes = np.abs(found[0][columns]).max()
     apart = np.abs((back @ found[1] - found[0])[columns]).max() / sizes
     assert apart < 1e-6 if regularisation != "euclidean" else apart > 1e-4
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_noise_free_data_count_as_precise_to_round_off_only(knee_case, solver):
+def test_noise_free_data_count_as_precise_to_round_off_only(knee_case):
     problem = knee_case.samples(0.0).problem
     fit = OrdinaryLeastSquares().fit(problem)
     prior = rough_prior(knee_case, 0.05)
-    result = consistent_fit(problem, fit, knee_case.base, prior, solver=solver)
+    result = consistent_fit(problem, fit, knee_case.base, prior)
     apart = knee_case.regressor @ (result.values - fit.values)
     forces = np.sqrt(np.mean((knee_case.regressor @ fit.values) ** 2))
     assert 1e-10 * forces < np.abs(apart).max() < 1e-5 * forces
@@ -241,32 +226,39 @@ def test_friction_that_would_be_negative_is_zero_and_named(arm_case):
     assert 0 <= result.standard_parameters[labels.index("elbow.Fv")] < 1e-4
 
 
-def test_without_clarabel_the_other_solver_does_it(arm_case, noisy, monkeypatch):
-    monkeypatch.setitem(sys.modules, "clarabel", None)
-    monkeypatch.setattr("loopid.consistency.fitting.find_spec", lambda name: None)
-    assert consistent_fit(*noisy, arm_case.base, arm_case.prior).solver == "log-cholesky"
-    with pytest.raises(MissingExtraError, match=r"loopid\[sdp\]"):
-        consistent_fit(*noisy, arm_case.base, arm_case.prior, solver="clarabel")
-
-
-def test_where_clarabel_falls_short_auto_takes_the_other(arm_case, noisy, monkeypatch):
-    monkeypatch.setattr(conic, "LARGEST_GAP", 0.0)
-    assert consistent_fit(*noisy, arm_case.base, arm_case.prior).solver == "log-cholesky"
+def test_clarabel_is_needed_and_must_converge(arm_case, noisy, monkeypatch):
+    values = arm_case.base.values(arm_case.truth)
+    with monkeypatch.context() as patched:
+        patched.setitem(sys.modules, "clarabel", None)
+        with pytest.raises(MissingExtraError, match=r"loopid\[sdp\]"):
+            consistent_fit(*noisy, arm_case.base, arm_case.prior)
+        with pytest.raises(MissingExtraError, match=r"loopid\[sdp\]"):
+            consistent_parameters(arm_case.base, values, arm_case.prior)
+    monkeypatch.setattr(semidefinite, "LARGEST_GAP", 0.0)
     with pytest.raises(FeasibilityError, match="Clarabel ends with"):
-        consistent_fit(*noisy, arm_case.base, arm_case.prior, solver="clarabel")
+        consistent_fit(*noisy, arm_case.base, arm_case.prior)
 
 
-def test_a_fit_that_does_not_settle_is_refused(arm_case, noisy, monkeypatch):
-    monkeypatch.setattr(log_cholesky, "STEPS", 3)
-    with pytest.raises(FeasibilityError, match="does not settle"):
-        consistent_fit(*noisy, arm_case.base, arm_case.prior, solver="log-cholesky")
+def test_results_are_shown_in_few_lines_and_are_read_only(arm_case, noisy):
+    result = consistent_fit(*noisy, arm_case.base, arm_case.prior)
+    assert repr(result).startswith("<ConsistentFit of 2 bodies: unconstrained optimum not feasible")
+    text = str(result)
+    assert text.startswith("unconstrained optimum not feasible; consistency costs ")
+    labels = result.parameters.labels
+    for row in result.rows:
+        assert f"\n{row['body']}: " in text
+        assert f"<td>{row['body']}<td>" in result._repr_html_()
+        assert row["mass"] == result.standard_parameters[labels.index(f"{row['body']}.m")]
+        first = result.standard_parameters[labels.index(f"{row['body']}.my")]
+        assert row["y"] * row["mass"] == pytest.approx(first)
+    with pytest.raises(ValueError, match="read-only"):
+        result.standard_parameters[0] = 0.0
 
 
 def test_what_does_not_go_together_is_refused(arm_case, noisy):
     problem, fit = noisy
     base, prior = arm_case.base, arm_case.prior
     for options, match in (
-        ({"solver": "mosek"}, "solver 'mosek': choose one of auto, clarabel"),
         ({"regularisation": "ridge"}, "regularisation 'ridge': choose one of entropic"),
         ({"strength": 0.0}, "strength must be from 0.0001 on, not 0"),
         ({"strength": np.inf}, "strength"),

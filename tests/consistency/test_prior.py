@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from possible_bodies import bodies_of
+from oracles import bodies_of
 
 from loopid.consistency import (
     Region,
@@ -11,10 +11,10 @@ from loopid.consistency import (
     prior_defects,
     repaired_prior,
 )
-from loopid.consistency.prior import FLAT
-from loopid.consistency.repair import THICKNESS
+from loopid.consistency.prior import THICKNESS
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.parameters import KINDS, ParameterSet
+from loopid.pseudo_inertia import FLAT
 from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)
@@ -55,7 +55,8 @@ def test_a_fit_refuses_it_unless_it_may_repair(arm_case):
     prior[first : first + 6] = 0.0
     problem, fit = arm_case.fitted(0.1)
     with pytest.raises(
-        FeasibilityError, match=r"the prior of lower cannot be: lower: .*repair=True"
+        FeasibilityError,
+        match=r"the prior of lower is not physically consistent: lower: .*repair=True",
     ):
         consistent_fit(problem, fit, arm_case.base, prior)
     with pytest.raises(FeasibilityError, match=r"lower: .*repair=True"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from loopid.experiment import Candidate, prediction_error
-from loopid.experiment.candidate import judge
+from loopid.experiment.candidate import judged as judge
 from loopid.identification import FitSamples, Quality
 from loopid.parameters import ParameterSet
 
@@ -13,7 +13,7 @@ MOTORS = ("one", "two")
 TRUTH = np.array([5.0, -1.0, 2.0])
 SIGMA = np.array([1.0, 10.0])  # of the motors' errors
 ROWS = 600
-DRAWS = 300
+DRAWS = 120
 
 
 def made(seed, noise_seed=None, used=None):
@@ -30,7 +30,7 @@ def off(mass=0.0, lever=0.0):
 
 
 def judged(validation, values, baseline):
-    return judge("any", 1, values, np.zeros((3, 3)), (made(0), validation), baseline)
+    return judge("any", (1, values, np.zeros((3, 3))), (made(0), validation), baseline)
 
 
 def test_the_baseline_is_as_good_as_itself():
@@ -128,7 +128,7 @@ def test_round_off_makes_no_candidate_better():
 
 def test_qualities_are_those_of_the_data_they_are_named_after():
     training, validation = made(0), made(8)
-    found = judge("any", 2, TRUTH, np.eye(3), (training, validation), TRUTH)
+    found = judge("any", (2, TRUTH, np.eye(3)), (training, validation), TRUTH)
     for quality, samples in ((found.training, training), (found.validation, validation)):
         expected = np.sqrt((samples.residual(TRUTH) ** 2).mean(axis=0))
         np.testing.assert_allclose(quality.residual_rms, expected, rtol=1e-9)

@@ -1,14 +1,28 @@
 """The force model: base parameters of bodies and joints together, over any motion."""
 
+import sys
+from functools import partial
+
 import numpy as np
 import pytest
+from dask import delayed
 
 from loopid import JointTerms, closed_motion, force_parts, random_configurations
-from loopid.experiment import find_force_model, force_model
+from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
+from loopid.experiment.force_model import body_sizes
+from loopid.identification import (
+    BayesianRidge,
+    FitSamples,
+    Prior,
+    WeightedLeastSquares,
+    quiet_fit,
+)
 from loopid.kinematics import random_motions
+from loopid.logs import Recording
 from loopid.regressors import JOINT_TERMS, motion_parameters
 from loopid.trajectories import JointMotion
-from made_runs import record
+from made_runs import record, wander
 
 KINDS = tuple(JOINT_TERMS)
 
@@ -134,3 +148,102 @@ def test_a_seed_gives_the_same_model_again(knee, terms):
     first, again = (find_force_model(knee, "gravity", terms[0], seed=3) for _ in range(2))
     assert first.parameters == again.parameters
     np.testing.assert_array_equal(first.base.matrix, again.base.matrix)
+
+
+def test_sizes_are_those_of_the_bodies_whatever_the_link_frame_is_turned(knee):
+    sizes = body_sizes(knee, "full").reshape(-1, 10)
+    values = knee.standard_parameters().reshape(-1, 10)
+    np.testing.assert_allclose(sizes[:, 0], values[:, 0])
+    np.testing.assert_allclose(sizes[:, 1:4] ** 2, sizes[:, :1] * sizes[:, 4:7])
+    # ∫ |x|² dm is half the trace of the inertia.
+    np.testing.assert_allclose(2 * sizes[:, 4], values[:, [4, 6, 9]].sum(axis=1))
+    # No body's first moment is larger than its mass times how far it reaches.
+    assert (np.linalg.norm(values[:, 1:4], axis=1) <= sizes[:, 1] * (1 + 1e-12)).all()
+    np.testing.assert_array_equal(body_sizes(knee, "gravity"), sizes[:, :4].ravel())
+
+
+def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
+    # By drawing robots: base parameters of bodies that differ from the file by the deviations.
+    values, bodies = terms[1], knee_model.mechanism.standard_parameters("gravity")
+    prior = cad_prior(knee_model, 0.3, values, 0.5 * values)
+    whole = np.concatenate([bodies, values])
+    np.testing.assert_allclose(prior.values, knee_model.base.values(whole))
+    joints = knee_model.joint_columns
+    np.testing.assert_allclose(prior.deviations[joints], 0.5 * values, rtol=1e-9)
+    masses = bodies.reshape(-1, 4)[:, 0]
+    assert (prior.deviations > 0).all()
+    assert prior.deviations[knee_model.body_columns].min() < 0.3 * masses.max()
+    assert prior.parameters == knee_model.parameters
+    double = cad_prior(knee_model, 0.6, values, values)
+    np.testing.assert_allclose(double.covariance, 4 * prior.covariance, rtol=1e-9)
+
+
+def test_joint_terms_that_nobody_knows_are_left_to_the_data(knee_model, motions, truth):
+    prior = cad_prior(knee_model)
+    assert np.isinf(prior.deviations[knee_model.joint_columns]).all()
+    assert np.isfinite(prior.deviations[knee_model.body_columns]).all()
+    W = knee_model.regressor(motions[0])
+    force = W @ truth + np.random.default_rng(0).normal(size=W.shape[:2])
+    recording = Recording.of_motion("run", knee_model.mechanism.actuated, motions[0], force)
+    samples = knee_model.samples(recording)
+    found, plain = quiet_fit(samples, BayesianRidge(prior)), quiet_fit(samples)
+    assert (found.standard_errors < 1.05 * plain.standard_errors).all()
+    assert (np.abs(found.values - truth) < 5 * found.standard_errors).all()
+
+
+def test_priors_of_nothing_are_refused(knee_model):
+    with pytest.raises(OptionError, match="relative"):
+        cad_prior(knee_model, 0.0)
+    with pytest.raises(DataError, match=r"shape \(8,\)"):
+        cad_prior(knee_model, 0.3, np.ones(3))
+    assert isinstance(cad_prior(knee_model), Prior)
+
+
+@pytest.fixture(scope="module")
+def recordings(knee, terms, motions):
+    return [
+        record(knee, motion, terms, seed=k, name=f"run {k}") for k, motion in enumerate(motions)
+    ]
+
+
+def test_processes_change_no_bit(knee_model, motions, monkeypatch):
+    monkeypatch.setattr(force_model, "CHUNK", 97)
+    one, two = (knee_model.regressor(motions[0], n_jobs) for n_jobs in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def load(recording):
+    return recording
+
+
+@pytest.mark.parametrize("scheduler", ["synchronous", "processes"])
+def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, scheduler):
+    parts = [part for recording in recordings for part in recording.split(0.3)]
+    sources = [parts[0], partial(load, parts[1]), delayed(load)(parts[2]), parts[3]]
+    expected = FitSamples.combined([knee_model.samples(part) for part in parts]).problem
+    found = distributed_problem(knee_model, sources, scheduler=scheduler)
+    np.testing.assert_array_equal(found.samples, expected.samples)
+    scale = np.abs(expected.factors).max()
+    squares = found.factors.transpose(0, 2, 1) @ found.factors
+    expected_squares = expected.factors.transpose(0, 2, 1) @ expected.factors
+    np.testing.assert_allclose(squares, expected_squares, atol=1e-12 * scale**2)
+    one, other = (WeightedLeastSquares().fit(problem) for problem in (found, expected))
+    np.testing.assert_allclose(one.values, other.values, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(one.standard_errors, other.standard_errors, rtol=1e-7)
+
+
+def test_an_odd_number_of_sources(knee, knee_model, terms):
+    runs = [record(knee, wander(knee, seed=k, seconds=8.0), terms) for k in range(3)]
+    found = distributed_problem(knee_model, runs, scheduler="synchronous")
+    assert found.rows == sum(run.used.sum() for run in runs)
+
+
+def test_no_sources_are_refused(knee_model):
+    with pytest.raises(DataError, match="no recordings to reduce"):
+        distributed_problem(knee_model, [])
+
+
+def test_without_dask_the_extra_is_named(knee_model, recordings, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask", None)
+    with pytest.raises(MissingExtraError, match=r"dask is not installed.*loopid\[distributed\]"):
+        distributed_problem(knee_model, recordings)

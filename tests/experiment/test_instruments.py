@@ -1,18 +1,16 @@
-"""Instruments from a reference and from simulation, and the prior of the robot file."""
+"""Instruments from a reference and from simulation."""
 
 import numpy as np
 import pytest
 
 from loopid import JointTerms
 from loopid.errors import DataError, OptionError
-from loopid.experiment import find_force_model
-from loopid.experiment.cad_prior import cad_prior
-from loopid.experiment.instruments import fit_by_simulation, reference_instruments
-from loopid.identification import BayesianRidge, Prior, quiet_fit
+from loopid.experiment import find_force_model, fit_by_simulation, reference_instruments
+from loopid.identification import quiet_fit
 from loopid.logs import Recording
 from loopid.trajectories import FourierSeries, Motion, differentiate, joint_motion
 
-RATE, NOISE = 100.0, 1e-4
+RATE, NOISE, DRAWS = 100.0, 1e-4, 25
 STIFFNESS = 400.0  # N m/rad, of the controller that lags behind its reference
 
 
@@ -47,16 +45,16 @@ def measured(model, motion, truth, seed):
 
 def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):
     commanded, found = joint_motion(arm, reference), {"wls": [], "iv": []}
-    for seed in range(40):
+    for seed in range(DRAWS):
         recording = measured(arm_model, reference, truth, seed)
         instruments = reference_instruments(arm_model, recording, commanded)
         samples = arm_model.samples(recording).with_instruments(instruments)
         for name, fits in found.items():
             fits.append(quiet_fit(samples, name).values - truth)
-    doubt = {name: np.std(errors, axis=0) / np.sqrt(40) for name, errors in found.items()}
+    doubt = {name: np.std(errors, axis=0) / np.sqrt(DRAWS) for name, errors in found.items()}
     bias = {name: np.abs(np.mean(errors, axis=0)) / doubt[name] for name, errors in found.items()}
     assert (bias["iv"] < 4).all()
-    assert (bias["wls"] > 8).any()
+    assert (bias["wls"] > 6).any()
 
 
 def test_the_nearest_sample_of_the_reference_is_taken(arm, arm_model, truth, reference):
@@ -87,7 +85,7 @@ def follower(arm_model, reference):
     return simulate
 
 
-def test_simulated_instruments_settle_near_the_truth(arm_model, truth, reference):
+def test_simulated_instruments_converge_near_the_truth(arm_model, truth, reference):
     simulate = follower(arm_model, reference)
     moved = simulate(truth)
     position = moved.configurations
@@ -116,47 +114,3 @@ def test_references_that_do_not_fit_are_refused(arm, arm_model, truth, reference
         fit_by_simulation(arm_model, recording, lambda _: commanded, np.ones(2))
     with pytest.raises(OptionError, match="round"):
         fit_by_simulation(arm_model, recording, lambda _: commanded, rounds=0)
-
-
-def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
-    # By drawing robots: base parameters of bodies that differ from the file by the deviations.
-    values, bodies = terms[1], knee_model.mechanism.standard_parameters("gravity")
-    prior = cad_prior(knee_model, 0.3, values, 0.5 * values)
-    whole = np.concatenate([bodies, values])
-    np.testing.assert_allclose(prior.values, knee_model.base.values(whole))
-    joints = knee_model.joint_columns
-    np.testing.assert_allclose(prior.deviations[joints], 0.5 * values, rtol=1e-9)
-    masses = bodies.reshape(-1, 4)[:, 0]
-    assert (prior.deviations > 0).all()
-    assert prior.deviations[knee_model.body_columns].min() < 0.3 * masses.max()
-    assert prior.parameters == knee_model.parameters
-    double = cad_prior(knee_model, 0.6, values, values)
-    np.testing.assert_allclose(double.covariance, 4 * prior.covariance, rtol=1e-9)
-
-
-def test_joint_terms_that_nobody_knows_are_left_to_the_data(knee_model, motions, truth_of_knee):
-    prior = cad_prior(knee_model)
-    assert np.isinf(prior.deviations[knee_model.joint_columns]).all()
-    assert np.isfinite(prior.deviations[knee_model.body_columns]).all()
-    W = knee_model.regressor(motions[0])
-    force = W @ truth_of_knee + np.random.default_rng(0).normal(size=W.shape[:2])
-    recording = Recording.of_motion("run", knee_model.mechanism.actuated, motions[0], force)
-    samples = knee_model.samples(recording)
-    found, plain = quiet_fit(samples, BayesianRidge(prior)), quiet_fit(samples)
-    assert (found.standard_errors < 1.05 * plain.standard_errors).all()
-    assert (np.abs(found.values - truth_of_knee) < 5 * found.standard_errors).all()
-
-
-@pytest.fixture
-def truth_of_knee(knee_model, terms):
-    values = knee_model.prior.copy()
-    values[knee_model.joint_columns] = terms[1]
-    return values
-
-
-def test_priors_of_nothing_are_refused(knee_model):
-    with pytest.raises(OptionError, match="relative"):
-        cad_prior(knee_model, 0.0)
-    with pytest.raises(DataError, match=r"shape \(8,\)"):
-        cad_prior(knee_model, 0.3, np.ones(3))
-    assert isinstance(cad_prior(knee_model), Prior)

@@ -1,7 +1,5 @@
 """More motors than degrees of freedom: friction of all of them, and the bodies, are found."""
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -11,11 +9,11 @@ from loopid.identification import quiet_fit
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.regressors import JOINT_TERMS
 from loopid.simulation import simulate_measurement
-from made_runs import logged, wander
+from made_runs import logged, quietly, wander
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
 NOISE = 0.05
-DRAWS = 40
+DRAWS = 25
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +90,8 @@ def found(robot, model, tmp_path_factory):
     for seed in (1, 2):
         path = folder / f"{seed}.csv"
         path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            recordings.append([prepare_recording(robot, read_log(path, robot))])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return identify(model, *recordings)
+        recordings.append([quietly(prepare_recording, robot, quietly(read_log, path, robot))])
+    return quietly(identify, model, *recordings)
 
 
 def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):

@@ -15,7 +15,6 @@ import pytest
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from loopid import (
     BaseParameters,
-    ForceModel,
     JointTerms,
     Mechanism,
     find_force_model,
@@ -23,6 +22,7 @@ from loopid import (
     random_configurations,
 )
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
+from loopid.experiment import ForceModel
 from loopid.export import compile_regressor, export_regressor, regressor_code
 from loopid.export.codegen.compiled import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
@@ -105,7 +105,7 @@ def assert_agrees(model, regressor, motion=None):
     scale = np.abs(expected).max(axis=(0, 1))
     scale = np.maximum(scale, 1e-3 * scale.max())  # columns without an effect are there too
     assert (np.abs(K - expected) / scale).max() < AGREEMENT
-    assert regressor.closure_gaps(motion.configurations).max() < 1e-9
+    assert regressor.closure_residuals(motion.configurations).max() < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_every_kind_of_closure(compiled, tmp_path, kind):
     mechanism = found.mechanism
     q = mechanism.reference + np.random.default_rng(0).uniform(-0.2, 0.2, (5, mechanism.model.nq))
     gaps = np.abs(constraint_residual(mechanism, q) * mechanism.row_scales).max(axis=1)
-    np.testing.assert_allclose(compiled(found).closure_gaps(q), gaps, rtol=1e-9)
+    np.testing.assert_allclose(compiled(found).closure_residuals(q), gaps, rtol=1e-9)
 
 
 def test_loops_of_joints_with_several_coordinates(compiled, tmp_path):
@@ -258,7 +258,7 @@ def test_singular_poses_are_told(compiled):
     still = np.zeros((1, 3))
     for apart, expected in ((0.0, 2), (1e-12, 2), (1e-5, 1), (0.3, 0)):
         q = np.array([[line + apart, -apart, line + apart]])
-        assert call.closure_gaps(q)[0] < 1e-9
+        assert call.closure_residuals(q)[0] < 1e-9
         K, status = call(q, still, still)
         assert status[0] == expected
         assert np.isnan(K).all() == (expected == 2)
@@ -308,10 +308,10 @@ def test_open_closures_are_measured(compiled):
     q[-1] += 0.01
     residual = constraint_residual(found.mechanism, q[None])[0]
     expected = np.abs(residual * found.mechanism.row_scales).max()
-    assert compiled(found).closure_gaps(q[None])[0] == pytest.approx(expected, rel=1e-9)
+    assert compiled(found).closure_residuals(q[None])[0] == pytest.approx(expected, rel=1e-9)
     q[0] = np.nan
     numbers = np.ascontiguousarray(q)
-    gap = compiled(found).function("closure_gap", ctypes.c_double, 1)
+    gap = compiled(found).function("closure_residual", ctypes.c_double, 1)
     assert np.isnan(gap(numbers.ctypes.data_as(NUMBERS)))
 
 

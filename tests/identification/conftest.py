@@ -1,5 +1,5 @@
-"""Smooth data with known errors for all tests of this room."""
+"""Blocks of rows of any size, for all tests of this room."""
 
-from smooth_data import make_errors, make_regressor, make_samples
+from block_sizes import set_block_rows
 
-__all__ = ["make_errors", "make_regressor", "make_samples"]
+__all__ = ["set_block_rows"]

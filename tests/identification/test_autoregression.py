@@ -7,9 +7,17 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from loopid.identification.autoregression import LARGEST_REFLECTION, Autoregression
-from loopid.identification.burg import LARGEST_ORDER, burg_covariances, run_lengths
-from loopid.identification.error_model import ErrorModel
+from loopid.identification.autoregression import (
+    LARGEST_ORDER,
+    LARGEST_REFLECTION,
+    PAIRS_PER_COEFFICIENT,
+    WHITE_FLOOR,
+    Autoregression,
+    burg_covariances,
+    run_lengths,
+)
+from loopid.identification.correlation import ErrorModel, lagged_grams
+from smooth_data import autoregressive
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
 
@@ -96,21 +104,15 @@ def test_the_order_and_model_are_found():
     assert len(white) == 1
 
 
-def test_gaps_are_never_predicted_across(make_errors):
+def test_gaps_are_never_predicted_across():
     rng = np.random.default_rng(0)
-    errors = make_errors(rng, (30_000,), 0.9)
+    errors = autoregressive(rng, (30_000,), 0.9)
     used = rng.random(30_000) < 0.9
     pieces = (slice(0, 100), slice(100, 30_000))
     spoilt = np.where(used, errors, 1e9)
     model = Autoregression.of_covariances(burg_covariances(spoilt, run_lengths(used, pieces)))
     assert model.covariances[0] == pytest.approx(1.0, rel=0.1)
     assert model.covariances[1] / model.covariances[0] == pytest.approx(0.9, abs=0.02)
-
-
-def test_runs_end_at_gaps_and_stretches():
-    used = np.array([1, 1, 0, 1, 1, 1, 1, 0], dtype=bool)
-    runs = run_lengths(used, (slice(0, 5), slice(5, 8)))
-    np.testing.assert_array_equal(runs, [1, 2, 0, 1, 2, 1, 2, 0])
 
 
 @pytest.mark.parametrize("cutoff", [0.4, 0.1, 0.03])
@@ -130,3 +132,66 @@ def test_few_or_vanishing_errors_make_a_model_too():
     assert len(burg_covariances(np.ones(3), np.arange(1, 4))) == 1
     constant = Autoregression.of_covariances(burg_covariances(np.ones(500), np.arange(1, 501)))
     assert np.isfinite(constant.covariances).all()
+
+
+def burg_step_by_step(errors, runs):
+    """Burg's recursion on the prediction errors themselves, all orders up to the largest."""
+    forward = np.where(runs > 0, errors, 0.0)
+    backward = forward.copy()
+    observed = forward @ forward / (runs > 0).sum()
+    white = WHITE_FLOOR * observed
+    polynomial, variance = np.ones(1), observed + white
+    covariances = [variance]
+    for k in range(1, LARGEST_ORDER + 1):
+        rows = np.flatnonzero(runs > k)
+        if len(rows) < PAIRS_PER_COEFFICIENT * k:
+            break
+        ahead, behind, past = forward[rows], backward[rows - 1], polynomial[1:]
+        common = ahead @ behind + len(rows) * white * (past @ past[::-1])
+        energy = ahead @ ahead + behind @ behind + 2 * len(rows) * white * (polynomial @ polynomial)
+        reflection = -2 * common / energy
+        covariances.append(-reflection * variance - past @ covariances[:0:-1])
+        forward[rows], backward[rows] = ahead + reflection * behind, behind + reflection * ahead
+        longer = np.append(polynomial, 0.0)
+        polynomial, variance = longer + reflection * longer[::-1], variance * (1 - reflection**2)
+    return np.array(covariances) / (1 + WHITE_FLOOR)
+
+
+@pytest.mark.parametrize("size", [1, 64, 10_000])
+@pytest.mark.parametrize("poles", [[], [0.98], [1.8, -0.97]])
+def test_burgs_sums_are_those_of_prediction_errors(set_block_rows, size, poles):
+    rng, pieces = np.random.default_rng(0), (slice(0, 500), slice(500, 1600))
+    errors = lfilter([1.0], np.append(1.0, np.negative(poles)), rng.normal(size=1600))
+    used = rng.random(1600) < 0.97
+    set_block_rows(size)
+    runs = run_lengths(used, pieces)
+    found = burg_covariances(errors, runs)
+    expected = burg_step_by_step(errors, runs)[: len(found)]
+    assert len(found) > len(poles)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * expected[0])
+
+
+@given(st.lists(st.booleans(), min_size=3, max_size=40), st.integers(1, 9))
+def test_runs_end_at_gaps_and_stretches(used, size):
+    used, cut = np.array(used), len(used) // 2
+    pieces = slice(0, cut), slice(cut, len(used))
+    expected = []
+    for t, present in enumerate(used):
+        before = expected[t - 1] if t not in (0, cut) else 0
+        expected.append(before + 1 if present else 0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("loopid.scratch.BLOCK_ROWS", size)
+        np.testing.assert_array_equal(run_lengths(used, pieces), expected)
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_lagged_sums_stay_within_pieces(set_block_rows, size):
+    X = np.random.default_rng(0).normal(size=(60, 3))
+    pieces = slice(0, 4), slice(4, 5), slice(5, 60)
+    expected = np.zeros((7, 3, 3))
+    for piece in pieces:
+        x = X[piece]
+        for k in range(min(7, len(x))):
+            expected[k] += x[: len(x) - k].T @ x[k:]
+    set_block_rows(size)
+    np.testing.assert_allclose(lagged_grams(X, pieces, 6), expected, atol=1e-12)

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from loopid import ParameterSet
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification import (
     BayesianRidge,
@@ -15,10 +14,20 @@ from loopid.identification import (
     fit_in_steps,
     quiet_fit,
 )
+from smooth_data import (
+    DEVIATIONS,
+    TRUTH,
+    assert_coverage,
+    autoregressive,
+    covered,
+    named,
+    named_samples,
+    runs,
+    smooth_regressor,
+)
 
-NAMES = ParameterSet.from_labels([f"link{j}.m" for j in range(6)])
-MEAN = np.array([3.0, -1.0, 0.5, 10.0, 2.0, -4.0])
-DEVIATIONS = np.array([0.5, 4.0])
+NAMES = named(6)
+MEAN = TRUTH
 
 
 def prior_of(seed=0, scale=1.0):
@@ -27,14 +36,10 @@ def prior_of(seed=0, scale=1.0):
     return Prior(NAMES, MEAN, scale**2 * (root @ root.T / 6 + 0.1 * np.eye(6)))
 
 
-@pytest.fixture(scope="module")
-def make_run(make_regressor, make_samples, make_errors):
-    def make(seed=0, count=100, truth=MEAN, correlation=0.0):
-        W = make_regressor(samples=count)
-        errors = make_errors(np.random.default_rng(seed), (count, 2), correlation) * DEVIATIONS
-        return make_samples(W, W @ truth + errors)
-
-    return make
+def make_run(seed=0, count=100, truth=MEAN, correlation=0.0):
+    W = smooth_regressor(samples=count)
+    errors = autoregressive(np.random.default_rng(seed), (count, 2), correlation) * DEVIATIONS
+    return named_samples(W, W @ truth + errors)
 
 
 def conditioned(samples, prior, noise):
@@ -47,7 +52,7 @@ def conditioned(samples, prior, noise):
 
 
 @given(st.integers(0, 1000), st.integers(1, 30))
-def test_the_posterior_is_the_conditional_distribution(make_run, seed, count):
+def test_the_posterior_is_the_conditional_distribution(seed, count):
     samples, prior = make_run(seed, count), prior_of(seed)
     found = BayesianRidge(prior, DEVIATIONS).fit(samples.problem)
     mean, covariance = conditioned(samples, prior, DEVIATIONS)
@@ -62,7 +67,7 @@ def test_the_posterior_is_the_conditional_distribution(make_run, seed, count):
     assert found.degrees_of_freedom == 100 + len(left)
 
 
-def test_noise_of_the_data_is_that_of_weighted_least_squares(make_run):
+def test_noise_of_the_data_is_that_of_weighted_least_squares():
     samples = make_run(count=400)
     found = quiet_fit(samples, BayesianRidge(prior_of()))
     mean, covariance = conditioned(samples, prior_of(), 1 / found.weights)
@@ -72,7 +77,7 @@ def test_noise_of_the_data_is_that_of_weighted_least_squares(make_run):
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_a_vague_prior_leaves_least_squares(make_run, correlation):
+def test_a_vague_prior_leaves_least_squares(correlation):
     samples = make_run(correlation=correlation)
     vague = BayesianRidge(Prior.independent(NAMES, np.zeros(6), np.full(6, 1e6)))
     unknown = BayesianRidge(Prior.independent(NAMES, np.zeros(6), np.full(6, np.inf)))
@@ -86,7 +91,7 @@ def test_a_vague_prior_leaves_least_squares(make_run, correlation):
         assert (np.abs(found.values - plain.values) < plain.standard_errors).all()
 
 
-def test_no_data_leave_the_prior(make_run):
+def test_no_data_leave_the_prior():
     samples, prior = make_run(), prior_of()
     data = samples.parameters, samples.actuators, samples.regressor, samples.force
     nothing = FitSamples.of(*data, np.zeros((100, 2), dtype=bool))
@@ -94,11 +99,11 @@ def test_no_data_leave_the_prior(make_run):
     np.testing.assert_allclose(found.values, MEAN, rtol=1e-9)
     np.testing.assert_allclose(found.covariance, prior.covariance, rtol=1e-8)
     assert np.isfinite(found.intervals()).all()
-    with pytest.raises(DataError, match="no samples tell the noise"):
+    with pytest.raises(DataError, match="no samples to estimate the noise"):
         quiet_fit(nothing, BayesianRidge(prior))
 
 
-def test_data_in_parts_give_the_posterior_of_all(make_run):
+def test_data_in_parts_give_the_posterior_of_all():
     # Yesterday's posterior is today's prior, where the noise is known.
     known = {"noise": DEVIATIONS, "noise_samples": 1e12}
     first, second = make_run(1), make_run(2)
@@ -110,26 +115,24 @@ def test_data_in_parts_give_the_posterior_of_all(make_run):
     np.testing.assert_allclose(one.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
 
 
+@runs(20, 80)
 @pytest.mark.parametrize(("correlation", "count"), [(0.0, 12), (0.9, 200)])
-def test_intervals_cover_truths_of_the_prior(make_run, correlation, count):
+def test_intervals_cover_truths_of_the_prior(correlation, count, runs):
     prior, rates, errors = prior_of(scale=0.3), [], {"wls": [], "bayes": []}
     root = np.linalg.cholesky(prior.covariance)
-    for seed in range(80):
+    for seed in range(runs):
         truth = MEAN + root @ np.random.default_rng(1000 + seed).normal(size=6)
         samples = make_run(seed, count, truth, correlation)
         found = quiet_fit(samples, BayesianRidge(prior, DEVIATIONS, 1e4))
-        low, high = found.intervals().T
-        rates.append((low <= truth) & (truth <= high))
+        rates.append(covered(found, truth))
         errors["bayes"].append(found.values - truth)
         errors["wls"].append(WeightedLeastSquares().fit(samples.problem).values - truth)
         assert (found.standard_errors < 1.1 * prior.deviations).all()
-    # A rate of 95 % less 3.5 binomial standard deviations; a mean over six parameters, 2 of these.
-    assert (np.mean(rates, axis=0) > 0.86).all()
-    assert 0.9 < np.mean(rates) < 0.99
+    assert_coverage(rates)
     assert np.mean(np.square(errors["bayes"])) < 0.8 * np.mean(np.square(errors["wls"]))
 
 
-def test_scaling_parameters_scales_the_answer(make_run):
+def test_scaling_parameters_scales_the_answer():
     samples, scale, prior = make_run(), 10.0 ** np.arange(-3, 3), prior_of()
     data = samples.parameters, samples.actuators, samples.regressor * scale, samples.force
     other = Prior(NAMES, MEAN / scale, prior.covariance / np.outer(scale, scale))
@@ -139,7 +142,7 @@ def test_scaling_parameters_scales_the_answer(make_run):
     np.testing.assert_allclose(scaled.standard_errors * scale, found.standard_errors, rtol=1e-6)
 
 
-def test_some_of_the_parameters_take_their_part_of_the_prior(make_run):
+def test_some_of_the_parameters_take_their_part_of_the_prior():
     samples, prior = make_run(), prior_of()
     part = prior.of(samples.parameters.select([4, 1]))
     np.testing.assert_array_equal(part.values, MEAN[[4, 1]])
@@ -148,20 +151,20 @@ def test_some_of_the_parameters_take_their_part_of_the_prior(make_run):
     assert (np.abs(found.values - MEAN) < 5 * found.standard_errors).all()
 
 
-def test_what_neither_data_nor_prior_tell_is_refused(make_run):
+def test_what_neither_data_nor_prior_tell_is_refused():
     samples = make_run()
     data = samples.parameters, samples.actuators, samples.regressor * [1, 1, 0, 1, 1, 1]
     blind = FitSamples.of(*data, samples.force)
     spread = np.array([1, 1, np.inf, 1, 1, 1])
     with pytest.raises(RankError, match=r"link2\.m"):
         quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, spread)))
-    told = quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, np.ones(6))))
-    assert told.values[2] == pytest.approx(MEAN[2])
-    assert told.standard_errors[2] == pytest.approx(1.0, rel=0.05)
+    known = quiet_fit(blind, BayesianRidge(Prior.independent(NAMES, MEAN, np.ones(6))))
+    assert known.values[2] == pytest.approx(MEAN[2])
+    assert known.standard_errors[2] == pytest.approx(1.0, rel=0.05)
 
 
-def test_what_is_no_prior_is_refused(make_run):
-    with pytest.raises(OptionError, match=r"bayes needs .* pass BayesianRidge\(prior\)"):
+def test_what_is_no_prior_is_refused():
+    with pytest.raises(OptionError, match=r"bayes needs a prior: pass BayesianRidge\(prior\)"):
         quiet_fit(make_run(), "bayes")
     with pytest.raises(DataError, match="above 0"):
         Prior.independent(NAMES, MEAN, np.array([1, 1, 0, 1, 1, 1]))
@@ -190,6 +193,6 @@ def test_noise_that_is_none_is_refused(options, word):
         BayesianRidge(prior_of(), **options)
 
 
-def test_noise_of_other_actuators_is_refused(make_run):
+def test_noise_of_other_actuators_is_refused():
     with pytest.raises(DataError, match=r"shape \(2,\)"):
         BayesianRidge(prior_of(), np.ones(3)).fit(make_run().problem)

@@ -5,25 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from block_sizes import set_block_rows
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification import FitSamples, TotalLeastSquares, quiet_fit
-
-__all__ = ["set_block_rows"]
+from smooth_data import assert_coverage, covered, named_samples, runs, smooth_regressor
 
 TRUTH = np.array([3.0, -1.0, 0.5, 1.0, 2.0, -4.0])
 
 
-@pytest.fixture(scope="module")
-def make_run(make_regressor, make_samples):
+def make_run(seed=0, count=200, noise=0.3):
     """Errors of one size in all entries of the regressor and the forces."""
-
-    def make(seed=0, count=200, noise=0.3, sizes=1.0):
-        W, rng = make_regressor(samples=count), np.random.default_rng(seed)
-        measured = W + noise * sizes * rng.normal(size=W.shape)
-        return make_samples(measured, W @ TRUTH + noise * rng.normal(size=W.shape[:2]))
-
-    return make
+    W, rng = smooth_regressor(samples=count), np.random.default_rng(seed)
+    measured = W + noise * rng.normal(size=W.shape)
+    return named_samples(measured, W @ TRUTH + noise * rng.normal(size=W.shape[:2]))
 
 
 def by_definition(samples, sizes):
@@ -34,7 +27,7 @@ def by_definition(samples, sizes):
 
 
 @given(st.integers(0, 1000))
-def test_estimates_are_those_of_the_definition(make_run, seed):
+def test_estimates_are_those_of_the_definition(seed):
     sizes = np.random.default_rng(seed).uniform(0.2, 2.0, 6)
     samples = make_run(seed, 40)
     found = TotalLeastSquares().fit(samples.problem).values
@@ -43,7 +36,7 @@ def test_estimates_are_those_of_the_definition(make_run, seed):
     np.testing.assert_allclose(found, by_definition(samples, sizes), rtol=1e-8)
 
 
-def test_the_covariance_of_independent_errors_is_the_textbooks(make_run):
+def test_the_covariance_of_independent_errors_is_the_textbooks():
     samples, sizes = make_run(), np.array([0.5, 2.0, 1.0, 0.0, 1.0, 1.5])
     result = TotalLeastSquares(sizes).fit(samples.problem)
     X, y, phi = samples.regressor.reshape(-1, 6), samples.force.ravel(), result.values
@@ -56,7 +49,7 @@ def test_the_covariance_of_independent_errors_is_the_textbooks(make_run):
     np.testing.assert_allclose(corrected.T @ residual, 0.0, atol=1e-8 * np.linalg.norm(y))
 
 
-def test_exact_columns_are_the_limit_of_small_errors(make_run):
+def test_exact_columns_are_the_limit_of_small_errors():
     samples = make_run()
     sizes = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
     exact = TotalLeastSquares(sizes).fit(samples.problem)
@@ -71,7 +64,7 @@ def test_exact_columns_are_the_limit_of_small_errors(make_run):
     )
 
 
-def test_force_errors_weigh_the_actuators(make_run):
+def test_force_errors_weigh_the_actuators():
     samples, sizes = make_run(), np.array([0.5, 2.0])
     found = TotalLeastSquares(force_errors=sizes).fit(samples.problem)
     data = samples.parameters, samples.actuators
@@ -79,7 +72,7 @@ def test_force_errors_weigh_the_actuators(make_run):
     np.testing.assert_allclose(found.values, by_definition(scaled, np.ones(6)), rtol=1e-8)
 
 
-def test_scaling_columns_with_their_errors_scales_the_answer(make_run):
+def test_scaling_columns_with_their_errors_scales_the_answer():
     samples, scale = make_run(), 10.0 ** np.arange(-3, 3)
     data = samples.parameters, samples.actuators, samples.regressor * scale, samples.force
     found = quiet_fit(samples, "tls")
@@ -88,45 +81,40 @@ def test_scaling_columns_with_their_errors_scales_the_answer(make_run):
     np.testing.assert_allclose(scaled.standard_errors * scale, found.standard_errors, rtol=1e-5)
 
 
-def test_without_errors_the_truth_comes_out(make_regressor, make_samples):
-    W = make_regressor()
-    found = TotalLeastSquares().fit(make_samples(W, W @ TRUTH).problem)
+def test_without_errors_the_truth_comes_out():
+    W = smooth_regressor()
+    found = TotalLeastSquares().fit(named_samples(W, W @ TRUTH).problem)
     np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9)
 
 
-@pytest.mark.parametrize("size", [1, 13])
-def test_the_size_of_blocks_does_not_count(make_run, set_block_rows, size):
+def test_the_size_of_blocks_does_not_count(set_block_rows):
     whole = quiet_fit(make_run(count=60), "tls")
-    set_block_rows(size)
+    set_block_rows(13)
     found = quiet_fit(make_run(count=60), "tls")
     np.testing.assert_allclose(found.values, whole.values, rtol=1e-8)
     np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
 
 
-def test_it_is_consistent_and_covers_where_least_squares_is_biased(make_run):
-    runs = 100
+@runs(25, 100)
+def test_it_is_consistent_and_covers_where_least_squares_is_biased(runs):
     data = [make_run(seed) for seed in range(runs)]
     fits = {name: [quiet_fit(one, name) for one in data] for name in ("ols", "tls")}
     found = {name: np.array([fit.values for fit in several]) for name, several in fits.items()}
     error = {name: np.abs(values.mean(axis=0) - TRUTH) for name, values in found.items()}
-    doubt = {name: values.std(axis=0) / np.sqrt(runs) for name, values in found.items()}
-    assert (error["tls"] < 4 * doubt["tls"]).all()
-    assert (error["ols"] > 10 * doubt["ols"]).any()
+    deviation = {name: values.std(axis=0) / np.sqrt(runs) for name, values in found.items()}
+    assert (error["tls"] < 4 * deviation["tls"]).all()
+    assert (error["ols"] > np.sqrt(runs) * deviation["ols"]).any()
     stated = np.mean([fit.standard_errors for fit in fits["tls"]], axis=0)
-    # A standard deviation from 100 draws is known to 7 %.
-    np.testing.assert_allclose(stated / found["tls"].std(axis=0), 1.0, atol=0.28)
-    intervals = [fit.intervals().T for fit in fits["tls"]]
-    covered = [(low <= TRUTH) & (high >= TRUTH) for low, high in intervals]
-    assert (np.mean(covered, axis=0) > 0.87).all()
-    assert 0.91 < np.mean(covered) < 0.99
+    np.testing.assert_allclose(stated / found["tls"].std(axis=0), 1.0, atol=2.8 / np.sqrt(runs))
+    assert_coverage([covered(fit, TRUTH) for fit in fits["tls"]])
 
 
-def test_problems_without_one_solution_are_refused(make_run, make_samples):
+def test_problems_without_one_solution_are_refused():
     samples = make_run()
     noise = np.random.default_rng(0).normal(size=samples.regressor.shape)
     orthogonal = noise.reshape(-1, 6)
     force = np.linalg.qr(np.column_stack([orthogonal, 9 * noise[:, :, 0].ravel() ** 2]))[0][:, -1]
-    blind = make_samples(noise, 1e3 * force.reshape(noise.shape[:2]))
+    blind = named_samples(noise, 1e3 * force.reshape(noise.shape[:2]))
     with pytest.raises(RankError, match="no single solution"):
         quiet_fit(blind, "tls")
 
@@ -141,6 +129,6 @@ def test_problems_without_one_solution_are_refused(make_run, make_samples):
         ({"force_errors": np.ones(3)}, DataError, r"shape \(2,\)"),
     ],
 )
-def test_errors_that_are_none_are_refused(make_run, options, failure, word):
+def test_errors_that_are_none_are_refused(options, failure, word):
     with pytest.raises(failure, match=word):
         TotalLeastSquares(**options).fit(make_run().problem)

@@ -27,7 +27,6 @@ from loopid import (
     mobility,
     project,
     random_configurations,
-    singularity_measure,
     structural_observation,
 )
 from loopid.errors import DataError, OptionError
@@ -37,6 +36,7 @@ from loopid.kinematics import (
     constraint_jacobian,
     constraint_residual,
     null_space,
+    singularity_measure,
 )
 from loopid.robot import CLOSURE_KINDS
 from loopid.robot.closures import ClosureKind, Square

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from loopid import assemble, load_mechanism, project, random_configurations, singularity_measure
+from loopid import assemble, load_mechanism, project, random_configurations
 from loopid.errors import (
     DataError,
     MobilityError,
@@ -23,6 +23,7 @@ from loopid.kinematics import (
     measured_coordinates,
     mobility,
     random_motions,
+    singularity_measure,
     try_assemble,
 )
 

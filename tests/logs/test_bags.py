@@ -1,18 +1,14 @@
 """Joint states by name: whoever sends them, in whatever order, on whatever topic."""
 
-import tracemalloc
 import warnings
 
 import numpy as np
 import pytest
 from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
 
-from block_sizes import set_block_rows
 from loopid import load_mechanism
 from loopid.errors import LogError, LogWarning, OptionError
 from loopid.logs import LogMapping, read_log
-
-__all__ = ["set_block_rows"]
 
 COUNT = 400
 
@@ -285,23 +281,3 @@ def test_the_good_bags_give_no_warning(knee, ros, write, run):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check(read_log(write(states(ros, knee.actuated, *run)), knee), run)
-
-
-def test_memory_does_not_grow_with_the_bag(knee, truth, tmp_path, set_block_rows):
-    def peak(count):
-        stamps = np.round(truth.time[:count] * 1e9).astype(np.int64)
-        columns = truth.position[:count], truth.force[:count]
-        path = write_ros1(
-            tmp_path / f"run{count}.bag", states("ros1", knee.actuated, stamps, *columns)
-        )
-        tracemalloc.start()
-        try:
-            read_log(path, knee)
-            return tracemalloc.get_traced_memory()[1]
-        finally:
-            tracemalloc.stop()
-
-    set_block_rows(20)
-    peak(100)  # what is made once, such as the code that decodes messages
-    # A message that stayed would take some 500 bytes a row; what is read takes some 100.
-    assert peak(1500) - peak(300) < 200 * 1200

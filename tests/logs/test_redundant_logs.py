@@ -8,7 +8,7 @@ from linkages import PLATE, five_bar, four_bar, rssr
 from loopid import closed_motion, load_mechanism, random_configurations
 from loopid.errors import OptionError
 from loopid.logs import Log, prepare_recording, read_log
-from loopid.logs.actuation import on_independent
+from loopid.logs.recording import on_independent
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import JointMotion
 from made_runs import wander

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import LoopidError
-from loopid.identification import FitSamples
+from loopid.identification import FitSamples, influence, truncated_values
 from loopid.paper import reproduce_paper
 from loopid.paper.experiment import (
     BODIES,
@@ -25,7 +25,6 @@ from loopid.paper.reproduction import (
     identify_in_two_steps,
     measure_coverage,
 )
-from loopid.reduction import influence, truncated_values
 
 SEEDS = range(1, 6)
 

@@ -46,7 +46,7 @@ VALUES = {
     "model": ("gravity", "full", "gravity", "Gravity", "x", ""),
     "terms": ("Fc,Fv", "none", "Fc,Fv,Fo,Ia", "Fv", "Fc,Fc", "Fx", "", ",", "Fc,none", " Fc , Fv "),
     "estimator": ("wls", "ols", "huber", "bisquare", "tls", "bayes", "iv", "WLS", "best", ""),
-    "on_dark": ("refuse", "truncate", "Truncate", "", "x"),
+    "unidentifiable": ("error", "prior", "Prior", "", "x"),
     "consistent": ("entropic", "euclidean", "riemannian", "Entropic", "", "x"),
     "prior_deviation": ("0.3", "1", "0", "-1", "nan", "inf", "1e-12", "1e12", "x"),
     "search": ("exact", "qr", "subgroup", "exhaustive", "x", ""),
@@ -65,9 +65,9 @@ VALUES = {
 WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "npz": ".npz", "c": ""}
 # How many of them, the first ones, are sound for all robots or nearly so.
 VALID = {
-    "model": 3, "terms": 4, "estimator": 6, "on_dark": 2, "consistent": 3, "prior_deviation": 2,
-    "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2, "cutoff": 2, "train": 2,
-    "rate": 2, "margin": 2, "jobs": 7,
+    "model": 3, "terms": 4, "estimator": 6, "unidentifiable": 2, "consistent": 3,
+    "prior_deviation": 2, "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2,
+    "cutoff": 2, "train": 2, "rate": 2, "margin": 2, "jobs": 7,
 }  # fmt: skip
 
 

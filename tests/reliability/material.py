@@ -20,6 +20,7 @@ from loopid import (
     read_log,
 )
 from loopid.loading import bundled_directory
+from loopid.saved import save_fit
 from made_runs import ARM, logged, wander
 
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
@@ -206,8 +207,7 @@ class Material:
         recording = prepare_recording(arm, read_log(self.logs["arm"][0], arm))
         model = find_force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
-        fit(model.samples(recording), "ols").save(place)
-        return place
+        return save_fit(place, model, fit(model.samples(recording), "ols"))
 
     @cached_property
     def mapping(self) -> Path:

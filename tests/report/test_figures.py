@@ -11,11 +11,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from loopid import load_mechanism
 from loopid.errors import MissingExtraError
-from loopid.experiment import data_support, find_force_model, identify
-from loopid.report import figures, identify_figures, identify_support
+from loopid.experiment import find_force_model, identifiability, identify
+from loopid.report import figures, identify_figures
 from loopid.report.figures import COLUMN, MOST_POINTS, RESOLUTION, thinned
-from loopid.report.identify_figures import draw_forces, draw_parameters, draw_reduction
-from loopid.report.identify_support import draw_spectrum
+from loopid.report.identify_figures import (
+    draw_forces,
+    draw_parameters,
+    draw_reduction,
+    draw_spectrum,
+)
 from made_runs import ARM, modelled, stand, wander
 
 DRAWERS = {
@@ -27,17 +31,17 @@ DRAWERS = {
 
 
 @pytest.fixture(scope="module")
-def knee_support(knee):
-    """Of a log in which no motor moves."""
+def knee_log(knee):
+    """Identifiability from a log in which no motor moves."""
     model, motion = find_force_model(knee), stand(knee, seconds=5.0)
-    return data_support(model, [modelled(model, motion, model.prior)])
+    return identifiability(model, [modelled(model, motion, model.prior)])
 
 
 @pytest.fixture(scope="module")
 def parts(identification):
     return {
         "identification": identification,
-        "support": identification.support,
+        "support": identification.identifiability,
     }
 
 
@@ -114,7 +118,7 @@ def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, identifi
     recording = identification.validation[0]
     W = identification.force_model.regressor(recording.motion)
     predictions = [
-        W @ candidate.values for candidate in (identification.baseline, identification.supported)
+        W @ candidate.values for candidate in (identification.baseline, identification.essential)
     ]
     assert len(recording) < MOST_POINTS
     for k, ax in enumerate(axes):
@@ -132,17 +136,17 @@ def test_a_turning_joint_has_its_force_in_newton_metres(identification, knee):
     assert unit(identification, "leg4_revolute") == "N m"
 
 
-def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_support):
-    (ax,) = axes_of(monkeypatch, identify_support, draw_spectrum, knee_support)
-    structural, known, doubtful, dark = (line.get_xydata().T for line in ax.lines)
-    excited, sure = knee_support.excited, knee_support.well_determined
-    np.testing.assert_allclose(structural[1], 100 * excited.structural)
-    np.testing.assert_allclose(known[1], 100 * excited.effects[:sure])
-    np.testing.assert_allclose(doubtful[1], 100 * excited.effects[sure : knee_support.rank])
-    assert len(dark[0]) == len(knee_support.dark) > 0
-    assert dark[1].max() < min(known[1].min(), structural[1].min())
-    places = np.concatenate([known[0], doubtful[0], dark[0]])
-    np.testing.assert_array_equal(places, np.arange(1, knee_support.structural_rank + 1))
+def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_log):
+    (ax,) = axes_of(monkeypatch, identify_figures, draw_spectrum, knee_log)
+    structural, known, weak, none = (line.get_xydata().T for line in ax.lines)
+    excitation, sure = knee_log.excitation, knee_log.well_determined
+    np.testing.assert_allclose(structural[1], 100 * excitation.structural)
+    np.testing.assert_allclose(known[1], 100 * excitation.effects[:sure])
+    np.testing.assert_allclose(weak[1], 100 * excitation.effects[sure : knee_log.rank])
+    assert len(none[0]) == len(knee_log.unidentifiable) > 0
+    assert none[1].max() < min(known[1].min(), structural[1].min())
+    places = np.concatenate([known[0], weak[0], none[0]])
+    np.testing.assert_array_equal(places, np.arange(1, knee_log.structural_rank + 1))
 
 
 def test_parameters_are_shown_against_the_robot_file(monkeypatch, identification):
@@ -169,8 +173,8 @@ def test_bars_of_the_parameters_are_the_intervals_of_the_fit(monkeypatch, identi
 
 def test_the_chosen_number_of_corrections_is_marked(monkeypatch, identification):
     (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, identification)
-    chosen = [line for line in ax.lines if line.get_label() == "supported"]
-    assert list(chosen[0].get_xdata()) == [identification.reduction.supported] * 2
+    chosen = [line for line in ax.lines if line.get_label() == "essential"]
+    assert list(chosen[0].get_xdata()) == [len(identification.reduction.columns)] * 2
 
 
 @pytest.mark.parametrize("count", [1, 2, MOST_POINTS, 40_000])

@@ -86,7 +86,7 @@ def test_values_in_the_tables_are_those_of_the_fit(identification):
     np.testing.assert_allclose([float(x) for x in cells[2]], fit.standard_errors, rtol=0.06)
 
 
-def test_tables_of_the_supported_parameters_name_their_sums_and_file_values(identification):
+def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(identification):
     table = identification_tables(identification)[1]
     names, values, _, known, _ = (list(column.cells) for column in table.columns)
     columns = identification.reduction.columns
@@ -106,15 +106,15 @@ def test_what_was_left_out_is_listed(identification):
 
 def blaming(identification):
     """The sentence that names weak parameters, if any."""
-    found = [text for text in findings(identification) if "the data do not" in text]
+    found = [text for text in findings(identification) if "not significant" in text]
     assert len(found) <= 1
     return "".join(found)
 
 
-def test_parameters_that_the_data_do_not_support_are_named(identification):
+def test_parameters_that_are_not_significant_are_named(identification):
     worse = judged(identification, full={"error_ratio": (1.5, 0.1)})
     assert not worse.candidates[1].beats_baseline
-    weak = identification.fit.unsupported()
+    weak = identification.fit.insignificant()
     assert 0 < len(weak) < len(identification.fit.values)
     assert blaming(worse).endswith(f": {', '.join(weak)}.")
 
@@ -122,7 +122,7 @@ def test_parameters_that_the_data_do_not_support_are_named(identification):
 def test_nobody_is_blamed_where_all_parameters_are_sure(identification):
     fit = identification.fit
     sure = replace(identification, fit=replace(fit, covariance=1e-12 * fit.covariance))
-    assert sure.fit.unsupported() == ()
+    assert sure.fit.insignificant() == ()
     assert "none alone" in blaming(judged(sure, full={"error_ratio": (1.5, 0.1)}))
     assert blaming(judged(sure, full={"error_ratio": (0.5, 0.1)})) == ""
 
@@ -144,11 +144,14 @@ def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_findings_are_sentences_and_count_the_supported_ones(identification):
+def test_findings_are_sentences_and_count_the_essential_parameters(identification):
     said = findings(identification)
-    assert all(text[0].isupper() and text.endswith(".") and "\n" not in text for text in said)
+    assert all(
+        (text[0].isupper() or text[0].isdigit()) and text.endswith(".") and "\n" not in text
+        for text in said
+    )
     kept = len(identification.reduction.result.parameters)
-    assert any(text.startswith(f"The data support {kept} of 23 parameters") for text in said)
+    assert any(text.startswith(f"{kept} of 23 parameters are essential") for text in said)
     assert any("cut-off of the filter: 2.5 Hz" in text for text in said)
     plain = tuple(replace(part, cutoff=None) for part in identification.training)
     said = findings(replace(identification, training=plain))

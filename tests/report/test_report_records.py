@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from loopid.report import identification_record
+from loopid.saved import SavedFit
 
 
 def assert_strict(record):
@@ -25,10 +26,10 @@ def test_an_identification_is_recorded_whole(identification):
     assert record["expressions"] == list(model.base.expressions)
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
-    np.testing.assert_array_equal(record["supported"], found.supported.values)
-    assert record["fit"] == found.fit.record()
+    np.testing.assert_array_equal(record["essential"], found.essential.values)
+    assert record["fit"] == SavedFit.of(model, found.fit).record()
     corrected = [model.parameters.labels[j] for j in found.reduction.columns]
-    assert record["supported_corrections"] == corrected
+    assert record["essential_parameters"] == corrected
 
 
 def test_recordings_are_recorded_with_what_was_left_out(identification):
@@ -38,7 +39,7 @@ def test_recordings_are_recorded_with_what_was_left_out(identification):
         (record["validation"], identification.validation),
     ):
         (entry,), (recording,) = part, recordings
-        assert (entry["name"], entry["samples"]) == ("run_1", len(recording))
+        assert (entry["name"], entry["samples"]) == ("run", len(recording))
         assert entry["used"] == recording.used.sum(axis=0).tolist()
         assert entry["cutoff"] == pytest.approx(2.5, rel=1e-3)
         assert any("stands still" in reason for reason in entry["dropped"])

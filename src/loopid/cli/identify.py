@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
+import typer
+
+from loopid import experiment
 from loopid.cli.console import (
     Floating,
     FreeMimics,
@@ -18,38 +22,72 @@ from loopid.cli.console import (
     require_output,
     show,
 )
-from loopid.cli.identify_options import (
-    Consistent,
-    Cutoff,
-    Deviation,
-    EstimatorName,
-    FrictionLog,
-    Jobs,
-    Logs,
-    Mapping,
-    Model,
-    OnDark,
-    Reference,
-    ReferenceMapping,
-    Repair,
-    Terms,
-    Train,
-    Validate,
-)
 from loopid.errors import OptionError
-from loopid.experiment import (
-    DEFAULT_FRACTION,
-    find_force_model,
-    split_recordings,
-)
-from loopid.experiment import (
-    identify as identify_recordings,
-)
+from loopid.experiment import DEFAULT_FRACTION, find_force_model, split_recordings
 from loopid.files import write_files
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.report import identification_files, identification_record, identification_tables
-from loopid.robot import Mechanism
 from loopid.trajectories import LowPass
+
+Logs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG...",
+        help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
+    ),
+]
+Mapping = Annotated[
+    str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+]
+Model = Annotated[
+    str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+]
+Terms = Annotated[
+    str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
+]
+EstimatorName = Annotated[
+    str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
+]
+Unidentifiable = Annotated[
+    str,
+    typer.Option(
+        help="Of combinations that LOG does not excite: an error, or the robot file as prior."
+    ),
+]
+Deviation = Annotated[
+    float | None,
+    typer.Option(help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."),
+]
+Consistent = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
+    ),
+]
+Repair = Annotated[
+    bool, typer.Option("--repair", help="Repair inconsistent bodies of the robot file for that.")
+]
+Reference = Annotated[
+    list[str] | None,
+    typer.Option(metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."),
+]
+ReferenceMapping = Annotated[
+    str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
+]
+Cutoff = Annotated[
+    float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
+]
+Train = Annotated[
+    float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+]
+Validate = Annotated[
+    list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
+]
+FrictionLog = Annotated[
+    list[str] | None, typer.Option(metavar="LOG", help="Identify the terms from this log first.")
+]
+Jobs = Annotated[int, typer.Option(metavar="N", help="Processes that compute the regressors.")]
 
 
 def identify(
@@ -59,7 +97,7 @@ def identify(
     model: Model = "gravity",
     terms: Terms = "Fc,Fv",
     estimator: EstimatorName = "wls",
-    on_dark: OnDark = "refuse",
+    unidentifiable: Unidentifiable = "error",
     prior_deviation: Deviation = None,
     consistent: Consistent = None,
     repair: Repair = False,
@@ -86,7 +124,14 @@ def identify(
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
-        return [_recording(mechanism, path, columns, lowpass) for path in paths or ()]
+        found = []
+        for path in paths or ():
+            log = read_log(path, mechanism, columns)
+            with progress_bar(f"assembling {log.name}") as report:
+                found.append(
+                    prepare_recording(mechanism, log, lowpass or "default", progress=report)
+                )
+        return found
 
     training: Sequence[Recording] = recordings(logs)
     validation: Sequence[Recording] = recordings(validate)
@@ -95,17 +140,19 @@ def identify(
     references = [each.motion for each in recordings(reference, reference_mapping)]
     with progress_bar("poses") as report:
         force_model = find_force_model(mechanism, model, joint_terms, progress=report)
-    friction = recordings(friction_log)
-    data = training, validation, estimator, friction, jobs, on_dark, references
-    found = identify_recordings(force_model, *data, prior_deviation, consistent, repair)
+    found = experiment.identify(
+        force_model,
+        training,
+        validation,
+        estimator,
+        recordings(friction_log),
+        jobs,
+        unidentifiable,
+        references,
+        prior_deviation,
+        consistent,
+        repair,
+    )
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)
-
-
-def _recording(
-    mechanism: Mechanism, path: str, mapping: str | None, lowpass: LowPass | None
-) -> Recording:
-    log = read_log(path, mechanism, mapping)
-    with progress_bar(f"assembling {log.name}") as report:
-        return prepare_recording(mechanism, log, lowpass or "default", progress=report)

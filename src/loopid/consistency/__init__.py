@@ -1,17 +1,13 @@
-"""Which bodies can exist: standard parameters with positive definite pseudo-inertias."""
+"""Physical consistency: standard parameters with positive definite pseudo-inertias."""
 
-from loopid.consistency.exact import consistent_parameters
-from loopid.consistency.fitting import SOLVERS, consistent_fit
-from loopid.consistency.prior import PriorDefect, prior_defects
-from loopid.consistency.pseudo_inertia import pseudo_inertia
-from loopid.consistency.regularisation import REGULARISATIONS
-from loopid.consistency.repair import repaired_prior
-from loopid.consistency.result import ConsistentFit, FitCost
+from loopid.consistency.fit import ConsistentFit, FitCost, consistent_fit, consistent_parameters
+from loopid.consistency.prior import PriorDefect, prior_defects, repaired_prior
+from loopid.consistency.whitening import REGULARISATIONS
+from loopid.pseudo_inertia import pseudo_inertia
 from loopid.regions import Region
 
 __all__ = [
     "REGULARISATIONS",
-    "SOLVERS",
     "ConsistentFit",
     "FitCost",
     "PriorDefect",

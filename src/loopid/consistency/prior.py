@@ -1,4 +1,7 @@
-"""The prior: bodies that data are compared with, each strictly inside what is possible."""
+"""The prior: the bodies that data are compared with, each of them physically consistent.
+
+Priors that are not are refused by name, or repaired where that is asked for.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +11,39 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, frozen
-from loopid.consistency.layout import Layout, checked_layout
-from loopid.consistency.moments import central_moments, pseudo_inertia_of
-from loopid.consistency.pseudo_inertia import pseudo_inertia, upper_factor
-from loopid.errors import FeasibilityError
-from loopid.parameters import ParameterSet
+from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.errors import DataError, FeasibilityError, OptionError
+from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
+from loopid.pseudo_inertia import (
+    body_defect,
+    central_moments,
+    from_moments,
+    parameters_of,
+    pseudo_inertia,
+    upper_factor,
+)
 from loopid.regions import Region
 
-# Second moments about the centre of mass up to this part of the largest count as zero: those of a
-# plate a metre wide and a tenth of a millimetre thick are of this size.
-FLAT = 1e-8
+# Terms of joints that cannot be negative: drive inertia, Coulomb and viscous friction.
+POSITIVE_KINDS = ("Ia", "Fc", "Fv")
+# A repaired body is at least so thick: second moments of a thirtieth of its length.
+THICKNESS = 1e-3
+# Second moments below this part of what the mass has at the origin are round-off: a point.
+POINT = 1e-12
+# A repaired centre of mass lies so far inside its region, relative to the middle.
+INSIDE = 0.05
 
 
 @dataclass(frozen=True)
 class PriorDefect:
-    """Why a body, or a joint term, of the prior is none to start from.
+    """Why a body, or a joint term, of the prior is not physically consistent.
 
     Attributes
     ----------
     name : str
     reason : str
     repairable : bool
-        Whether ``repaired_prior`` mends it.
+        Whether ``repaired_prior`` repairs it.
     """
 
     name: str
@@ -39,6 +52,67 @@ class PriorDefect:
 
     def __str__(self) -> str:
         return f"{self.name}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where bodies and joint terms stand among p parameters.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+    bodies : tuple of str
+        Names of links, or of groups of tied links.
+    columns : IntArray
+        (bodies, 4) or (bodies, 10), places of each body's parameters in the order of ``KINDS``.
+    joint_columns, positive : IntArray
+        Places of the joint terms, and of those that cannot be negative.
+    """
+
+    parameters: ParameterSet
+    bodies: tuple[str, ...]
+    columns: IntArray
+    joint_columns: IntArray
+    positive: IntArray
+
+    @classmethod
+    def of(cls, parameters: ParameterSet) -> Layout:
+        """Sort parameters by bodies, each with the four of the gravity model or all with ten.
+
+        Raises
+        ------
+        DataError
+            Naming a body that lacks some.
+        """
+        places: dict[str, dict[str, int]] = {}
+        for column, parameter in enumerate(parameters):
+            if parameter.kind in KINDS:
+                places.setdefault(parameter.link, {})[parameter.kind] = column
+        gravity = all(set(found) <= set(GRAVITY_KINDS) for found in places.values())
+        kinds = GRAVITY_KINDS if gravity else KINDS
+        for body, found in places.items():
+            missing = [kind for kind in kinds if kind not in found]
+            if missing:
+                raise DataError(f"body {body} lacks the parameters {', '.join(missing)}")
+        columns = [[found[kind] for kind in kinds] for found in places.values()]
+        joint = [j for j, parameter in enumerate(parameters) if parameter.kind not in KINDS]
+        return cls(
+            parameters,
+            tuple(places),
+            frozen(np.reshape(columns, (len(places), len(kinds))), np.int64),
+            frozen(joint, np.int64),
+            frozen([j for j in joint if parameters[j].kind in POSITIVE_KINDS], np.int64),
+        )
+
+    @property
+    def full(self) -> bool:
+        """Whether the bodies have inertias."""
+        return bool(self.columns.shape[1] == len(KINDS))
+
+    def owner(self, column: int) -> str:
+        """The body of a parameter, or the label of a joint term."""
+        parameter = self.parameters[column]
+        return parameter.link if parameter.kind in KINDS else parameter.label
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +126,8 @@ class Prior:
         (p,).
     bodies : tuple of str
         Those that are not massless: a body of nothing but zeros stays one.
+    columns : IntArray
+        (bodies, 4) or (bodies, 10), places of their parameters.
     factors : FloatArray
         (bodies, 4, 4), upper triangular L of P0 = L Lᵀ.
     """
@@ -59,107 +135,161 @@ class Prior:
     layout: Layout
     values: FloatArray
     bodies: tuple[str, ...]
+    columns: IntArray
     factors: FloatArray
 
     def __post_init__(self) -> None:
         for name in ("values", "factors"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
-    @property
-    def columns(self) -> IntArray:
-        """Places (bodies, 4) or (bodies, 10) of the parameters of the bodies with a mass."""
-        rows = [self.layout.bodies.index(body) for body in self.bodies]
-        return np.asarray(self.layout.columns[rows], dtype=np.int64)
-
 
 @checked
 def prior_defects(
     parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region] | None = None
 ) -> tuple[PriorDefect, ...]:
-    """Bodies of a prior that no solid body is like, or that lie outside their regions.
+    """Bodies of a prior that are not physically consistent, or lie outside their regions.
 
     Parameters
     ----------
     parameters : ParameterSet
-        The p standard parameters, terms of joints among them or not.
+        The p standard parameters, joint terms among them or not.
     prior : FloatArray
         Their values (p,). Bodies of nothing but zeros are massless, which is no defect.
     regions : mapping, optional
-        From names of bodies.
+        From names of bodies to where their centres of mass may lie, in m in the link's frame.
+
+    Raises
+    ------
+    DataError
+        When the values have another shape or are not finite, or a body lacks parameters.
+    OptionError
+        When a region is that of no body.
     """
-    layout, values = checked_layout(parameters, prior, regions or {})
-    found = [
-        _body_defect(body, own, (regions or {}).get(body))
-        for body, own in zip(layout.bodies, layout.of_bodies(values), strict=True)
-        if own.any()
-    ]
-    labels = ((parameters[j].label, values[j]) for j in layout.positive)
-    found += [
-        PriorDefect(label, f"it cannot be negative ({value:.3g})", True)
-        for label, value in labels
-        if value < 0
-    ]
-    return tuple(defect for defect in found if defect is not None)
+    return _defects(*_checked(parameters, prior, regions or {}), regions or {})
 
 
 def sound_prior(
     parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region]
 ) -> Prior:
-    """A prior to whiten by.
+    """The prior, refused with the names of the bodies that are not physically consistent."""
+    layout, values = _checked(parameters, prior, regions)
+    defects = _defects(layout, values, regions)
+    if defects:
+        raise FeasibilityError(
+            f"the prior of {', '.join(defect.name for defect in defects)} is not physically "
+            f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them "
+            "with repair=True"
+        )
+    massive = values[layout.columns].any(axis=1)
+    P = _pseudo_inertias(layout, values, regions)[massive]
+    bodies = tuple(layout.bodies[k] for k in np.flatnonzero(massive))
+    return Prior(layout, values, bodies, layout.columns[massive], upper_factor(P))
+
+
+@checked
+def repaired_prior(
+    parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region] | None = None
+) -> FloatArray:
+    """The prior with bodies that are too thin made thicker, and centres of mass moved inside.
+
+    Second moments about the centre of mass become at least ``THICKNESS`` of the body's largest; a
+    body without any extent becomes a ball as large as the other bodies are on average. Masses are
+    kept. Friction and drive inertia that is negative becomes zero. What is consistent stays as it
+    is, to the bit.
+
+    Parameters
+    ----------
+    parameters, prior, regions
+        As in ``prior_defects``.
+
+    Returns
+    -------
+    FloatArray
+        (p,).
 
     Raises
     ------
     FeasibilityError
-        Naming the bodies whose prior is not positive definite, and what to do.
+        Naming bodies whose defect is none of these, such as a negative mass.
+    DataError, OptionError
+        As ``prior_defects``.
     """
-    layout, values = checked_layout(parameters, prior, regions)
-    defects = prior_defects(parameters, values, regions)
-    if defects:
-        raise FeasibilityError(
-            f"the prior of {', '.join(defect.name for defect in defects)} cannot be: "
-            f"{'; '.join(map(str, defects))}; give possible values, or repair=True to mend them"
-        )
-    massive = [k for k, own in enumerate(layout.of_bodies(values)) if own.any()]
-    bodies = tuple(layout.bodies[k] for k in massive)
-    P = _pseudo_inertias(layout, values, regions)[massive]
-    return Prior(layout, values, bodies, upper_factor(P))
+    regions = regions or {}
+    layout, values = _checked(parameters, prior, regions)
+    defects = _defects(layout, values, regions)
+    lost = [defect for defect in defects if not defect.repairable]
+    if lost:
+        raise FeasibilityError(f"the prior cannot be repaired: {'; '.join(map(str, lost))}")
+    repaired, ball = values.copy(), _mean_extent(layout, values)
+    repaired[layout.positive] = np.maximum(values[layout.positive], 0.0)
+    for name in (defect.name for defect in defects if defect.name in layout.bodies):
+        columns = layout.columns[layout.bodies.index(name)]
+        repaired[columns] = _repaired_body(name, values[columns], regions.get(name), ball)
+    return repaired
 
 
-def _body_defect(body: str, own: FloatArray, region: Region | None) -> PriorDefect | None:
-    if own[0] <= 0:
-        return PriorDefect(body, f"its mass is not positive ({own[0]:.3g} kg)", False)
-    if len(own) > 4:
-        moments = np.linalg.eigvalsh(central_moments(own))
-        if moments[0] <= FLAT * moments[2]:
-            listed = ", ".join(f"{moment:.3g}" for moment in moments)
-            what = "its inertia is that of no solid body: second moments about its centre of mass"
-            return PriorDefect(body, f"{what} are {listed} kg m²", True)
-    if region is not None and not (region.depths(own[1:4] / own[0]) > 0).all():
-        listed = ", ".join(f"{x:.3g}" for x in own[1:4] / own[0])
-        inside = region.centre in region
-        return PriorDefect(body, f"its centre of mass ({listed} m) is outside its region", inside)
-    return None
+def _checked(
+    parameters: ParameterSet, values: FloatArray, regions: Mapping[str, Region]
+) -> tuple[Layout, FloatArray]:
+    """The layout of parameters and the values (p,), where they fit together."""
+    prior = finite(values, "prior")
+    if prior.shape != (len(parameters),):
+        raise DataError(f"the prior must have shape ({len(parameters)},), not {prior.shape}")
+    layout = Layout.of(parameters)
+    for body in regions:
+        if body not in layout.bodies:
+            raise OptionError.unknown("body of a region", body, layout.bodies)
+    return layout, prior
+
+
+def _defects(
+    layout: Layout, values: FloatArray, regions: Mapping[str, Region]
+) -> tuple[PriorDefect, ...]:
+    found = []
+    for body, columns in zip(layout.bodies, layout.columns, strict=True):
+        own, region = values[columns], regions.get(body)
+        if not own.any():
+            continue
+        P = _with_inertia(own)
+        # Of the gravity model only the mass is judged: its bodies may be points.
+        reason = body_defect(P) if layout.full or own[0] <= 0 else ""
+        if reason:
+            found.append(PriorDefect(body, reason, bool(own[0] > 0)))
+        elif region is not None and not (region.depths(own[1:4] / own[0]) > 0).all():
+            listed = ", ".join(f"{x:.3g}" for x in own[1:4] / own[0])
+            what = f"its centre of mass ({listed} m) is outside its region"
+            found.append(PriorDefect(body, what, region.centre in region))
+    for j in layout.positive:
+        if values[j] < 0:
+            what = f"it cannot be negative ({values[j]:.3g})"
+            found.append(PriorDefect(layout.parameters[int(j)].label, what, True))
+    return tuple(found)
+
+
+def _with_inertia(own: FloatArray) -> FloatArray:
+    """Pseudo-inertia of four or ten parameters, of the former as of a point at the origin."""
+    return pseudo_inertia(np.pad(own, (0, len(KINDS) - len(own))))
 
 
 def _pseudo_inertias(
     layout: Layout, values: FloatArray, regions: Mapping[str, Region]
 ) -> FloatArray:
     """Pseudo-inertias (bodies, 4, 4); in the gravity model of bodies that fill their regions."""
-    own = layout.of_bodies(values)
+    own = values[layout.columns]
     if layout.full:
         return pseudo_inertia(own)
     found = np.zeros((len(own), 4, 4))
     for k, (body, (mass, *first)) in enumerate(zip(layout.bodies, own, strict=True)):
         if own[k].any():
             size = regions[body].half_widths if body in regions else _reach(own)
-            found[k] = pseudo_inertia_of(mass, np.array(first) / mass, np.diag(mass * size**2 / 3))
+            found[k] = from_moments(mass, np.array(first) / mass, np.diag(mass * size**2 / 3))
     return found
 
 
 def _reach(own: FloatArray) -> FloatArray:
-    """Half of the width (3,) in m of a body of which only mass and first moments are known.
+    """Half width (3,) in m of bodies of which only mass and first moments are known.
 
-    As far as the centres of mass are from the origins of their links, on average.
+    As far as the centres of mass are from the origins of their links, in the root mean square.
     """
     massive = own[own[:, 0] > 0]
     squares = (massive[:, 1:] ** 2).sum(axis=1) / massive[:, 0] ** 2
@@ -168,3 +298,32 @@ def _reach(own: FloatArray) -> FloatArray:
             "no centre of mass of the prior tells how large the bodies are: give regions"
         )
     return np.full(3, np.sqrt(squares.mean()))
+
+
+def _mean_extent(layout: Layout, values: FloatArray) -> float:
+    """Mean second moment over mass (m²) of the bodies that have an extent; 0 without any."""
+    if not layout.full:
+        return 0.0
+    massive = [own for own in values[layout.columns] if own[0] > 0]
+    extents = [np.trace(central_moments(pseudo_inertia(own))) / (3 * own[0]) for own in massive]
+    return float(np.mean([e for e in extents if e > 0] or [0.0]))
+
+
+def _repaired_body(name: str, own: FloatArray, region: Region | None, ball: float) -> FloatArray:
+    mass, centre = float(own[0]), own[1:4] / own[0]
+    if region is not None and not (region.depths(centre) > 0).all():
+        # As far towards the middle of the region as it takes.
+        middle, now = region.depths(region.centre), region.depths(centre)
+        way = middle - now
+        part = np.divide(INSIDE * middle - now, way, out=np.zeros(len(way)), where=way > 0)
+        centre = centre + part.max() * (region.centre - centre)
+    if len(own) == len(GRAVITY_KINDS):
+        return np.append(mass, mass * centre)
+    P = pseudo_inertia(own)
+    moments, axes = np.linalg.eigh(central_moments(P))
+    if body_defect(P):
+        has_extent = moments[2] > POINT * mass * (centre @ centre)
+        moments = np.maximum(moments, THICKNESS * moments[2] if has_extent else mass * ball)
+    if moments[0] <= 0:
+        raise FeasibilityError(f"no body tells how large {name} is: the prior cannot be repaired")
+    return parameters_of(from_moments(mass, centre, axes * moments @ axes.T))

@@ -1,36 +1,52 @@
-"""From recordings to parameters: the force model, its identification, what the data support."""
+"""From recordings to parameters: the force model, its identification, what a log identifies."""
 
-from loopid.experiment.cad_prior import cad_prior
 from loopid.experiment.candidate import Candidate, prediction_error, prediction_reach
-from loopid.experiment.distributed import distributed_problem
-from loopid.experiment.force_model import ForceModel, find_force_model
-from loopid.experiment.identifiability import DataSupport, data_support
-from loopid.experiment.identification import (
+from loopid.experiment.exciting_motion import ExcitingMotion, exciting_motion
+from loopid.experiment.force_model import (
+    ForceModel,
+    cad_prior,
+    distributed_problem,
+    find_force_model,
+)
+from loopid.experiment.identifiability import (
+    Excitation,
+    Identifiability,
+    WeakDirection,
+    identifiability,
+)
+from loopid.experiment.identify import (
     DEFAULT_FRACTION,
+    UNIDENTIFIABLE,
     Identification,
+    identify,
     split_recordings,
 )
-from loopid.experiment.identify import ON_DARK, identify
-from loopid.experiment.lighting import Lighting
-from loopid.experiment.lighting_motion import lighting_motion
-from loopid.experiment.weak_directions import WeakDirection
+from loopid.experiment.instruments import (
+    SimulatedFit,
+    fit_by_simulation,
+    reference_instruments,
+)
 
 __all__ = [
     "DEFAULT_FRACTION",
-    "ON_DARK",
+    "UNIDENTIFIABLE",
     "Candidate",
-    "DataSupport",
+    "Excitation",
+    "ExcitingMotion",
     "ForceModel",
+    "Identifiability",
     "Identification",
-    "Lighting",
+    "SimulatedFit",
     "WeakDirection",
     "cad_prior",
-    "data_support",
     "distributed_problem",
+    "exciting_motion",
     "find_force_model",
+    "fit_by_simulation",
+    "identifiability",
     "identify",
-    "lighting_motion",
     "prediction_error",
     "prediction_reach",
+    "reference_instruments",
     "split_recordings",
 ]

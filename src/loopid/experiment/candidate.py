@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +13,14 @@ from loopid.identification import FitSamples, Quality, fit_quality
 from loopid.scratch import row_blocks
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
-# follow one another for seconds.
+# are autocorrelated over seconds.
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 # Differences below this are round-off.
 NO_DIFFERENCE = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Candidate:
     """Values for all parameters of a force model, some of them taken from data.
 
@@ -52,96 +51,84 @@ class Candidate:
     rms_errors: tuple[FloatArray, FloatArray]
     error_ratio: tuple[float, float]
 
+    def __repr__(self) -> str:
+        ratio, error = self.error_ratio
+        return (
+            f"Candidate({self.name}: {self.fitted} of {len(self.values)} parameters fitted, "
+            f"validation error {ratio:.2f} ± {error:.2f} of the baseline's)"
+        )
+
     @property
     def beats_baseline(self) -> bool:
         """Whether the validation error is smaller by more than two standard errors."""
         ratio, error = self.error_ratio
         return 1.0 - ratio > 2 * error + NO_DIFFERENCE
 
+    @property
+    def loses_to_baseline(self) -> bool:
+        """Whether the validation error is larger by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return ratio - 1.0 > 2 * error + NO_DIFFERENCE
 
-def judge(
+
+def judged(
     name: str,
-    fitted: int,
-    values: FloatArray,
-    covariance: FloatArray,
+    fitted: tuple[int, FloatArray, FloatArray],
     data: tuple[FitSamples, FitSamples],
     baseline: FloatArray,
 ) -> Candidate:
-    """Measure a candidate on training and validation data, beside baseline values (n,)."""
-    training, validation = data
-    return Candidate(
-        name=name,
-        fitted=fitted,
-        values=values,
-        covariance=covariance,
-        training=fit_quality(training.problem, values),
-        validation=fit_quality(validation.problem, values),
-        rms_errors=(_rms_errors(training, values), _rms_errors(validation, values)),
-        error_ratio=_error_ratio(validation, values, baseline),
-    )
+    """Judge a number of fitted parameters, values (n,) and covariance beside baseline values (n,).
+
+    Parameters
+    ----------
+    data : tuple of FitSamples
+        For training and for validation.
+    """
+    values, (training, validation) = fitted[1], data
+    qualities = fit_quality(training.problem, values), fit_quality(validation.problem, values)
+    errors = _rms_errors(training, values), _rms_errors(validation, values)
+    return Candidate(name, *fitted, *qualities, errors, _error_ratio(validation, values, baseline))
 
 
 def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
     """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
     residual, errors = samples.residual(values), np.full(len(samples.actuators), np.nan)
-    counts = samples.problem.samples
-    for k in np.flatnonzero(counts):
-        squares = (
-            residual[rows, k][samples.used[rows, k]] ** 2 for rows in row_blocks(len(samples))
-        )
-        means, mean = _batch_means(squares, int(counts[k]))
-        if mean > 0:
-            errors[k] = _mean_error(means) / (2 * np.sqrt(mean))
+    for k in np.flatnonzero(samples.problem.samples):
+        squares = residual[:, k][samples.used[:, k]] ** 2
+        if squares.any():
+            errors[k] = _mean_error(_batch_means(squares)) / (2 * np.sqrt(squares.mean()))
     return errors
-
-
-def _batch_means(series: Iterator[FloatArray], count: int) -> tuple[FloatArray, float]:
-    """Means of the batches of a series of so many numbers in blocks, and of all of it."""
-    ends = np.cumsum([len(batch) for batch in np.array_split(range(count), min(BATCHES, count))])
-    sums, done = np.zeros(len(ends)), 0
-    for block in series:
-        batch = np.searchsorted(ends, np.arange(done, done + len(block)), "right")
-        sums += np.bincount(batch, block, minlength=len(ends))
-        done += len(block)
-    return sums / np.diff(ends, prepend=0), float(sums.sum() / count)
-
-
-def _mean_error(means: FloatArray) -> float:
-    """Standard error of a mean from those of its batches; NaN for one."""
-    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
 def _error_ratio(
     samples: FitSamples, values: FloatArray, baseline: FloatArray
 ) -> tuple[float, float]:
     """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
-    own, other = (
-        _batch_means(_weighted_squares(samples, phi, baseline), len(samples))
-        for phi in (values, baseline)
-    )
-    ratio = own[1] / other[1]
-    return ratio, _mean_error(own[0] - ratio * other[0]) / other[1]
-
-
-def _weighted_squares(
-    samples: FitSamples, values: FloatArray, baseline: FloatArray
-) -> Iterator[FloatArray]:
-    """Blocks of squared errors (N,), each actuator in units of its baseline error."""
     rms = fit_quality(samples.problem, baseline).residual_rms
     scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
-    for rows in row_blocks(len(samples)):
-        residual = samples.force[rows] - samples.regressor[rows] @ values
+
+    def squares(phi: FloatArray, rows: slice) -> FloatArray:
+        """Squared errors (L,) of some samples, each actuator in units of its baseline error."""
+        residual = samples.force[rows] - samples.regressor[rows] @ phi
         residual = np.where(samples.used[rows], residual, 0.0)[:, present]
-        yield np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
+        return np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
+
+    own, other = (
+        np.concatenate([squares(phi, rows) for rows in row_blocks(len(samples))])
+        for phi in (values, baseline)
+    )
+    ratio = float(own.mean() / other.mean())
+    return ratio, _mean_error(_batch_means(own - ratio * other)) / float(other.mean())
 
 
-@checked
-def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Half the width (N, dof) of the 95 % intervals of predicted forces.
+def _batch_means(series: FloatArray) -> FloatArray:
+    batches = np.array_split(series, min(BATCHES, len(series)))
+    return np.array([batch.mean() for batch in batches])
 
-    As ``prediction_error``.
-    """
-    return INTERVAL * prediction_error(regressor, covariance)
+
+def _mean_error(means: FloatArray) -> float:
+    """Standard error of a mean from those of its batches; NaN for one."""
+    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
 @checked
@@ -162,3 +149,12 @@ def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArra
         )
     variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+
+@checked
+def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Half the width (N, dof) of the 95 % intervals of predicted forces.
+
+    As ``prediction_error``.
+    """
+    return INTERVAL * prediction_error(regressor, covariance)

@@ -1,19 +1,24 @@
-"""The model that is fitted: base parameters of a mechanism and terms of its joints."""
+"""The model that is fitted: forces as a linear function of base parameters and joint terms.
+
+Beside it: what the robot file says of its parameters (``cad_prior``), and its fit problem where the
+logs lie on many machines (``distributed_problem``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray, finite
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
-from loopid.experiment.repertoire import Repertoire
-from loopid.identification import FitSamples
-from loopid.kinematics import closed_motion
+from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.identification import FitProblem, FitSamples, Prior
+from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.progress import Progress
@@ -24,7 +29,9 @@ from loopid.trajectories import JointMotion
 from loopid.workers import ordered_map
 
 # Configurations, velocities and accelerations of some samples.
-State = tuple[FloatArray, FloatArray, FloatArray]
+State: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+# A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
+Source: TypeAlias = Recording | Callable[[], Recording] | Any
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
@@ -33,11 +40,17 @@ CHUNK = 2048
 LEAST_ERROR = 1e-4
 # Part of the largest regressor entry below which a row is round-off: no mass takes part in it.
 SILENT = 1e-10
+# Random states of the robot: at least so many, and so many rows for each column.
+LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+# Standard deviation of the robot file as a prior, in sizes of the parameters.
+PRIOR_DEVIATION = 0.3
+# Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
+LEAST_MASS, LEAST_REACH = 0.01, 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ForceModel:
-    """Actuator forces as a linear function of what can be known.
+    """Forces of the independent coordinates, linear in the n parameters that can be identified.
 
     Attributes
     ----------
@@ -46,13 +59,20 @@ class ForceModel:
         ``"gravity"`` or ``"full"``.
     joint_terms : JointTerms or None
     base : BaseParameters
-        Of the bodies and the joint terms together.
+        Of the p standard parameters of the bodies and the joint terms together.
     """
 
     mechanism: Mechanism
     model: str
     joint_terms: JointTerms | None
     base: BaseParameters
+
+    def __repr__(self) -> str:
+        bodies, joints = len(self.body_columns), len(self.joint_columns)
+        return (
+            f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
+            f"{joints} of joint terms)"
+        )
 
     @property
     def parameters(self) -> ParameterSet:
@@ -62,14 +82,18 @@ class ForceModel:
     @property
     def joint_columns(self) -> IntArray:
         """Columns that belong to joint terms."""
-        return np.array(
-            [j for j, name in enumerate(self.parameters) if name.kind not in KINDS], dtype=np.int64
-        )
+        joints = [j for j, parameter in enumerate(self.parameters) if parameter.kind not in KINDS]
+        return np.array(joints, dtype=np.int64)
 
     @property
     def body_columns(self) -> IntArray:
         """Columns that belong to bodies."""
         return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+
+    def columns_of(self, parameters: ParameterSet) -> IntArray:
+        """Columns of some of the parameters."""
+        labels = self.parameters.labels
+        return np.array([labels.index(label) for label in parameters.labels], dtype=np.int64)
 
     @property
     def standard_prior(self) -> FloatArray:
@@ -79,20 +103,19 @@ class ForceModel:
 
     @property
     def prior(self) -> FloatArray:
-        """Values (n,) from the robot file, zero for joint terms, which it does not know."""
+        """Values (n,) of the robot file, zero for joint terms."""
         return self.base.values(self.standard_prior)
 
     @cached_property
-    def repertoire(self) -> Repertoire:
-        """Random states of the mechanism, and the forces of all parameters there."""
-        return Repertoire.of(self.mechanism, len(self.parameters), self.standard_regressor)
+    def random_states(self) -> tuple[FloatArray, FloatArray]:
+        """Closed poses (M, nq) inside the limits, and ``standard_regressor`` (M, dof, p) there.
 
-    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
-        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
-        return spooled(ordered_map(self._regressor_of, _states(motion), n_jobs))
-
-    def _regressor_of(self, state: State) -> FloatArray:
-        return self.base.regressor(self.standard_regressor(*state))
+        Seeded; velocities and accelerations are those of a fall over the robot's length.
+        """
+        rows = ROWS_PER_COLUMN * len(self.parameters)
+        count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
+        q = random_configurations(self.mechanism, count)
+        return q, self.standard_regressor(q, *random_motions(self.mechanism, count))
 
     def standard_regressor(
         self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
@@ -109,29 +132,34 @@ class ForceModel:
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
         return motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
 
+    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
+        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+        return spooled(ordered_map(self._regressor_at, _states(motion), n_jobs))
+
+    def _regressor_at(self, state: State) -> FloatArray:
+        return self.base.regressor(self.standard_regressor(*state))
+
     def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
         """The recording as samples of a fit.
 
         Parameters
         ----------
         n_jobs : int
-            Processes that work on it; the result is the same to the bit.
+            Processes that compute the regressor; the result is the same to the bit.
         """
         W, used, least = self.regressor(recording.motion, n_jobs), recording.used, None
         free = np.isin(recording.actuators, self.mechanism.free)
         if free.any():
-            size = np.max([np.abs(W[r]).max(axis=(0, 2)) for r in row_blocks(len(W))], axis=0)
-            silent = free & (size <= SILENT * size.max(initial=0.0))
+            prior = self.prior
+            largest = np.max([np.abs(W[r]).max(axis=(0, 2)) for r in row_blocks(len(W))], axis=0)
+            squares = np.sum(
+                [((W[r] * prior) ** 2).sum(axis=(0, 2)) for r in row_blocks(len(W))], axis=0
+            )
+            silent = free & (largest <= SILENT * largest.max(initial=0.0))
             used = mapped_rows(lambda rows: recording.used[rows] & ~silent, len(W))
-            least = np.where(free, LEAST_ERROR * self._term_sizes(W), 0.0)
+            least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         data = self.parameters, recording.actuators, W, recording.force
         return FitSamples.of(*data, used, recording.stretches, least)
-
-    def _term_sizes(self, regressor: FloatArray) -> FloatArray:
-        """Root mean squares (dof,) of the terms of each row, by the robot file's values."""
-        blocks = (regressor[rows] * self.prior for rows in row_blocks(len(regressor)))
-        squares = np.sum([(block**2).sum(axis=(0, 2)) for block in blocks], axis=0)
-        return np.asarray(np.sqrt(squares / len(regressor)), dtype=np.float64)
 
 
 def _states(motion: JointMotion) -> Iterator[State]:
@@ -148,18 +176,145 @@ def find_force_model(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ForceModel:
-    """Find the base parameters of a mechanism with its joint terms.
+    """Find the base parameters of a mechanism together with its joint terms.
 
     Parameters
     ----------
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms, optional
-        Friction, drives and offsets to be identified with the bodies.
+        Friction, drive inertias and offsets to be identified with the bodies.
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> friction = loopid.JointTerms(robot.actuated, ("Fc", "Fv"))
+    >>> loopid.find_force_model(robot, "full", friction)
+    ForceModel(five_bar, full: 11 base parameters of bodies, 4 of joint terms)
     """
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
     )
     return ForceModel(mechanism, model, joint_terms, find_base_parameters(observation, search))
+
+
+def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
+    """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
+
+    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
+    square: what uncertainties are compared with.
+    """
+    values = mechanism.standard_parameters("full").reshape(-1, len(KINDS))
+    mass = np.abs(values[:, 0])
+    mass = np.maximum(mass, LEAST_MASS * (mass.mean() or 1.0))
+    traces = values[:, [KINDS.index(kind) for kind in ("Ixx", "Iyy", "Izz")]].sum(axis=1)
+    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * mechanism.length) ** 2))
+    powers = mechanism.parameters(model).length_powers.reshape(len(values), -1)
+    return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
+
+
+@checked
+def cad_prior(
+    force_model: ForceModel,
+    relative: float = PRIOR_DEVIATION,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+) -> Prior:
+    """A prior of the base parameters from the robot file, for ``BayesianRidge``.
+
+    The standard parameters of each body count as independent of each other and of other bodies,
+    with standard deviations of a part of its mass m, of m ℓ for first moments and of m ℓ² for
+    inertias; ℓ is the root mean square distance of the body's mass from its origin. Base parameters
+    are combinations of these, whose covariance follows.
+
+    Parameters
+    ----------
+    relative : float
+        That part.
+    joint_values, joint_deviations : FloatArray, optional
+        (k,), what is known of ``force_model.joint_terms``; by default nothing.
+
+    Raises
+    ------
+    OptionError
+        When the part is not above 0.
+    DataError
+        When shapes are wrong, or no body has a mass.
+    """
+    if not 0 < relative < np.inf:
+        raise OptionError(f"the relative deviation must be above 0, not {relative}")
+    mechanism, M = force_model.mechanism, force_model.base.matrix
+    if not mechanism.standard_parameters("full")[:: len(KINDS)].any():
+        raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
+    sizes = relative * body_sizes(mechanism, force_model.model)
+    bodies, count = len(sizes), M.shape[1] - len(sizes)
+    values = np.zeros(count) if joint_values is None else finite(joint_values, "joint values")
+    deviations = np.full(count, np.inf)
+    if joint_deviations is not None:
+        deviations = finite(joint_deviations, "joint deviations")
+    if not values.shape == deviations.shape == (count,):
+        raise DataError(
+            f"joint values and deviations must have shape ({count},), not {values.shape} and "
+            f"{deviations.shape}"
+        )
+    known = np.isfinite(deviations)
+    D = np.concatenate([sizes, np.where(known, deviations, 0.0)])
+    covariance = (M * D**2) @ M.T
+    unknown = (M[:, bodies:][:, ~known] != 0).any(axis=1)
+    covariance[unknown], covariance[:, unknown] = 0.0, 0.0
+    covariance[unknown, unknown] = np.inf
+    mean = M @ np.concatenate([mechanism.standard_parameters(force_model.model), values])
+    return Prior(force_model.parameters, mean, covariance)
+
+
+@checked
+def distributed_problem(
+    force_model: ForceModel, sources: Iterable[Source], **options: Any
+) -> FitProblem:
+    """Reduce recordings where they lie, by Dask: only triangular factors travel.
+
+    Map: a recording becomes the factors of its samples. Reduce: stacked factors are factored again,
+    in pairs. What comes out are the factors of all samples together, to round-off.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    sources : iterable
+        For each recording itself, a function without arguments that loads it (where the log is), or
+        a ``dask.delayed`` one.
+    options
+        Of ``dask.compute``, such as ``scheduler="processes"``.
+
+    Returns
+    -------
+    FitProblem
+        For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
+        intervals are those of independent errors: factors do not tell autocorrelated ones.
+
+    Raises
+    ------
+    MissingExtraError
+        When Dask is not installed.
+    DataError
+        When there are no recordings.
+    """
+    try:
+        import dask
+    except ImportError as error:
+        raise MissingExtraError("dask", "distributed") from error
+    model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
+    level = [dask.delayed(_reduced)(model, source) for source in sources]
+    if not level:
+        raise DataError("there are no recordings to reduce")
+    while len(level) > 1:
+        level = [merged(level[k : k + 2]) for k in range(0, len(level), 2)]
+    problem: FitProblem = dask.compute(level[0], **options)[0]
+    return problem
+
+
+def _reduced(force_model: ForceModel, source: Recording | Callable[[], Recording]) -> FitProblem:
+    recording = source if isinstance(source, Recording) else source()
+    return force_model.samples(recording).problem

@@ -1,35 +1,132 @@
-"""Identification from recordings: all parameters, those that the data support, and a baseline."""
+"""Identification from recordings: all parameters, the essential ones, and a baseline."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from loopid.arguments import checked
-from loopid.errors import ExcitationWarning, OptionError, RankError
-from loopid.experiment.candidate import Candidate, judge
-from loopid.experiment.consistent import fit_consistent
-from loopid.experiment.fits import estimator_for, fit_baseline, fit_shown, reduce_shown
-from loopid.experiment.force_model import ForceModel
-from loopid.experiment.gathering import gathered_samples, require_references
-from loopid.experiment.identifiability import DataSupport, data_support
-from loopid.experiment.identification import Identification
+from loopid.arrays import FloatArray, IntArray
+from loopid.errors import DataError, ExcitationWarning, OptionError, RankError, warn
+from loopid.experiment.candidate import Candidate, judged
+from loopid.experiment.force_model import PRIOR_DEVIATION, ForceModel, cad_prior
+from loopid.experiment.identifiability import (
+    Excitation,
+    Identifiability,
+    fit_excited,
+    identifiability,
+)
+from loopid.experiment.instruments import reference_instruments
 from loopid.identification import (
     BayesianRidge,
     Estimator,
     FitResult,
     FitSamples,
+    InstrumentalVariables,
+    Reduction,
+    WeightedLeastSquares,
+    chosen_estimator,
+    eliminate,
     fit,
     fit_in_steps,
+    html_table,
+    quiet_fit,
+    warn_of_insignificant,
 )
-from loopid.identification.excitation import warn_of_unsupported
 from loopid.logs import Recording
-from loopid.reduction import Reduction
 from loopid.trajectories import JointMotion
 
-# What to do where no force of the data depends on a combination of parameters.
-ON_DARK = ("refuse", "truncate")
+if TYPE_CHECKING:
+    from loopid.consistency import ConsistentFit
+
+# What to do where a combination of parameters is unidentifiable from the data.
+UNIDENTIFIABLE = ("error", "prior")
+DEFAULT_FRACTION = 0.6  # of each recording's time that is fitted; the rest validates
+
+
+@dataclass(frozen=True, repr=False)
+class Identification:
+    """What recordings say about a mechanism.
+
+    Attributes
+    ----------
+    force_model : ForceModel
+    training, validation : tuple of Recording
+    samples : tuple of FitSamples
+        The same as samples of a fit.
+    fit : FitResult
+        All parameters of the force model.
+    reduction : Reduction
+        The essential parameters, by backward elimination.
+    candidates : tuple of Candidate
+        The robot file with fitted joint terms (the baseline), all parameters, the essential ones.
+    identifiability : Identifiability
+        What the training data tell of the parameters that were fitted to them.
+    consistent : ConsistentFit or None
+        Physically consistent parameters, where they were asked for.
+    """
+
+    force_model: ForceModel
+    training: tuple[Recording, ...]
+    validation: tuple[Recording, ...]
+    samples: tuple[FitSamples, FitSamples]
+    fit: FitResult
+    reduction: Reduction
+    candidates: tuple[Candidate, Candidate, Candidate]
+    identifiability: Identifiability
+    consistent: ConsistentFit | None = None
+
+    def __repr__(self) -> str:
+        model, found = self.force_model, self.identifiability
+        fitted, fresh = (len(samples) for samples in self.samples)
+        lines = [
+            f"Identification({model.mechanism.name}, {model.model} model by {self.fit.estimator}: "
+            f"{fitted} samples fitted, {fresh} to validate)",
+            *(
+                f"  {each.name}: {each.fitted} parameters fitted, squared error on new data "
+                "{:.2f} ± {:.2f} of the robot file's".format(*each.error_ratio)
+                for each in self.candidates
+            ),
+            f"  {found.rank} of {found.structural_rank} combinations excited by the data, "
+            f"{found.well_determined} better known than by the robot file",
+        ]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head = (
+            "candidate",
+            "parameters fitted",
+            "squared error on new data, of the robot file's",
+            "±",
+        )
+        return html_table(head, [(c.name, c.fitted, *c.error_ratio) for c in self.candidates])
+
+    @property
+    def baseline(self) -> Candidate:
+        """Bodies of the robot file, joint terms fitted to the training data."""
+        return self.candidates[0]
+
+    @property
+    def essential(self) -> Candidate:
+        """The essential parameters fitted, the others as in the robot file."""
+        return self.candidates[2]
+
+    @property
+    def best(self) -> Candidate:
+        """The candidate with the least validation error."""
+        return min(self.candidates, key=lambda candidate: candidate.error_ratio[0])
+
+
+@checked
+def split_recordings(
+    recordings: Sequence[Recording], fraction: float = DEFAULT_FRACTION
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """The first part of each recording for training, the rest for validation."""
+    parts = [recording.split(fraction) for recording in recordings]
+    return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
 
 
 @checked
@@ -40,13 +137,13 @@ def identify(
     estimator: Estimator | str = "wls",
     friction: Sequence[Recording] = (),
     n_jobs: int = 1,
-    on_dark: str = "refuse",
+    unidentifiable: str = "error",
     references: Sequence[JointMotion] = (),
     prior_deviation: float | None = None,
     consistent: str | None = None,
     repair: bool = False,
 ) -> Identification:
-    """Fit a force model to recordings, and say how much of it they support.
+    """Fit a force model to recordings, and judge the fit on recordings that it has not seen.
 
     Parameters
     ----------
@@ -58,118 +155,197 @@ def identify(
         Recordings of an experiment of their own that the joint terms are identified from first;
         without them all parameters are fitted together.
     n_jobs : int
-        Processes that work on the regressors; the result is the same to the bit.
-    on_dark : str
-        Where no force of the training data depends on a combination of parameters: ``"refuse"``, or
-        ``"truncate"``: fit the others, and keep the robot file's values there. Parameters that have
-        a part in it are then ``assumed``, and their intervals infinite.
+        Processes that compute the regressors; the result is the same to the bit.
+    unidentifiable : str
+        Where no force of the training data depends on a combination of parameters: ``"error"``, or
+        ``"prior"``: fit the others, and keep the robot file's values there. Parameters that have a
+        part in it are then ``assumed``, and their intervals infinite.
     references : sequence of JointMotion, optional
         For ``"iv"``, one a training recording: the motion that was commanded, or simulated.
     prior_deviation : float, optional
         For ``"bayes"``: standard deviation of the robot file's parameters, relative to their sizes
         (``cad_prior``); 0.3 by default.
     consistent : str, optional
-        Fit bodies that can exist, too: the regularisation of ``consistent_fit``, ``"entropic"``,
-        ``"euclidean"`` or ``"riemannian"``.
+        Fit physically consistent parameters, too: the regularisation of ``consistent_fit``,
+        ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
     repair : bool
-        Whether bodies of the robot file that cannot exist are mended for that.
+        Whether physically inconsistent bodies of the robot file are repaired for that.
 
     Raises
     ------
     RankError
-        Naming the combinations that the data do not show, and the motion that would show them.
+        Naming the unidentifiable combinations, and the motion that would excite them.
 
     Warns
     -----
     ExcitationWarning
-        Of combinations that the data do not show, where the estimator has other ways to them, and
-        of those that they tell worse than the robot file.
+        Of unidentifiable combinations that the robot file's values are kept for, and of weakly
+        identifiable ones.
+
+    Examples
+    --------
+    A five-bar whose log was simulated with friction:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> friction = loopid.JointTerms(robot.actuated, ("Fv",))
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
+    >>> noise, values = loopid.Noise(gaussian=0.01), np.array([1.0, 2.0])
+    >>> log = loopid.simulate_measurement(robot, motion, noise, 0, None, friction, values)
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> model = loopid.find_force_model(robot, "gravity", friction)
+    >>> found = loopid.identify(model, *loopid.split_recordings([run], 0.5))
+    >>> np.round(found.fit.values[model.joint_columns], 1)
+    array([1., 2.])
     """
-    if on_dark not in ON_DARK:
-        raise OptionError.unknown("answer to what data do not show", on_dark, ON_DARK)
-    require_references(estimator, training, references)
-    samples = gathered_samples(force_model, training, n_jobs, references)
-    data = samples, gathered_samples(force_model, validation, n_jobs)
-    support, fill = data_support(force_model, training, samples), on_dark == "truncate"
-    joints = support.excited.joint_sizes if fill and support.dark else None
-    chosen = estimator_for(force_model, estimator, prior_deviation, joints)
-    _require_shown(support, chosen, fill)
+    if unidentifiable not in UNIDENTIFIABLE:
+        raise OptionError.unknown("unidentifiable", unidentifiable, UNIDENTIFIABLE)
+    name = estimator if isinstance(estimator, str) else estimator.name
+    wanted = len(training) if name == InstrumentalVariables.name else 0
+    if len(references) != wanted:
+        raise OptionError(
+            f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
+            f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
+        )
+    samples = _gathered(force_model, training, n_jobs, references)
+    data = samples, _gathered(force_model, validation, n_jobs)
+    found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
+    excitation, missing = found.excitation, keep and bool(found.unidentifiable)
+    chosen = _estimator(
+        force_model, estimator, prior_deviation, excitation.joint_sizes if missing else None
+    )
+    if not keep:
+        _require_excited(found, chosen)
     if friction:
-        first = gathered_samples(force_model, friction, n_jobs)
-        _require_shown(data_support(force_model, friction, first), chosen)
-        support = data_support(force_model, training, samples.select(force_model.body_columns))
-        _require_shown(support, chosen)
+        first = _gathered(force_model, friction, n_jobs)
+        _require_excited(identifiability(force_model, friction, first), chosen)
+        found = identifiability(force_model, training, samples.select(force_model.body_columns))
+        _require_excited(found, chosen)
         known = [force_model.parameters.labels[j] for j in force_model.joint_columns]
         fitted = fit_in_steps(first, samples, known, chosen)
+    elif found.unidentifiable and not isinstance(chosen, BayesianRidge):
+        fitted = fit_excited(samples, force_model.prior, excitation, chosen)
+        warn_of_insignificant(fitted)
     else:
-        fitted = _fitted(force_model, samples, chosen, support, fill)
-    _warn(support)
-    reduction = reduce_shown(force_model, data, chosen)
+        try:
+            fitted = fit(samples, chosen)
+        except RankError as error:
+            raise RankError(found.refusal) if found.unidentifiable else error from None
+        if missing:
+            fitted = replace(fitted, assumed=found.assumed)
+    if found.unidentifiable:
+        warn(found.unidentifiable_message, ExcitationWarning)
+    if found.weak:
+        warn(found.weak_message, ExcitationWarning)
+    reduction = _reduced(force_model, data, chosen, excitation.held)
+    start, spread = _baseline(force_model, samples, chosen)
+    excited = len(start) - len(found.unidentifiable)
+    essential = len(reduction.columns), reduction.values, reduction.covariance
+    candidates = (
+        judged("robot file", (len(force_model.joint_columns), start, spread), data, start),
+        judged("all parameters", (excited, fitted.values, fitted.covariance), data, start),
+        judged("essential parameters", essential, data, start),
+    )
     bodies = None
     if consistent is not None:
-        bodies = fit_consistent(force_model, samples.problem, fitted, consistent, repair)
+        from loopid.consistency import consistent_fit  # only those who ask for it wait for it
+
+        given = samples.problem, fitted, force_model.base, force_model.standard_prior
+        bodies = consistent_fit(*given, regularisation=consistent, repair=repair)
+    recordings = tuple(training), tuple(validation)
     return Identification(
-        force_model,
-        tuple(training),
-        tuple(validation),
-        data,
-        fitted,
-        reduction,
-        _candidates(force_model, data, chosen, (fitted, len(support.dark)), reduction),
-        support,
-        bodies,
+        force_model, *recordings, data, fitted, reduction, candidates, found, bodies
     )
 
 
-def _candidates(
+def _gathered(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    n_jobs: int,
+    references: Sequence[JointMotion] = (),
+) -> FitSamples:
+    """All samples of recordings, with instruments if there is a reference motion for each."""
+    if not recordings:
+        raise DataError("identification needs recordings to fit, and others to validate")
+    parts = [force_model.samples(recording, n_jobs) for recording in recordings]
+    for k, reference in enumerate(references):
+        instruments = reference_instruments(force_model, recordings[k], reference, n_jobs)
+        parts[k] = parts[k].with_instruments(instruments)
+    return FitSamples.combined(parts)
+
+
+def _estimator(
+    force_model: ForceModel,
+    estimator: str | Estimator,
+    prior_deviation: float | None,
+    joint_deviations: FloatArray | None,
+) -> Estimator:
+    """An estimator by its name; ``"bayes"`` has the robot file as its prior."""
+    if estimator == BayesianRidge.name:
+        relative = PRIOR_DEVIATION if prior_deviation is None else prior_deviation
+        return BayesianRidge(cad_prior(force_model, relative, joint_deviations=joint_deviations))
+    if prior_deviation is not None:
+        raise OptionError(
+            f"a deviation of the robot file is for the estimator {BayesianRidge.name!r}, which has "
+            f"it as its prior, not for {estimator!r}"
+        )
+    return chosen_estimator(estimator)
+
+
+def _require_excited(found: Identifiability, estimator: Estimator) -> None:
+    """Refuse unidentifiable combinations, unless a prior knows of them."""
+    if found.unidentifiable and not isinstance(estimator, BayesianRidge):
+        raise RankError(found.refusal)
+
+
+def _baseline(
+    force_model: ForceModel, samples: FitSamples, estimator: Estimator
+) -> tuple[FloatArray, FloatArray]:
+    """Values (n,) and covariance (n, n) with the bodies of the robot file, joint terms fitted."""
+    values, joints = force_model.prior.copy(), force_model.joint_columns
+    covariance = np.zeros((len(values), len(values)))
+    if len(joints):
+        # A joint term may lead a combination with bodies, of which the robot file knows a part.
+        prior, values[joints] = values[joints], 0.0
+        left = samples.less(samples.predicted(values)).select(joints)
+        excitation = Excitation.of(force_model, left.problem)
+        if isinstance(estimator, BayesianRidge) or excitation.rank == len(joints):
+            terms = quiet_fit(left, estimator)
+        else:
+            terms = fit_excited(left, prior, excitation, estimator)
+        values[joints] = terms.values
+        covariance[np.ix_(joints, joints)] = terms.covariance
+    return values, covariance
+
+
+def _reduced(
     force_model: ForceModel,
     data: tuple[FitSamples, FitSamples],
     estimator: Estimator,
-    fitted: tuple[FitResult, int],
-    reduction: Reduction,
-) -> tuple[Candidate, Candidate, Candidate]:
-    """Judged by the data; of all parameters so many combinations are not from the data."""
-    start, spread = fit_baseline(force_model, data[0], estimator)
-    (whole, dark), supported = fitted, reduction.supported
-    shown = len(start) - dark
-    joints, values, covariance = len(force_model.joint_columns), whole.values, whole.covariance
-    return (
-        judge("robot file", joints, start, spread, data, start),
-        judge("all parameters", shown, values, covariance, data, start),
-        judge(
-            "supported parameters", supported, reduction.values, reduction.covariance, data, start
-        ),
-    )
+    held: IntArray,
+) -> Reduction:
+    """Eliminate parameters that are not essential, those held (unidentifiable) from the start.
 
+    What is essential is not for a prior to say: weighted least squares stands in for Bayes.
+    """
+    prior = force_model.prior
+    if isinstance(estimator, BayesianRidge):
+        estimator = WeightedLeastSquares()
+    if not len(held):
+        return eliminate(*data, estimator, reference=prior)
+    free = np.setdiff1d(np.arange(len(prior)), held)
+    known = prior.copy()
+    known[free] = 0.0
+    training, validation = (part.less(part.predicted(known)).select(free) for part in data)
+    found = eliminate(training, validation, estimator, reference=prior[free])
 
-def _require_shown(support: DataSupport, estimator: Estimator, fill: bool = False) -> None:
-    """Refuse dark combinations, unless they are to be filled in, or a prior knows of them."""
-    if support.dark and not fill and not isinstance(estimator, BayesianRidge):
-        raise RankError(support.refusal)
+    def whole(values: FloatArray) -> FloatArray:
+        all_values = prior.copy()
+        all_values[free] = values
+        return all_values
 
-
-def _fitted(
-    force_model: ForceModel,
-    samples: FitSamples,
-    estimator: Estimator,
-    support: DataSupport,
-    fill: bool,
-) -> FitResult:
-    if not support.dark:
-        return fit(samples, estimator)
-    if not isinstance(estimator, BayesianRidge):
-        fitted = fit_shown(force_model, samples, estimator)
-        warn_of_unsupported(fitted)
-        return fitted
-    try:
-        fitted = fit(samples, estimator)
-    except RankError as error:
-        raise RankError(support.refusal) from error
-    return replace(fitted, assumed=support.assumed) if fill else fitted
-
-
-def _warn(support: DataSupport) -> None:
-    said = [support.darkness] if support.dark else []
-    said += [support.doubt] if support.doubtful else []
-    for sentence in said:
-        warnings.warn(sentence, ExcitationWarning, stacklevel=3)
+    steps = tuple(replace(step, values=whole(step.values)) for step in found.steps)
+    chosen = steps[found.steps.index(found.chosen)]
+    return Reduction(data[0].parameters, prior, steps, chosen, found.result)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,31 +22,13 @@ from loopid.logs import Recording
 from loopid.trajectories import JointMotion
 
 # Motion of the robot with values (n,) of the force model's parameters.
-Simulation = Callable[[FloatArray], JointMotion]
+Simulation: TypeAlias = Callable[[FloatArray], JointMotion]
 
 ROUNDS = 20
 # Change of the estimates, in standard errors, that ends the rounds of simulation and fit.
 NO_CHANGE = 0.01
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
-
-
-@dataclass(frozen=True)
-class SimulatedFit:
-    """Estimates whose instruments were simulated with themselves.
-
-    Attributes
-    ----------
-    result : FitResult
-    samples : FitSamples
-        With the last instruments.
-    rounds : int
-        Simulations.
-    """
-
-    result: FitResult
-    samples: FitSamples
-    rounds: int
 
 
 @checked
@@ -78,6 +61,43 @@ def reference_instruments(
     return force_model.regressor(reference.select(rows), n_jobs)
 
 
+def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
+    """Numbers (N,) of the times nearest to wanted ones."""
+    if len(times) < 2:
+        raise DataError(f"the reference must have at least two samples, not {len(times)}")
+    reach = OVERHANG * float(np.diff(times).max())
+    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
+        raise DataError(
+            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
+            f"{wanted.min():.6g} to {wanted.max():.6g} s"
+        )
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    earlier = wanted - times[after - 1] < times[after] - wanted
+    return np.asarray(after - earlier, dtype=np.int64)
+
+
+@dataclass(frozen=True, repr=False)
+class SimulatedFit:
+    """Estimates whose instruments were simulated with themselves.
+
+    Attributes
+    ----------
+    result : FitResult
+    samples : FitSamples
+        With the last instruments.
+    rounds : int
+        Simulations.
+    """
+
+    result: FitResult
+    samples: FitSamples
+    rounds: int
+
+    def __repr__(self) -> str:
+        count = len(self.result.parameters)
+        return f"SimulatedFit({count} parameters, converged in {self.rounds} simulations)"
+
+
 @checked
 def fit_by_simulation(
     force_model: ForceModel,
@@ -87,7 +107,7 @@ def fit_by_simulation(
     estimator: InstrumentalVariables | None = None,
     rounds: int = ROUNDS,
 ) -> SimulatedFit:
-    """Fit by instruments that are simulated with the estimates, again and again [Janot2014].
+    """Fit by instruments that are simulated with the estimates, until these converge [Janot2014].
 
     Parameters
     ----------
@@ -108,39 +128,19 @@ def fit_by_simulation(
     if rounds < 1:
         raise OptionError(f"there must be a round of simulation, not {rounds}")
     samples, chosen = force_model.samples(recording), estimator or InstrumentalVariables()
-    values = quiet_fit(samples).values if start is None else _checked(start, samples)
-    moved = np.inf
+    values = quiet_fit(samples).values if start is None else finite(start, "start")
+    if values.shape != (len(samples.parameters),):
+        raise DataError(f"start must have shape ({len(samples.parameters)},), not {values.shape}")
+    change = np.inf
     for k in range(1, rounds + 1):
         instruments = reference_instruments(force_model, recording, simulate(values))
         samples = samples.with_instruments(instruments)
         result = quiet_fit(samples, chosen)
-        moved = float(np.abs((result.values - values) / result.standard_errors).max())
+        change = float(np.abs((result.values - values) / result.standard_errors).max())
         values = result.values
-        if moved <= NO_CHANGE:
+        if change <= NO_CHANGE:
             return SimulatedFit(result, samples, k)
     raise DataError(
-        f"estimates still change by {moved:.2g} standard errors (largest allowed {NO_CHANGE:g}) "
+        f"estimates still change by {change:.2g} standard errors (largest allowed {NO_CHANGE:g}) "
         f"after {rounds} simulations: start closer to them"
     )
-
-
-def _checked(start: FloatArray, samples: FitSamples) -> FloatArray:
-    values, width = finite(start, "start"), len(samples.parameters)
-    if values.shape != (width,):
-        raise DataError(f"start must have shape ({width},), not {values.shape}")
-    return values
-
-
-def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
-    """Numbers (N,) of the times nearest to wanted ones."""
-    if len(times) < 2:
-        raise DataError(f"the reference must have at least two samples, not {len(times)}")
-    reach = OVERHANG * float(np.diff(times).max())
-    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
-        raise DataError(
-            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
-            f"{wanted.min():.6g} to {wanted.max():.6g} s"
-        )
-    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    earlier = wanted - times[after - 1] < times[after] - wanted
-    return np.asarray(after - earlier, dtype=np.int64)

@@ -69,6 +69,12 @@ class Tag:
         """The children of a name."""
         return (child for child in self.children if child.name == name)
 
+    def all(self) -> Iterator[Tag]:
+        """The element itself and all elements inside it."""
+        yield self
+        for child in self.children:
+            yield from child.all()
+
 
 @dataclass(frozen=True)
 class Edit:
@@ -124,6 +130,11 @@ class LocatedXml:
             parts += [self.text[last : edit.place.start], edit.text]
             last = edit.place.stop
         return "".join([*parts, self.text[last:]]).encode(self.encoding)
+
+
+def written(*numbers: float) -> str:
+    """Numbers as the shortest text that is read as the very same numbers."""
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 def locate(content: bytes) -> LocatedXml:

@@ -1,16 +1,13 @@
-"""Robot files with new inertials: every other byte as it was, and feasible or refused."""
+"""Robot files with new inertials: every other byte as it was, and consistent or refused."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, OutputError
-from loopid.export.bodies import updated_links
-from loopid.export.urdf_inertials import read_inertials, rewritten
-from loopid.export.written import require_faithful
+from loopid.export.urdf import updated_urdf
 from loopid.files import write_file
 from loopid.loading.files import MJCF, find_files
 from loopid.parameters import ParameterSet
@@ -25,7 +22,7 @@ def updated_robot_file(
 
     Numbers of ``<inertial>`` tags of the links that change are new; all other bytes are those of
     the file. Links on fixed or locked joints are one body with one set of parameters: the link that
-    names it changes, or all of them where that link alone would become infeasible. Inertials of a
+    names it changes, or all of them where that link alone would become inconsistent. Inertials of a
     URDF keep the orientation of their axes.
 
     Parameters
@@ -36,21 +33,21 @@ def updated_robot_file(
         (n,) of ``mechanism.parameters("full")``, or of ``mechanism.parameters("gravity")``: then
         masses and centres of mass change, and inertias about the centres of mass stay.
     parameters : ParameterSet, optional
-        Names (n,) of the standard parameters, where terms of joints are among them.
+        Names (n,) of the standard parameters, where joint terms are among them.
 
     Raises
     ------
     FeasibilityError
-        Naming a link that no body of positive density could be.
+        Naming a link that would not be physically consistent.
     DataError, RobotFileError
         When the parameters, or the file, are not those of the mechanism.
     """
     tree = find_files(mechanism.path).tree
     if tree.suffix in MJCF:
-        from loopid.export.mjcf_inertials import updated_mjcf  # here, as it needs MuJoCo
+        from loopid.export.mjcf import updated_mjcf  # here, as it needs MuJoCo
 
         return updated_mjcf(mechanism, tree, standard_parameters, parameters)
-    return _updated_urdf(mechanism, tree, standard_parameters, parameters)
+    return updated_urdf(mechanism, tree, standard_parameters, parameters)
 
 
 @checked
@@ -81,6 +78,15 @@ def export_robot_file(
         When the name ends otherwise.
     FeasibilityError, DataError, RobotFileError
         As ``updated_robot_file``.
+
+    Examples
+    --------
+    >>> import loopid, tempfile
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     heavier = 2 * robot.standard_parameters("full")
+    ...     loopid.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
+    'heavier.urdf'
     """
     place, tree = Path(path), find_files(mechanism.path).tree
     endings = MJCF if tree.suffix in MJCF else (".urdf",)
@@ -90,18 +96,3 @@ def export_robot_file(
         raise OutputError(f"{path} is the robot's own file: ask for overwriting, or name another")
     write_file(place, updated_robot_file(mechanism, standard_parameters, parameters))
     return place
-
-
-def _updated_urdf(
-    mechanism: Mechanism, tree: Path, values: FloatArray, parameters: ParameterSet | None
-) -> bytes:
-    old = read_inertials(tree)
-    inertias = {name: inertial.inertia for name, inertial in old.items()}
-    new = updated_links(mechanism, inertias, values, parameters)
-    content = rewritten(tree.read_bytes(), old, new)
-    with TemporaryDirectory() as folder:
-        draft = Path(folder, tree.name)
-        draft.write_bytes(content)
-        read = read_inertials(draft)
-    require_faithful(tree, inertias | new, {name: found.inertia for name, found in read.items()})
-    return content

@@ -1,24 +1,42 @@
-"""What the parameters are: fit problems, estimators, results with their uncertainty."""
+"""What the parameters are: fit problems, estimators, results with their uncertainty, selection."""
 
-from loopid.identification.bayes import BayesianRidge
-from loopid.identification.estimate import Estimate
-from loopid.identification.estimator import Estimator, SampleEstimator, WorkingFit
-from loopid.identification.fitting import ESTIMATORS, fit, quiet_fit, working_fit
+from loopid.identification.bayes import BayesianRidge, Prior
+from loopid.identification.fitting import (
+    ESTIMATORS,
+    chosen_estimator,
+    fit,
+    fit_in_steps,
+    quiet_fit,
+    warn_of_insignificant,
+    working_fit,
+)
 from loopid.identification.instrumental import InstrumentalVariables
-from loopid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from loopid.identification.noise import NoiseModel
-from loopid.identification.prior import Prior
-from loopid.identification.problem import FitProblem
-from loopid.identification.quality import Quality, fit_quality
-from loopid.identification.result import FitResult
+from loopid.identification.least_squares import (
+    LEAST_EXCITATION,
+    Estimator,
+    OrdinaryLeastSquares,
+    SampleEstimator,
+    WeightedLeastSquares,
+    WorkingFit,
+    excited_rank,
+)
+from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.quality import NoiseModel, Quality, Robustness, fit_quality
+from loopid.identification.result import Estimate, FitResult, html_table
 from loopid.identification.robust import Bisquare, Huber
-from loopid.identification.robustness import Robustness
-from loopid.identification.samples import FitSamples
-from loopid.identification.steps import fit_in_steps
+from loopid.identification.selection import (
+    Reduction,
+    ReductionStep,
+    eliminate,
+    influence,
+    truncated_values,
+    truncation_bias,
+)
 from loopid.identification.total_least_squares import TotalLeastSquares
 
 __all__ = [
     "ESTIMATORS",
+    "LEAST_EXCITATION",
     "BayesianRidge",
     "Bisquare",
     "Estimate",
@@ -32,14 +50,24 @@ __all__ = [
     "OrdinaryLeastSquares",
     "Prior",
     "Quality",
+    "Reduction",
+    "ReductionStep",
     "Robustness",
     "SampleEstimator",
     "TotalLeastSquares",
     "WeightedLeastSquares",
     "WorkingFit",
+    "chosen_estimator",
+    "eliminate",
+    "excited_rank",
     "fit",
     "fit_in_steps",
     "fit_quality",
+    "html_table",
+    "influence",
     "quiet_fit",
+    "truncated_values",
+    "truncation_bias",
+    "warn_of_insignificant",
     "working_fit",
 ]

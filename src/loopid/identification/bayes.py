@@ -8,49 +8,157 @@ With weighted rows X, y of errors of variance σ², σ² unknown,
 
 Rows are weighted by the noise of their actuators, known from ν₀ samples, so that σ² is near 1 and
 S is the prior covariance. Noise that is not known is found from the residuals, as in weighted least
-squares: then s² = 1 and ν is what the parameters leave of N.
+squares: then s² = 1 and ν is N less the parameters that the data determine.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arguments import checked, checked_fields
+from loopid.arrays import ComparedByFields, FloatArray, finite, frozen, rectangular
 from loopid.errors import DataError, OptionError
 from loopid.identification.correlation import with_correlated_errors
-from loopid.identification.estimator import (
+from loopid.identification.least_squares import (
     Estimator,
     WorkingFit,
+    least_squares_weights,
     leverages,
     result_of,
-    whole_factor,
+    solved,
 )
-from loopid.identification.excitation import require_excitation
-from loopid.identification.least_squares import (
-    WEIGHT_ITERATIONS,
-    equal_weights,
-    inverse_deviations,
-    settled,
-    unsettled,
-)
-from loopid.identification.prior import Prior
-from loopid.identification.problem import FitProblem
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
-from loopid.identification.samples import FitSamples
+from loopid.parameters import ParameterSet
 from loopid.threads import one_blas_thread
 
+# Smallest over largest eigenvalue of the correlations, below which a covariance is singular.
+LEAST_EIGENVALUE = 1e-12
 # Samples that a noise that is given is known as well as from.
 NOISE_SAMPLES = 100.0
 
 
-class BayesianRidge(Estimator):
-    """Parameters from data and what was known before them; intervals are posterior ones.
+@checked_fields
+@dataclass(frozen=True, eq=False, repr=False)
+class Prior(ComparedByFields):
+    """Normal distribution of parameters; nothing is known of those with infinite variance.
 
-    Parameters
+    Attributes
+    ----------
+    parameters : ParameterSet
+        Names of the n parameters.
+    values : FloatArray
+        (n,), the mean.
+    covariance : FloatArray
+        (n, n); infinite on the diagonal for parameters of which nothing is known.
+
+    Raises
+    ------
+    DataError
+        When the shapes are wrong, or the covariance is not symmetric and positive definite.
+    """
+
+    parameters: ParameterSet
+    values: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.parameters)
+        values = finite(self.values, "prior values")
+        covariance = _without_nan(self.covariance, "prior covariance")
+        if values.shape != (n,) or covariance.shape != (n, n):
+            raise DataError(
+                f"a prior of {n} parameters must have shapes ({n},) and ({n}, {n}), not "
+                f"{values.shape} and {covariance.shape}"
+            )
+        object.__setattr__(self, "values", frozen(values))
+        object.__setattr__(self, "covariance", frozen(covariance))
+        variances = np.diag(covariance)
+        wrong = np.flatnonzero(~(variances > 0))
+        if len(wrong):
+            raise DataError(
+                f"the prior variance of {self.parameters.labels[int(wrong[0])]} must be above 0, "
+                f"not {variances[wrong[0]]}"
+            )
+        known, correlations = self._correlations()
+        finite(covariance[np.ix_(known, known)], "prior covariance")
+        if not np.allclose(correlations, correlations.T, rtol=0, atol=LEAST_EIGENVALUE**0.5):
+            raise DataError("the prior covariance must be symmetric")
+        least = np.linalg.eigvalsh(correlations).min(initial=1.0)
+        if least < LEAST_EIGENVALUE:
+            raise DataError(
+                f"the prior covariance is not positive definite: smallest eigenvalue of the "
+                f"correlations {least:.1e} (least {LEAST_EIGENVALUE:g})"
+            )
+
+    @classmethod
+    @checked
+    def independent(
+        cls, parameters: ParameterSet, values: FloatArray, deviations: FloatArray
+    ) -> Prior:
+        """Uncorrelated parameters with standard deviations (n,)."""
+        spread = _without_nan(deviations, "deviations")
+        if spread.shape != (len(parameters),):
+            raise DataError(f"deviations must have shape ({len(parameters)},), not {spread.shape}")
+        if (spread <= 0).any():
+            raise DataError(f"deviations must be above 0, not {spread.min()}")
+        return cls(parameters, values, np.diag(spread**2))
+
+    @checked
+    def of(self, parameters: ParameterSet) -> Prior:
+        """The prior of some of its parameters, in their order.
+
+        Raises
+        ------
+        OptionError
+            When it does not have one of them.
+        """
+        places = {label: j for j, label in enumerate(self.parameters.labels)}
+        for label in parameters.labels:
+            if label not in places:
+                raise OptionError.unknown("parameter of the prior", label, places)
+        chosen = [places[label] for label in parameters.labels]
+        return Prior(parameters, self.values[chosen], self.covariance[np.ix_(chosen, chosen)])
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations (n,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
+
+    @property
+    def rows(self) -> FloatArray:
+        """Rows (k, n + 1) [L | L φ₀] with LᵀL the inverse covariance of what is known."""
+        known, correlations = self._correlations()
+        rows = np.zeros((len(known), len(self.values) + 1))
+        inverse = np.linalg.inv(np.linalg.cholesky(correlations))
+        rows[:, known] = inverse / self.deviations[known]
+        rows[:, -1] = rows[:, :-1] @ self.values
+        return rows
+
+    def _correlations(self) -> tuple[np.ndarray, FloatArray]:
+        """Columns (k,) of finite variance, and their correlations (k, k)."""
+        known = np.flatnonzero(np.isfinite(np.diag(self.covariance)))
+        size = self.deviations[known]
+        return known, self.covariance[np.ix_(known, known)] / np.outer(size, size)
+
+
+def _without_nan(array: FloatArray, name: str) -> FloatArray:
+    """The array as numbers, which may be infinite."""
+    given = rectangular(array, name)
+    if given.dtype.kind != "f" or np.ma.is_masked(array):
+        return finite(array, name)
+    infinite = np.isinf(given)
+    return np.where(infinite, given, finite(np.where(infinite, 0.0, given), name))
+
+
+@checked_fields
+@dataclass(frozen=True, eq=False, repr=False)
+class BayesianRidge(ComparedByFields, Estimator):
+    """Parameters from data and a prior; intervals are those of the posterior.
+
+    Attributes
     ----------
     prior : Prior
         Of the parameters that are fitted, and maybe of more.
@@ -58,35 +166,46 @@ class BayesianRidge(Estimator):
         (dof,) in N or N m, standard deviation of each actuator's errors; by default from the data,
         as in weighted least squares.
     noise_samples : float
-        Samples that the noise is known as well as from, where it is given.
+        Number of samples from which the given noise is known.
 
     Raises
     ------
     OptionError
-        Without a prior.
+        Without a prior, or when the noise or its samples are not above 0.
+
+    Examples
+    --------
+    Twelve rows, and a prior that knows the second of two parameters well:
+
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(12, 1, 2))
+    >>> force = W @ [2.0, 0.5] + 0.3 * rng.normal(size=(12, 1))
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> prior = loopid.identification.Prior.independent(names, [1.0, 0.5], [10.0, 0.01])
+    >>> found = loopid.fit(samples, loopid.BayesianRidge(prior))
+    >>> bool(found.standard_errors[1] < 0.0101)
+    True
     """
 
     name = "bayes"
+    prior: Prior | None = None
+    noise: FloatArray | None = None
+    noise_samples: float = NOISE_SAMPLES
 
-    @checked
-    def __init__(
-        self,
-        prior: Prior | None = None,
-        noise: FloatArray | None = None,
-        noise_samples: float = NOISE_SAMPLES,
-    ) -> None:
-        if prior is None:
+    def __post_init__(self) -> None:
+        if self.prior is None:
             raise OptionError(
-                "bayes needs what was known before the data: pass BayesianRidge(prior), "
-                "as with Prior.independent(parameters, values, deviations)"
+                "bayes needs a prior: pass BayesianRidge(prior), as with "
+                "Prior.independent(parameters, values, deviations)"
             )
-        if not 0 < noise_samples < np.inf:
-            raise OptionError(f"noise_samples must be above 0, not {noise_samples}")
-        self.prior = prior
-        self.noise = None if noise is None else frozen(finite(noise, "noise"))
-        if self.noise is not None and not (self.noise > 0).all():
-            raise OptionError("the noise of each actuator must be above 0")
-        self.noise_samples = float(noise_samples)
+        if not 0 < self.noise_samples < np.inf:
+            raise OptionError(f"noise_samples must be above 0, not {self.noise_samples}")
+        if self.noise is not None:
+            object.__setattr__(self, "noise", frozen(finite(self.noise, "noise")))
+            if not (self.noise > 0).all():
+                raise OptionError("the noise of each actuator must be above 0")
 
     def fit(self, problem: FitProblem) -> FitResult:
         """As of ``Estimator``, for any number of samples.
@@ -94,33 +213,38 @@ class BayesianRidge(Estimator):
         Raises
         ------
         OptionError
-            When the prior does not know one of the parameters.
+            When the prior does not have one of the parameters.
         DataError
-            When there are no samples to tell the noise, and none is given.
+            When there are no samples to estimate the noise, and none is given.
         RankError
-            When neither the data nor the prior tell a combination of parameters.
+            When neither the data nor the prior determine a combination of parameters.
         """
         with one_blas_thread():
             return self._fit(problem)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
-        """As of ``Estimator``; actuators count by what their samples are worth.
+        """As of ``Estimator``; actuators count by their effective samples.
 
-        Errors that follow one another would otherwise drown the prior.
+        Autocorrelated residuals would otherwise outweigh the prior.
         """
-        rows = self.prior.of(samples.parameters).rows
+        rows = self._rows(samples.problem)
         plain = WorkingFit(self.fit(samples.problem), samples, rows)
         noise = with_correlated_errors(plain).result.noise
         assert noise is not None
-        worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))
         if (noise.effective_samples == noise.samples).all():
             return plain
-        weights = plain.result.weights * worth
-        return replace(plain, result=self._posterior(samples.problem, weights, rows))
+        worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))
+        return replace(
+            plain, result=self._posterior(samples.problem, plain.result.weights * worth, rows)
+        )
 
     def _fit(self, problem: FitProblem) -> FitResult:
-        rows = self.prior.of(problem.parameters).rows
+        rows = self._rows(problem)
         return self._posterior(problem, self._weights(problem, rows), rows)
+
+    def _rows(self, problem: FitProblem) -> FloatArray:
+        assert self.prior is not None
+        return self.prior.of(problem.parameters).rows
 
     def _weights(self, problem: FitProblem, rows: FloatArray) -> FloatArray:
         """Inverse deviations (dof,) of the noise."""
@@ -129,19 +253,13 @@ class BayesianRidge(Estimator):
                 raise DataError(f"noise must have shape {problem.samples.shape}")
             return np.where(problem.samples > 0, 1.0 / self.noise, 0.0)
         if problem.rows == 0:
-            raise DataError("no samples tell the noise: pass BayesianRidge(prior, noise)")
-        weights = equal_weights(problem)
-        for _ in range(WEIGHT_ITERATIONS):
-            values, R = _solved(problem, weights, rows)
-            freedom = problem.samples - leverages(problem, weights, R)
-            last = weights
-            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
-            if settled(weights, last):
-                return weights
-        raise unsettled()
+            raise DataError(
+                "there are no samples to estimate the noise: pass BayesianRidge(prior, noise)"
+            )
+        return least_squares_weights(problem, rows)
 
     def _posterior(self, problem: FitProblem, weights: FloatArray, rows: FloatArray) -> FitResult:
-        values, R = _solved(problem, weights, rows)
+        values, R = solved(problem, weights, rows)
         if self.noise is None:  # weights are such that the variance is 1
             variance, freedom = 1.0, problem.rows - float(leverages(problem, weights, R).sum())
         else:
@@ -151,14 +269,3 @@ class BayesianRidge(Estimator):
             variance = (self.noise_samples + squares) / freedom
         found = result_of(self.name, problem, values, R, weights, variance)
         return replace(found, degrees_of_freedom=freedom)
-
-
-def _solved(
-    problem: FitProblem, weights: FloatArray, rows: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Posterior mean (n,), and the triangular factor (n, n) of data and prior."""
-    width = len(problem.parameters)
-    factor = whole_factor(problem, weights, rows)
-    R = factor[:width, :width]
-    require_excitation(problem, R)
-    return np.asarray(solve_triangular(R, factor[:width, width]), dtype=np.float64), R

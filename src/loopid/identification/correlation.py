@@ -1,26 +1,33 @@
-"""Intervals that hold when errors follow one another."""
+"""Intervals for autocorrelated residuals.
+
+Residuals are smaller, and less autocorrelated, than the errors are, because a fit takes up whatever
+of the errors its regressor can express. A model of slow errors that is fitted to residuals alone
+gives intervals that are too narrow; what was taken up has a known expectation and is added back
+[Worsley2002].
+"""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
-from loopid.arrays import FloatArray
-from loopid.errors import CorrelationWarning
-from loopid.identification.error_model import ErrorModel
-from loopid.identification.estimator import WorkingFit
-from loopid.identification.least_squares import exactly_fitted
-from loopid.identification.noise import NoiseModel
+from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import CorrelationWarning, warn
+from loopid.identification.autoregression import Autoregression, burg_covariances, run_lengths
+from loopid.identification.least_squares import WorkingFit
+from loopid.identification.problem import FitSamples
+from loopid.identification.quality import NoiseModel
 from loopid.identification.result import FitResult
-from loopid.identification.samples import FitSamples
-from loopid.scratch import mapped_rows
+from loopid.scratch import mapped_rows, row_blocks
 from loopid.threads import one_blas_thread
 
 # Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much.
 CORRECTIONS = 6
-# Effective samples, relative to all, below which a user is told.
+# Parts of a correction that are tried, and the part of the innovations' variance that must stay.
+DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
+KEPT_INNOVATION = 0.5
+# Effective samples, relative to all, below which a user is warned.
 CLEARLY_FEWER = 0.5
 
 
@@ -29,49 +36,148 @@ def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
 
     The covariance is (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors; errors of
     different actuators count as independent. Rows of a prior are in X, their errors in Ω. A
-    posterior stays what it is where errors are independent: it may know of their size beforehand.
+    posterior stays the same where errors are independent: their size may be known beforehand.
     """
-    result, samples = fit.result, fit.samples
+    result, width = fit.result, len(fit.result.parameters)
     with one_blas_thread():
-        width = len(result.parameters)
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
-        known = _known(fit.prior, inverse)
-        models = _error_models(result, samples, inverse)
+        prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
+        models = _error_models(result, fit.samples, inverse)
+
+        def sums() -> FloatArray:
+            parts = (model.sums for model in models.values())
+            return np.asarray(sum(parts, prior.T @ prior), dtype=np.float64)
+
         for _ in range(CORRECTIONS):
-            sums = known + _total(models)
+            total = sums()
             for model in models.values():
-                model.correct(sums)
-        covariance = inverse @ (known + _total(models)) @ inverse.T
+                model.correct(total)
+        covariance = inverse @ sums() @ inverse.T
     noise = _noise_model(result, models)
     if fit.prior is not None and not noise.coefficients.any():
         return replace(fit, result=replace(result, noise=noise))
-    taken = 0 if fit.prior is not None else width
-    freedom = float(noise.effective_samples.sum()) - taken
+    freedom = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
     found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
     return replace(fit, result=found)
 
 
-def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
-    """Name the actuators that have clearly fewer effective samples than rows."""
-    noise = result.noise
-    if noise is None:
-        return
-    few = noise.effective_samples < CLEARLY_FEWER * noise.samples
-    if not few.any():
-        return
-    warnings.warn(
-        f"the errors of {'; '.join(_about(noise, int(i)) for i in np.flatnonzero(few))} follow one "
-        f"another: {_consequence(result, independent)}",
-        CorrelationWarning,
-        stacklevel=3,
-    )
+class ErrorModel:
+    """Autoregressive errors of one actuator, corrected for what the fit has taken up of them.
+
+    Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
+    used, weighted residuals (N,), the stretches' rows, and the least deviation of the errors.
+    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e.
+    """
+
+    def __init__(
+        self,
+        columns: FloatArray,
+        residual: FloatArray,
+        used: BoolArray,
+        pieces: tuple[slice, ...],
+        least: float = 0.0,
+    ) -> None:
+        self._columns, self._used, self._pieces = columns, used, pieces
+        self._observed = burg_covariances(residual, run_lengths(used, pieces))
+        self._observed[0] = max(self._observed[0], least**2)
+        order = len(self._observed) - 1
+        self._grams = lagged_grams(columns, pieces, order)
+        # How many pairs of used samples are so far apart.
+        self._pairs = lagged_grams(used[:, None], pieces, order)[:, 0, 0]
+        self.samples = int(self._pairs[0])
+        freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
+        start = Autoregression.of_covariances(self._observed * self.samples / freedom)
+        self._least_innovation = KEPT_INNOVATION * start.variance * freedom / self.samples
+        self._adopt(start)
+
+    def taken_up(self, sums: FloatArray) -> FloatArray:
+        """By how much a fit lowers Σ_t e_t e_{t+k} over used pairs, on average; (p + 1,).
+
+        With ``sums`` (n, n) those over all actuators.
+        """
+        left = np.einsum("ij,kij->k", sums, self._grams[: len(self._shared)])
+        return np.asarray(self._shared - left, dtype=np.float64)
+
+    def correct(self, sums: FloatArray) -> None:
+        """Make the model again, with what the fit takes up under the present models added back.
+
+        A fit takes up what is smooth, so the innovations stay. Where the whole correction would
+        shrink them, no process has the autocovariances that it asks for, and it is damped.
+        """
+        taken = self.taken_up(sums)
+        lags = slice(len(taken))
+        correction = taken / np.maximum(self._pairs[lags], 1.0)
+        for part in DAMPING:
+            covariances = self._observed[lags] + part * correction
+            model = Autoregression.of_covariances(covariances)
+            if model.order == len(covariances) - 1 and model.variance >= self._least_innovation:
+                self._adopt(model)
+                return
+
+    def effective_samples(self) -> float:
+        """Number of independent samples that would determine the mean error as well."""
+        if not self.model.order:
+            return float(self.samples)
+        spread = self.model.sum_variance(self._used, self._pieces)
+        variance = float(self.model.covariances[0])
+        return min(self.samples**2 * variance / spread, float(self.samples))
+
+    def _adopt(self, model: Autoregression) -> None:
+        """Take a model, and the sums that it leads to.
+
+        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used. Of
+        Ω X, the part from the past is filtered forwards, and that from the future backwards.
+        """
+        self.model = model
+        variance, grams = float(model.covariances[0]), self._grams[: model.order + 1]
+        traces = np.trace(grams, axis1=1, axis2=2)
+        if not model.order:
+            self.sums, self._shared = variance * grams[0], 2 * variance * traces
+            return
+        count = len(self._columns)
+        turned = tuple(slice(count - p.stop, count - p.start) for p in self._pieces[::-1])
+        past, ahead = past_sums(model, self._columns, self._used, self._pieces)
+        _, behind = past_sums(model, self._columns[::-1], self._used[::-1], turned)
+        self.sums = past + past.T - variance * grams[0]
+        self._shared = ahead + behind - 2 * variance * traces
 
 
-def _known(prior: FloatArray | None, inverse: FloatArray) -> FloatArray:
-    """What errors of a prior's rows (k, n + 1) add to the sums (n, n)."""
-    width = len(inverse)
-    rows = np.zeros((0, width)) if prior is None else prior[:, :width] @ inverse
-    return np.asarray(rows.T @ rows, dtype=np.float64)
+def lagged_grams(
+    columns: FloatArray | BoolArray, pieces: tuple[slice, ...], order: int
+) -> FloatArray:
+    """Σ_t x_{t-k} x_tᵀ (order + 1, n, n) for each lag k, over rows x (N, n) within each piece."""
+    width = columns.shape[1]
+    grams = np.zeros((order + 1, width, width))
+    for piece in pieces:
+        for rows in row_blocks(piece):
+            for k in range(min(order + 1, rows.stop - piece.start)):
+                first = max(rows.start, piece.start + k)
+                later = np.asarray(columns[first : rows.stop], dtype=np.float64)
+                grams[k] += columns[first - k : rows.stop - k].T @ later
+    return grams
+
+
+def past_sums(
+    model: Autoregression, columns: FloatArray, used: BoolArray, pieces: tuple[slice, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """With the past part Z of Ω X: Xᵀ Z (n, n), and Σ_t u_t z_t · (x_{t+k} + x_{t-k}) (p + 1,).
+
+    u_t = 1 where a sample is used.
+    """
+    width = columns.shape[1]
+    sums, shared = np.zeros((width, width)), np.zeros(model.order + 1)
+    for piece in pieces:
+        state = None
+        for rows in row_blocks(piece):
+            past, state = model.past_part(columns[rows], state)
+            sums += columns[rows].T @ past
+            present = past * used[rows, None]
+            for k in range(model.order + 1):
+                ahead = columns[rows.start + k : min(rows.stop + k, piece.stop)]
+                behind = columns[max(rows.start - k, piece.start) : max(rows.stop - k, piece.start)]
+                shared[k] += np.vdot(present[: len(ahead)], ahead)
+                shared[k] += np.vdot(present[len(present) - len(behind) :], behind)
+    return sums, shared
 
 
 def _error_models(
@@ -79,15 +185,14 @@ def _error_models(
 ) -> dict[int, ErrorModel]:
     """A model for each actuator that has samples, by its number."""
     residual = samples.residual(result.values)
-    # Round-off of an exact fit follows itself too, but is no error.
-    squares = samples.problem.residual_squares(result.values)
-    exact = exactly_fitted(samples.problem, squares)
+    # Round-off of an exact fit is autocorrelated too, but is no error.
+    exact = samples.problem.is_exact(samples.problem.residual_squares(result.values))
     models = {}
     for i in map(int, np.flatnonzero(samples.problem.samples)):
         weight = float(result.weights[i])
         models[i] = ErrorModel(
             columns=_columns(samples, i, weight * inverse),
-            residual=_scaled(residual[:, i], 0.0 if exact[i] else weight),
+            residual=(0.0 if exact[i] else weight) * residual[:, i],
             used=samples.used[:, i],
             pieces=samples.pieces,
             least=weight * float(samples.least_errors[i]),
@@ -101,45 +206,39 @@ def _columns(samples: FitSamples, i: int, inverse: FloatArray) -> FloatArray:
     return mapped_rows(lambda rows: (W[rows] @ inverse) * used[rows], len(samples))
 
 
-def _scaled(series: FloatArray, factor: float) -> FloatArray:
-    return mapped_rows(lambda rows: factor * series[rows], len(series))
-
-
-def _total(models: dict[int, ErrorModel]) -> FloatArray:
-    return np.asarray(sum(model.sums for model in models.values()), dtype=np.float64)
-
-
 def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
-    dof = len(result.actuators)
-    order = max((model.model.order for model in models.values()), default=0)
-    coefficients, numbers = np.zeros((dof, order)), np.full((4, dof), np.nan)
-    samples = np.zeros(dof, dtype=np.int64)
-    numbers[3] = 0.0
+    dof, order = len(result.actuators), max((m.model.order for m in models.values()), default=0)
+    coefficients, samples = np.zeros((dof, order)), np.zeros(dof, dtype=np.int64)
+    innovation, deviation, lag_one = np.full((3, dof), np.nan)
+    effective = np.zeros(dof)
     for i, errors in models.items():
         model, lags = errors.model, np.append(errors.model.covariances, 0.0)
         coefficients[i, : model.order] = model.coefficients
-        scale, deviation = 1 / result.weights[i], np.sqrt(lags[0])
-        lag_one = lags[1] / lags[0] if lags[0] > 0 else 0.0
-        numbers[:3, i] = scale * np.sqrt(model.variance), scale * deviation, lag_one
-        numbers[3, i] = errors.effective_samples()
-        samples[i] = errors.samples
-    innovation, total, lag_one, effective = numbers
-    return NoiseModel(
-        result.actuators, coefficients, innovation, total, lag_one, samples, effective
-    )
+        innovation[i] = np.sqrt(model.variance) / result.weights[i]
+        deviation[i] = np.sqrt(lags[0]) / result.weights[i]
+        lag_one[i] = lags[1] / lags[0] if lags[0] > 0 else 0.0
+        samples[i], effective[i] = errors.samples, errors.effective_samples()
+    series = innovation, deviation, lag_one, samples, effective
+    return NoiseModel(result.actuators, coefficients, *series)
 
 
-def _about(noise: NoiseModel, i: int) -> str:
-    return (
+def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
+    """Name the actuators that have clearly fewer effective samples than rows."""
+    noise = result.noise
+    assert noise is not None
+    few = np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
+    if not len(few):
+        return
+    actuators = "; ".join(
         f"{noise.actuators[i]} (lag-one autocorrelation {noise.lag_one[i]:.3f}, "
         f"{noise.effective_samples[i]:.0f} effective of {noise.samples[i]} samples)"
+        for i in few
     )
-
-
-def _consequence(result: FitResult, independent: FitResult) -> str:
     reach, plain = (np.ptp(fit.intervals(), axis=1) for fit in (result, independent))
     ratio = reach / plain
-    if not np.isfinite(ratio).all():
-        return f"too few effective samples for intervals of {len(ratio)} parameters"
-    extent = f"{ratio.min():.1f} to {ratio.max():.1f} times"
-    return f"intervals are {extent} as wide as those of independent errors"
+    if np.isfinite(ratio).all():
+        width = f"{ratio.min():.1f} to {ratio.max():.1f} times as wide as for independent errors"
+        consequence = f"intervals are {width}"
+    else:
+        consequence = f"too few effective samples for intervals of {len(ratio)} parameters"
+    warn(f"autocorrelated residuals of {actuators}: {consequence}", CorrelationWarning)

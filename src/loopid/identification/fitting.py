@@ -1,18 +1,27 @@
-"""One call from samples to parameters with intervals that hold."""
+"""From samples to parameters: one experiment, or two in steps."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
 from loopid.arguments import checked
-from loopid.errors import OptionError
+from loopid.errors import ExcitationWarning, OptionError, warn
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.correlation import warn_of_correlation, with_correlated_errors
-from loopid.identification.estimator import Estimator, WorkingFit
-from loopid.identification.excitation import warn_of_unsupported
 from loopid.identification.instrumental import InstrumentalVariables
-from loopid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from loopid.identification.result import FitResult
+from loopid.identification.least_squares import (
+    Estimator,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    WorkingFit,
+)
+from loopid.identification.problem import FitSamples
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import LEAST_FREEDOM, FitResult
 from loopid.identification.robust import Bisquare, Huber
-from loopid.identification.samples import FitSamples
 from loopid.identification.total_least_squares import TotalLeastSquares
 
 ESTIMATORS: dict[str, type[Estimator]] = {
@@ -28,7 +37,7 @@ ESTIMATORS: dict[str, type[Estimator]] = {
 
 @checked
 def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
-    """Estimate parameters, with intervals for errors that follow one another.
+    """Estimate parameters, with intervals that allow for autocorrelated residuals.
 
     Parameters
     ----------
@@ -52,13 +61,29 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     Warns
     -----
     CorrelationWarning
-        When errors follow one another so much that there are clearly fewer effective samples.
+        When residuals are so autocorrelated that there are clearly fewer effective samples.
     ExcitationWarning
         Naming the parameters whose 95 % interval includes zero.
+
+    Examples
+    --------
+    Gravity parameters of a five-bar linkage, from 200 random poses:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> model = loopid.find_force_model(robot, "gravity")
+    >>> poses = loopid.random_configurations(robot, 200, seed=0)
+    >>> W = model.base.regressor(loopid.gravity_regressor(robot, poses))
+    >>> truth, rng = model.prior, np.random.default_rng(0)
+    >>> force = W @ truth + 0.01 * rng.normal(size=W.shape[:2])
+    >>> samples = loopid.identification.FitSamples.of(model.parameters, robot.actuated, W, force)
+    >>> found = loopid.fit(samples)
+    >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
+    True
     """
-    fitted, independent = fits(samples, estimator)
+    fitted, independent = _fits(samples, estimator)
     warn_of_correlation(fitted.result, independent)
-    warn_of_unsupported(fitted.result)
+    warn_of_insignificant(fitted.result)
     return fitted.result
 
 
@@ -71,10 +96,10 @@ def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitRes
 @checked
 def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
     """As ``quiet_fit``, with the least squares that the fit amounts to."""
-    return fits(samples, estimator)[0]
+    return _fits(samples, estimator)[0]
 
 
-def fits(samples: FitSamples, estimator: str | Estimator) -> tuple[WorkingFit, FitResult]:
+def _fits(samples: FitSamples, estimator: str | Estimator) -> tuple[WorkingFit, FitResult]:
     """The fit, and its result for independent errors."""
     independent = chosen_estimator(estimator).fit_samples(samples)
     return with_correlated_errors(independent), independent.result
@@ -87,3 +112,89 @@ def chosen_estimator(estimator: str | Estimator) -> Estimator:
     if estimator not in ESTIMATORS:
         raise OptionError.unknown("estimator", estimator, ESTIMATORS)
     return ESTIMATORS[estimator]()
+
+
+def warn_of_insignificant(result: FitResult) -> None:
+    """Name, once, the estimates that are not significant."""
+    names = result.insignificant()
+    if not names or result.degrees_of_freedom < LEAST_FREEDOM:
+        return  # without freedom no interval is finite: the autocorrelation is to blame
+    stds = dict(zip(result.parameters.labels, result.relative_std, strict=True))
+    listed = ", ".join(f"{name} ({stds[name]:.0f} %)" for name in names)
+    warn(
+        f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
+        f"their relative standard deviation: {listed}",
+        ExcitationWarning,
+    )
+
+
+@checked
+def fit_in_steps(
+    first: FitSamples,
+    second: FitSamples,
+    known: Sequence[str],
+    estimator: str | Estimator = "wls",
+) -> FitResult:
+    """Take known parameters from a first experiment, and the rest from a second.
+
+    All parameters of ``first`` are fitted to it. Those that are known keep their values; their
+    forces are subtracted from ``second``, to which all its other parameters are fitted.
+
+    Parameters
+    ----------
+    first, second : FitSamples
+        Of different experiments, with errors independent of each other.
+    known : sequence of str
+        Names, in both experiments, of the parameters that the first one determines; joint friction
+        for instance.
+    estimator : str or Estimator
+        As of ``fit``.
+
+    Returns
+    -------
+    FitResult
+        All parameters of ``second``; the covariance holds what the uncertainty of the known ones
+        does to the others. Quality and noise are those of the second experiment, the degrees of
+        freedom those of the poorer one.
+
+    Raises
+    ------
+    OptionError
+        When a known parameter is not in both experiments, or nothing is left for the second.
+    DataError, RankError
+        As ``fit``.
+    """
+    for step, samples in (("second", second), ("first", first)):
+        for name in known:
+            if name not in samples.parameters.labels:
+                what = f"parameter of the {step} step"
+                raise OptionError.unknown(what, name, samples.parameters.labels)
+    held = [second.parameters.labels.index(name) for name in known]
+    free = [j for j in range(len(second.parameters)) if j not in held]
+    if not free:
+        raise OptionError("all parameters of the second step are known: nothing is left to fit")
+    start = fit(first, estimator)
+    taken = [start.parameters.labels.index(name) for name in known]
+    spread = start.covariance[np.ix_(taken, taken)]
+    values = np.zeros(len(second.parameters))
+    values[held] = start.values[taken]
+    fitted, independent = _fits(second.less(second.predicted(values)).select(free), estimator)
+    rest = fitted.result
+    warn_of_correlation(rest, independent)
+    warn_of_insignificant(rest)
+    # H = (X₂ᵀX₂)⁻¹ X₂ᵀF for the columns F of the known parameters.
+    H = fitted.response(second.select(held).regressor)
+    values[free] = rest.values
+    covariance = np.zeros((len(values), len(values)))
+    covariance[np.ix_(held, held)] = spread
+    covariance[np.ix_(free, held)] = -H @ spread
+    covariance[np.ix_(held, free)] = -(H @ spread).T
+    covariance[np.ix_(free, free)] = rest.covariance + H @ spread @ H.T
+    return replace(
+        rest,
+        parameters=second.parameters,
+        values=values,
+        covariance=covariance,
+        degrees_of_freedom=min(start.degrees_of_freedom, rest.degrees_of_freedom),
+        quality=fit_quality(second.problem, values),
+    )

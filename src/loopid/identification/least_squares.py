@@ -1,26 +1,120 @@
-"""Ordinary and weighted least squares on triangular factors."""
+"""Ordinary and weighted least squares on triangular factors, which all estimators build on.
+
+An estimator may clip forces, project regressors or use prior knowledge; its estimates still solve
+Σ x_t (y_t - x_tᵀ φ) = 0 for some regressor x and forces y, the *working* samples. Their residuals
+are the errors that add up in the estimates, so that one computation of the uncertainty, which
+allows for autocorrelated residuals, serves all estimators.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
 
-from loopid.arrays import BoolArray, FloatArray
-from loopid.errors import DataError
-from loopid.identification.estimator import (
-    Estimator,
-    freedom_of,
-    leverages,
-    result_of,
-    solved,
-)
-from loopid.identification.problem import FitProblem
+from loopid.arrays import ComparedByFields, FloatArray
+from loopid.errors import DataError, OptionError, RankError
+from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.quality import fit_quality
 from loopid.identification.result import FitResult
+from loopid.scratch import row_blocks
+from loopid.threads import one_blas_thread
 
+# Smallest over largest singular value, of columns scaled to unit length, that data must excite.
+LEAST_EXCITATION = 1e-8
+# Part in the unidentifiable directions, relative to the largest, above which a parameter is named.
+INVOLVED = 0.1
 WEIGHT_ITERATIONS = 500
-WEIGHT_TOLERANCE = 1e-10  # relative change of the weights that ends the iteration
-# Residual of an actuator, relative to its force, and freedom of it, relative to its samples, that
-# are but round-off.
-EXACT_FIT = 1e-10
+# Change of the weights that ends the iteration: relative, or round-off of the forces relative to
+# the errors, which is all that is known of these where they are small.
+WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF = 1e-10, 1e-13
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorkingFit(ComparedByFields):
+    """A fit, and the least squares that it amounts to.
+
+    Attributes
+    ----------
+    result : FitResult
+    samples : FitSamples
+        Working samples: with the weights of the result, and the rows of the prior, their least
+        squares are the values of the result.
+    prior : FloatArray or None
+        (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance.
+    """
+
+    result: FitResult
+    samples: FitSamples
+    prior: FloatArray | None = None
+
+    @property
+    def factor(self) -> FloatArray:
+        """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
+        return self.samples.problem.weighted(self.result.weights, self.prior)
+
+    def response(self, force: FloatArray) -> FloatArray:
+        """Change of the estimates (n, k) with further forces (N, dof, k)."""
+        width = len(self.result.parameters)
+        sums = np.zeros((width, force.shape[2]))
+        for rows in row_blocks(len(self.samples)):
+            weights = self.result.weights**2 * self.samples.used[rows]
+            columns = self.samples.regressor[rows] * weights[:, :, None]
+            sums += np.einsum("tij,tik->jk", columns, force[rows], optimize=True)
+        return np.asarray(cho_solve((self.factor[:width, :width], False), sums))
+
+
+class Estimator(ABC):
+    """A way of finding parameters from samples, or from the triangular factors of a problem."""
+
+    name: ClassVar[str]
+
+    def fit(self, problem: FitProblem) -> FitResult:
+        """Estimate the parameters, with the covariance for independent errors.
+
+        Raises
+        ------
+        OptionError
+            When the estimator needs the samples themselves.
+        DataError
+            When there are not more rows than parameters.
+        RankError
+            When the data do not excite a combination of parameters.
+        """
+        require_rows(problem)
+        with one_blas_thread():
+            return self._fit(problem)
+
+    def fit_samples(self, samples: FitSamples) -> WorkingFit:
+        """Estimate the parameters, and state the least squares that they solve.
+
+        Raises
+        ------
+        DataError, RankError
+            As ``fit``.
+        """
+        return WorkingFit(self.fit(samples.problem), samples)
+
+    @abstractmethod
+    def _fit(self, problem: FitProblem) -> FitResult: ...
+
+
+class SampleEstimator(Estimator):
+    """An estimator that looks at each sample, which triangular factors do not hold."""
+
+    def _fit(self, problem: FitProblem) -> FitResult:
+        raise OptionError(
+            f"{self.name} needs the samples, not only their triangular factors: "
+            "use fit(samples, estimator)"
+        )
+
+    @abstractmethod
+    def fit_samples(self, samples: FitSamples) -> WorkingFit:
+        """As of ``Estimator``."""
 
 
 class OrdinaryLeastSquares(Estimator):
@@ -31,7 +125,7 @@ class OrdinaryLeastSquares(Estimator):
     def _fit(self, problem: FitProblem) -> FitResult:
         weights = equal_weights(problem)
         values, R = solved(problem, weights)
-        variance = problem.residual_squares(values).sum() / freedom_of(problem)
+        variance = problem.residual_squares(values).sum() / problem.freedom
         return result_of(self.name, problem, values, R, weights, variance)
 
 
@@ -41,15 +135,32 @@ class WeightedLeastSquares(Estimator):
     name = "wls"
 
     def _fit(self, problem: FitProblem) -> FitResult:
-        weights = equal_weights(problem)
-        for _ in range(WEIGHT_ITERATIONS):
-            values, R = solved(problem, weights)
-            last, freedom = weights, problem.samples - leverages(problem, weights, R)
-            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
-            if settled(weights, last):
-                values, R = solved(problem, weights)
-                return result_of(self.name, problem, values, R, weights, 1.0)
-        raise unsettled()
+        weights = least_squares_weights(problem)
+        values, R = solved(problem, weights)
+        return result_of(self.name, problem, values, R, weights, 1.0)
+
+
+def solved(
+    problem: FitProblem, weights: FloatArray, prior: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Least squares (n,) of the weighted rows and a prior's, and their triangular factor (n, n)."""
+    width = len(problem.parameters)
+    factor = problem.weighted(weights, prior)
+    R = factor[:width, :width]
+    require_excitation(problem, R)
+    return np.asarray(solve_triangular(R, factor[:width, width]), dtype=np.float64), R
+
+
+def leverages(problem: FitProblem, weights: FloatArray, R: FloatArray) -> FloatArray:
+    """Part of the parameters (dof,) that each actuator determines; they sum to n without a prior.
+
+    Parameters
+    ----------
+    R : FloatArray
+        (n, n), factor of all weighted rows.
+    """
+    columns = weights[:, None, None] * problem.factors[:, :, :-1] @ np.linalg.inv(R)
+    return np.asarray((columns**2).sum(axis=(1, 2)), dtype=np.float64)
 
 
 def equal_weights(problem: FitProblem) -> FloatArray:
@@ -57,37 +168,121 @@ def equal_weights(problem: FitProblem) -> FloatArray:
     return np.where(problem.samples > 0, 1.0, 0.0)
 
 
-def settled(weights: FloatArray, last: FloatArray) -> bool:
-    """Whether weights (dof,) have stopped to change."""
-    present = weights > 0
-    change = np.abs(weights[present] / last[present] - 1.0)
-    return bool(change.max(initial=0.0) <= WEIGHT_TOLERANCE)
-
-
-def unsettled() -> DataError:
-    """What to say when weights do not settle."""
-    return DataError(f"the weights do not settle in {WEIGHT_ITERATIONS} iterations: use OLS")
-
-
-def exactly_fitted(problem: FitProblem, squares: FloatArray) -> BoolArray:
-    """Which actuators (dof,) have sums of squared residuals (dof,) that are but round-off."""
-    return np.asarray(squares <= EXACT_FIT**2 * problem.force_squares(), dtype=np.bool_)
-
-
 def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatArray) -> FloatArray:
     """Weights (dof,) from sums of squared residuals (dof,) over each actuator's freedom (dof,).
 
-    An actuator's freedom is its samples less its leverage. Errors are at least what counts as
-    round-off. Actuators without samples have weight 0.
+    The freedom of an actuator is its samples less its leverage. Errors are at least the stated
+    ones, or the round-off of the forces: noise-free data have finite weights. Actuators without
+    samples have weight 0.
     """
-    present = problem.samples > 0
-    exact = exactly_fitted(problem, squares) | (freedom <= EXACT_FIT * problem.samples)
-    refused = exact & present & (problem.least_errors == 0)
-    if refused.any():
-        name = problem.actuators[int(np.flatnonzero(refused)[0])]
-        raise DataError(f"actuator {name} is fitted without error: weights are undefined; use OLS")
-    found = np.zeros(len(squares))
-    variances = np.divide(squares, freedom, out=found.copy(), where=freedom > 0)
-    least = np.maximum(variances, problem.least_errors**2)
-    found[present] = 1.0 / np.sqrt(least[present])
-    return found
+    present, left = problem.samples > 0, freedom > ROUND_OFF * problem.samples
+    variances = np.divide(squares, freedom, out=np.zeros(len(squares)), where=left)
+    least = np.maximum(problem.least_errors, ROUND_OFF * problem.force_rms)
+    deviations = np.sqrt(np.maximum(variances, least**2))
+    undefined = present & ((deviations == 0) | (~left & (problem.least_errors == 0)))
+    if undefined.any():
+        name = problem.actuators[int(undefined.argmax())]
+        raise DataError(
+            f"actuator {name} is fitted without error: its weight is undefined; use ols"
+        )
+    return np.where(present, 1.0 / np.where(present, deviations, 1.0), 0.0)
+
+
+def converged_weights(
+    problem: FitProblem, fitted: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+) -> FloatArray:
+    """Weights (dof,) that are the inverse deviations of the residuals that they lead to.
+
+    Parameters
+    ----------
+    fitted : function
+        Values (n,) and leverages (dof,) of the fit with given weights (dof,).
+
+    Raises
+    ------
+    DataError
+        When the iteration does not converge, or an actuator is fitted without error.
+    """
+    weights = equal_weights(problem)
+    present, force = weights > 0, problem.force_rms
+    for _ in range(WEIGHT_ITERATIONS):
+        values, leverage = fitted(weights)
+        last, squares = weights, problem.residual_squares(values)
+        weights = inverse_deviations(problem, squares, problem.samples - leverage)
+        change = np.abs(weights[present] / last[present] - 1.0).max(initial=0.0)
+        if change <= max(WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF * (weights * force).max()):
+            return weights
+    raise DataError(f"the weights do not converge in {WEIGHT_ITERATIONS} iterations: use ols")
+
+
+def least_squares_weights(problem: FitProblem, prior: FloatArray | None = None) -> FloatArray:
+    """The converged weights (dof,) of least squares with the rows of a prior."""
+
+    def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values, R = solved(problem, weights, prior)
+        return values, leverages(problem, weights, R)
+
+    return converged_weights(problem, fitted)
+
+
+def result_of(
+    name: str,
+    problem: FitProblem,
+    values: FloatArray,
+    R: FloatArray,
+    weights: FloatArray,
+    variance: float,
+) -> FitResult:
+    """The result whose covariance for independent errors is variance · (RᵀR)⁻¹."""
+    inverse = np.linalg.inv(R)
+    return FitResult(
+        estimator=name,
+        parameters=problem.parameters,
+        actuators=problem.actuators,
+        values=values,
+        covariance=variance * inverse @ inverse.T,
+        condition_number=float(np.linalg.cond(R)),
+        degrees_of_freedom=float(problem.freedom),
+        quality=fit_quality(problem, values),
+        weights=weights,
+    )
+
+
+def require_rows(problem: FitProblem) -> None:
+    """Refuse problems with no more rows than parameters."""
+    if problem.freedom < 1:
+        count = len(problem.parameters)
+        raise DataError(f"{problem.rows} rows cannot determine {count} parameters")
+
+
+def require_excitation(problem: FitProblem, R: FloatArray) -> None:
+    """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent.
+
+    Raises
+    ------
+    RankError
+        Naming the parameters.
+    """
+    labels, norms = problem.parameters.labels, np.linalg.norm(R, axis=0)
+    if not (norms > 0).all():
+        raise RankError(f"the data do not excite {labels[int(norms.argmin())]} at all")
+    _, values, right = np.linalg.svd(R / norms)
+    if values[-1] >= LEAST_EXCITATION * values[0]:
+        return
+    # Round-off turns the single directions where there are several: only their span is named.
+    part = np.linalg.norm(right[values < LEAST_EXCITATION * values[0]], axis=0)
+    involved = np.flatnonzero(part > INVOLVED * part.max())
+    raise RankError(
+        f"the data do not excite a combination of {', '.join(labels[j] for j in involved)}: "
+        f"relative singular value {values[-1] / values[0]:.1e} (least {LEAST_EXCITATION:g}); fit "
+        "base parameters, or use a motion that excites them"
+    )
+
+
+def excited_rank(R: FloatArray) -> int:
+    """Number of combinations of parameters that the data of a triangular factor (n, n) excite."""
+    norms = np.linalg.norm(R, axis=0)
+    if not norms.any():
+        return 0
+    values = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
+    return int((values >= LEAST_EXCITATION * values[0]).sum())

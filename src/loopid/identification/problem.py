@@ -1,4 +1,4 @@
-"""The data of a fit, reduced to one triangular factor an actuator.
+"""The data of a fit: samples, and the triangular factors that they are reduced to.
 
 R_i of [W_i | τ_i] = Q_i R_i holds all that least squares needs of the samples of actuator i, for
 any weights between actuators, however long the log was. Factors of parts of a log, stacked and
@@ -8,23 +8,36 @@ factored again, are those of the whole.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import reduce
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
+from loopid.arrays import (
+    BoolArray,
+    ComparedByFields,
+    FloatArray,
+    IntArray,
+    finite,
+    frozen,
+    rectangular,
+)
 from loopid.errors import DataError
-from loopid.identification.checks import checked_least_errors, checked_mask, checked_samples
 from loopid.parameters import ParameterSet
-from loopid.scratch import row_blocks
+from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, spooled
 from loopid.triangular import triangular_factor
 
+# Residuals of an actuator, relative to its force, that are but round-off.
+ROUND_OFF = 1e-10
 
-@dataclass(frozen=True)
-class FitProblem:
-    """Forces and regressors of several actuators over samples.
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FitProblem(ComparedByFields):
+    """Forces and regressors of several actuators, reduced to triangular factors.
 
     Attributes
     ----------
@@ -59,49 +72,15 @@ class FitProblem:
         used: BoolArray | None = None,
         least_errors: FloatArray | None = None,
     ) -> FitProblem:
-        """Reduce samples, block by block.
-
-        Parameters
-        ----------
-        regressor : FloatArray
-            (N, dof, n) in N or N m per unit parameter.
-        force : FloatArray
-            (N, dof) in N or N m.
-        used : BoolArray, optional
-            (N, dof), which forces take part; by default all.
-        least_errors : FloatArray, optional
-            (dof,), by default 0.
-        """
-        W, tau = checked_samples(regressor, force, parameters, actuators)
-        mask = checked_mask(used, tau)
-        least = frozen(checked_least_errors(least_errors, len(actuators)))
-        return cls.combined(
-            cls._of_block(W[rows], tau[rows], mask[rows], (parameters, tuple(actuators), least))
-            for rows in row_blocks(len(tau))
-        )
-
-    @classmethod
-    def _of_block(
-        cls,
-        W: FloatArray,
-        tau: FloatArray,
-        mask: BoolArray,
-        common: tuple[ParameterSet, tuple[str, ...], FloatArray],
-    ) -> FitProblem:
-        """Reduce samples at once; parameters, actuators and least errors are common to all."""
-        parameters, actuators, least = common
-        augmented = np.concatenate([W, tau[:, :, None]], axis=2) * mask[:, :, None]
-        factors = triangular_factor(augmented.transpose(1, 0, 2))
-        counts = mask.sum(axis=0)
-        mean = (tau * mask).sum(axis=0) / np.maximum(counts, 1)
-        numbers = frozen(counts, np.int64), frozen(mean), least
-        return cls(parameters, actuators, frozen(factors), *numbers)
+        """Reduce samples, block by block; arguments as of ``FitSamples.of``."""
+        data = parameters, actuators, regressor, force, used, None, least_errors
+        return FitSamples.of(*data).problem
 
     @classmethod
     def combined(cls, problems: Iterable[FitProblem]) -> FitProblem:
         """All samples of several problems, such as parts of a log, with one in memory at a time.
 
-        The order counts in round-off only.
+        Their order changes the result by round-off only.
         """
         parts = iter(problems)
         first = next(parts, None)
@@ -116,13 +95,12 @@ class FitProblem:
         factors = triangular_factor(np.concatenate([self.factors, other.factors], axis=1))
         counts = self.samples + other.samples
         total = self.samples * self.mean_force + other.samples * other.mean_force
-        return FitProblem(
-            self.parameters,
-            self.actuators,
-            frozen(factors),
-            frozen(counts, np.int64),
-            frozen(total / np.maximum(counts, 1)),
-            frozen(np.maximum(self.least_errors, other.least_errors)),
+        return replace(
+            self,
+            factors=frozen(factors),
+            samples=frozen(counts, np.int64),
+            mean_force=frozen(total / np.maximum(counts, 1)),
+            least_errors=frozen(np.maximum(self.least_errors, other.least_errors)),
         )
 
     @property
@@ -130,15 +108,35 @@ class FitProblem:
         """Forces that take part, of all actuators."""
         return int(self.samples.sum())
 
-    def weighted(self, weights: FloatArray) -> FloatArray:
-        """One triangular factor (n + 1, n + 1) of all actuators, each times its weight (dof,)."""
-        width = self.factors.shape[-1]
-        return triangular_factor((weights[:, None, None] * self.factors).reshape(-1, width))
+    @property
+    def freedom(self) -> int:
+        """Rows less parameters."""
+        return self.rows - len(self.parameters)
+
+    @property
+    def force_rms(self) -> FloatArray:
+        """Root mean squares (dof,) of the forces; 0 without samples."""
+        return np.asarray(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
+
+    def weighted(self, weights: FloatArray, prior: FloatArray | None = None) -> FloatArray:
+        """One triangular factor (n + 1, n + 1) of all rows, those of a prior (k, n + 1) included.
+
+        Parameters
+        ----------
+        weights : FloatArray
+            (dof,), which the rows of each actuator are multiplied by.
+        """
+        rows = (weights[:, None, None] * self.factors).reshape(-1, self.factors.shape[-1])
+        return triangular_factor(rows if prior is None else np.concatenate([rows, prior]))
 
     def residual_squares(self, values: FloatArray) -> FloatArray:
         """Sums of squared residuals (dof,) of each actuator at parameter values (n,)."""
         residual = self.factors @ np.append(values, -1.0)
         return np.asarray((residual**2).sum(axis=1), dtype=np.float64)
+
+    def is_exact(self, squares: FloatArray) -> BoolArray:
+        """Which actuators (dof,) have sums of squared residuals (dof,) that are but round-off."""
+        return np.asarray(squares <= ROUND_OFF**2 * self.force_squares(), dtype=np.bool_)
 
     def force_squares(self) -> FloatArray:
         """Sums of squared forces (dof,)."""
@@ -147,3 +145,186 @@ class FitProblem:
     def total_squares(self) -> FloatArray:
         """Sums of squared deviations (dof,) of each force from its mean."""
         return self.force_squares() - self.samples * self.mean_force**2
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FitSamples(ComparedByFields):
+    """Forces of several actuators over time, and their regressor.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        Names of the n columns.
+    actuators : tuple of str
+    regressor : FloatArray
+        (N, dof, n) in N or N m per unit parameter.
+    force : FloatArray
+        (N, dof) in N or N m.
+    used : BoolArray
+        (N, dof), which forces take part; by default all.
+    stretches : IntArray
+        (N,), number of the gap-free, evenly sampled stretch of each sample; by default one.
+    least_errors : FloatArray
+        (dof,) in N or N m, deviation below which errors count as round-off, as of forces that are
+        known to be zero; by default 0.
+    instruments : FloatArray or None
+        (N, dof, n), the regressor of a motion whose errors are independent of the measured one's.
+    """
+
+    parameters: ParameterSet
+    actuators: tuple[str, ...]
+    regressor: FloatArray
+    force: FloatArray
+    used: BoolArray
+    stretches: IntArray
+    least_errors: FloatArray
+    instruments: FloatArray | None = None
+
+    @classmethod
+    @checked
+    def of(
+        cls,
+        parameters: ParameterSet,
+        actuators: Sequence[str],
+        regressor: FloatArray,
+        force: FloatArray,
+        used: BoolArray | None = None,
+        stretches: IntArray | None = None,
+        least_errors: FloatArray | None = None,
+    ) -> FitSamples:
+        """Check shapes and values, and fill in the defaults.
+
+        Raises
+        ------
+        DataError
+            When there are no samples, or an array has another shape or type, or is not finite.
+        """
+        W, dof, n = finite_rows(regressor, "regressor"), len(actuators), len(parameters)
+        if W.ndim != 3 or W.shape[1:] != (dof, n):
+            raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
+        tau = _force(force, W)
+        count = len(tau)
+        if count == 0:
+            raise DataError("there are no samples to fit")
+        mask = np.ones(tau.shape, dtype=bool) if used is None else rectangular(used, "used")
+        if mask.shape != tau.shape or mask.dtype != bool:
+            raise DataError(
+                f"used must be booleans of shape {tau.shape}, not {mask.dtype} of {mask.shape}"
+            )
+        numbers = np.zeros(count, dtype=np.int64) if stretches is None else stretches
+        parts = rectangular(numbers, "stretches")
+        if parts.shape != (count,) or parts.dtype.kind not in "iu":
+            raise DataError(
+                f"stretches must be whole numbers of shape ({count},), not {parts.dtype} of "
+                f"{parts.shape}"
+            )
+        least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
+        if least.shape != (dof,) or (least < 0).any():
+            raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
+        arrays = kept(W), kept(tau), kept(mask, np.bool_), kept(parts, np.int64), frozen(least)
+        return cls(parameters, tuple(actuators), *arrays)
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    @cached_property
+    def problem(self) -> FitProblem:
+        """The same data as triangular factors."""
+        return FitProblem.combined(self.block_problem(rows) for rows in row_blocks(len(self)))
+
+    def block_problem(self, rows: slice, factors: FloatArray | None = None) -> FitProblem:
+        """Some rows at once as triangular factors, each row (L, dof) times a factor."""
+        used, force = self.used[rows], self.force[rows]
+        scale = used if factors is None else used * factors
+        augmented = np.concatenate([self.regressor[rows], force[:, :, None]], axis=2)
+        triangles = triangular_factor((augmented * scale[:, :, None]).transpose(1, 0, 2))
+        counts = used.sum(axis=0)
+        mean = (force * scale).sum(axis=0) / np.maximum(counts, 1)
+        numbers = frozen(counts, np.int64), frozen(mean), self.least_errors
+        return FitProblem(self.parameters, self.actuators, frozen(triangles), *numbers)
+
+    @cached_property
+    def pieces(self) -> tuple[slice, ...]:
+        """Rows of each stretch."""
+        bounds = 1 + np.flatnonzero(np.diff(self.stretches))
+        return tuple(slice(*pair) for pair in pairwise([0, *bounds.tolist(), len(self)]))
+
+    def predicted(self, values: FloatArray) -> FloatArray:
+        """Forces (N, dof) at parameter values (n,)."""
+        return mapped_rows(lambda rows: self.regressor[rows] @ values, len(self))
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """Force less prediction (N, dof) at parameter values (n,), also where not used."""
+        return mapped_rows(lambda rows: self.force[rows] - self.regressor[rows] @ values, len(self))
+
+    def select(self, columns: Iterable[int]) -> FitSamples:
+        """The same forces with some of the parameters only."""
+        chosen = [int(j) for j in columns]
+
+        def part(array: FloatArray) -> FloatArray:
+            return mapped_rows(lambda rows: array[rows][:, :, chosen], len(array))
+
+        Z = None if self.instruments is None else part(self.instruments)
+        names, W = self.parameters.select(chosen), part(self.regressor)
+        return replace(self, parameters=names, regressor=W, instruments=Z)
+
+    def with_force(self, force: FloatArray) -> FitSamples:
+        """The same motion with other forces (N, dof)."""
+        return replace(self, force=kept(_force(force, self.regressor)))
+
+    def less(self, force: FloatArray) -> FitSamples:
+        """The same samples with known forces (N, dof) subtracted."""
+        return self.with_force(self.force - force)
+
+    def with_instruments(self, instruments: FloatArray) -> FitSamples:
+        """The same samples with instruments (N, dof, n), which go wherever the samples go.
+
+        Raises
+        ------
+        DataError
+            When they are not of the regressor's shape, or not finite.
+        """
+        Z = finite_rows(instruments, "instruments")
+        if Z.shape != self.regressor.shape:
+            raise DataError(
+                f"instruments must have the regressor's shape {self.regressor.shape}, not {Z.shape}"
+            )
+        return replace(self, instruments=kept(Z))
+
+    @classmethod
+    def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:
+        """All samples of several logs, whose stretches stay apart."""
+        if not parts:
+            raise DataError("there are no samples to combine")
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        if any((p.parameters, p.actuators) != (first.parameters, first.actuators) for p in parts):
+            raise DataError("samples to combine must share their parameters and actuators")
+        instruments = [part.instruments for part in parts if part.instruments is not None]
+        if 0 < len(instruments) < len(parts):
+            raise DataError("samples to combine must all have instruments, or none of them")
+        offsets = np.cumsum([0, *(int(part.stretches.max()) + 1 for part in parts[:-1])])
+        shifted = [part.stretches + k for part, k in zip(parts, offsets, strict=True)]
+        return cls(
+            first.parameters,
+            first.actuators,
+            _concatenated([part.regressor for part in parts]),
+            _concatenated([part.force for part in parts]),
+            _concatenated([part.used for part in parts]),
+            frozen(np.concatenate(shifted), np.int64),
+            np.max([part.least_errors for part in parts], axis=0),
+            _concatenated(instruments) if instruments else None,
+        )
+
+
+def _force(force: FloatArray, regressor: FloatArray) -> FloatArray:
+    """Forces (N, dof) that go with a regressor (N, dof, n)."""
+    tau = finite_rows(force, "force")
+    if tau.shape != regressor.shape[:2]:
+        raise DataError(f"force must have shape {regressor.shape[:2]}, not {tau.shape}")
+    return tau
+
+
+def _concatenated(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))

@@ -2,30 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from html import escape
 
 import numpy as np
 
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.identification.comparison import ComparedByFields
-from loopid.identification.estimate import Estimate
-from loopid.identification.noise import NoiseModel
 from loopid.identification.problem import FitProblem
-from loopid.identification.quality import Quality, fit_quality
-from loopid.identification.record import fields_of, record_of
-from loopid.identification.robustness import Robustness
-from loopid.identification.storage import Saved, read_record
+from loopid.identification.quality import NoiseModel, Quality, Robustness, fit_quality
 from loopid.parameters import ParameterSet
 
-# Fewer degrees of freedom tell no interval.
+# Fewer degrees of freedom determine no interval.
 LEAST_FREEDOM = 1.0
+# Lines of a ``repr`` that list parameters.
+LISTED = 7
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult(ComparedByFields, Saved):
+@dataclass(frozen=True)
+class Estimate:
+    """All numbers about one parameter.
+
+    Attributes
+    ----------
+    number : int
+        From 1 on.
+    name, unit : str
+    value, standard_error : float
+    relative_std : float
+        In %; infinite for an estimate of zero.
+    interval : tuple of float
+        Of 95 %; infinite where the data determine none.
+    """
+
+    number: int
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    relative_std: float
+    interval: tuple[float, float]
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return (
+            f"{self.number:3} {self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}"
+            f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(ComparedByFields):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -47,12 +75,28 @@ class FitResult(ComparedByFields, Saved):
     weights : FloatArray
         (dof,), of the actuators' residuals; 0 without samples.
     noise : NoiseModel or None
-        How the errors follow one another.
+        Autocorrelation of the errors.
     assumed : tuple of str
-        Names of parameters that the data alone do not determine, whose values rest on what was
-        assumed of them: their intervals are infinite.
+        Names of parameters that the data alone do not determine, whose values rest on assumptions:
+        their intervals are infinite.
     robustness : Robustness or None
-        What a robust estimator made of the samples.
+        Scales and weights of a robust fit.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(500, 1, 2))
+    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
+    >>> found = loopid.fit(loopid.identification.FitSamples.of(names, ["motor"], W, force))
+    >>> found.values.round(1).tolist()
+    [2.0, 0.5]
+    >>> low, high = found.intervals(0.999).T
+    >>> bool(((low < [2.0, 0.5]) & ([2.0, 0.5] < high)).all())
+    True
+    >>> found.predict(W).shape
+    (500, 1)
     """
 
     estimator: str
@@ -88,8 +132,8 @@ class FitResult(ComparedByFields, Saved):
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (n, 2) at a level between 0 and 1, by Student's distribution.
 
-        Infinite where fewer than one degree of freedom is left, as such data tell values at best,
-        and for parameters that are assumed.
+        Infinite where fewer than one degree of freedom is left, and for parameters that are
+        assumed.
         """
         from scipy.special import stdtrit  # here, as it takes a while to import
 
@@ -110,21 +154,21 @@ class FitResult(ComparedByFields, Saved):
             for k, (p, x, s, r, i) in enumerate(zip(self.parameters, *columns, strict=True), 1)
         )
 
-    def unsupported(self, limit: float | None = None) -> tuple[str, ...]:
-        """Names of the parameters that the data hardly support.
+    def insignificant(self, limit: float | None = None) -> tuple[str, ...]:
+        """Names of the parameters whose 95 % interval includes zero.
 
-        Those whose relative standard deviation is above a limit in %; without a limit, those whose
-        95 % interval includes zero, which is a limit of about 50 %.
+        With a limit in %, those whose relative standard deviation is above it instead; intervals
+        that include zero correspond to a limit of about 50 %.
         """
         if limit is None:
             low, high = self.intervals().T
-            weak = (low <= 0) & (high >= 0)
+            chosen = (low <= 0) & (high >= 0)
         elif limit > 0:
-            weak = self.relative_std > limit
+            chosen = self.relative_std > limit
         else:
             raise OptionError(f"the limit must be above 0 %, not {limit}")
         labels = self.parameters.labels
-        return tuple(labels[j] for j in np.flatnonzero(weak))
+        return tuple(labels[j] for j in np.flatnonzero(chosen))
 
     def predict(self, regressor: FloatArray) -> FloatArray:
         """Forces (..., dof) of a regressor (..., dof, n)."""
@@ -140,25 +184,27 @@ class FitResult(ComparedByFields, Saved):
             raise DataError("validation data must have the parameters and actuators of the fit")
         return fit_quality(problem, self.values)
 
-    def record(self) -> dict[str, Any]:
-        """All of it in plain numbers, lists and texts; None for what is not finite."""
-        return record_of(self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> FitResult:
-        """Read a result that was saved.
-
-        Raises
-        ------
-        MissingFileError
-            When there is no such file.
-        DataError
-            When it is no saved result.
-        """
-        return cls(**fields_of(read_record(path), path))
-
     def __str__(self) -> str:
         return "\n".join(str(estimate) for estimate in self.estimates)
+
+    def __repr__(self) -> str:
+        estimates, more = self.estimates[:LISTED], len(self.values) - LISTED
+        lines = [
+            f"FitResult of {self.estimator}: {len(self.values)} parameters from "
+            f"{int(self.quality.samples.sum())} forces of {len(self.actuators)} actuators, "
+            f"condition number {self.condition_number:.4g}",
+            *map(str, estimates),
+            *([f"... and {more} more: print() lists all"] if more > 0 else []),
+        ]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head = ("", "parameter", "value", "standard error", "unit", "% std", "95 % from", "to")
+        rows = [
+            (e.number, e.name, e.value, e.standard_error, e.unit, e.relative_std, *e.interval)
+            for e in self.estimates
+        ]
+        return html_table(head, rows)
 
 
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
@@ -167,3 +213,15 @@ def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
     relative = np.full(len(size), np.inf)
     np.divide(100 * errors, size, out=relative, where=size > 0)
     return relative
+
+
+def html_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table for notebooks, numbers to four digits."""
+    texts = (
+        [f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row] for row in rows
+    )
+    lines = [
+        "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+        for tag, cells in [("th", head), *(("td", row) for row in texts)]
+    ]
+    return "\n".join(["<table>", *lines, "</table>"])

@@ -1,36 +1,48 @@
-"""Robust regression: samples with large residuals count less."""
+"""Robust regression by iteratively reweighted least squares [Huber1981].
+
+With residuals r of an actuator and their scale s, the *pseudo-errors* s ψ(r / s) / m, m the mean of
+ψ', add up in the estimates as errors do in least squares: their variance σ² is what the actuator
+counts by, w = 1 / σ, and working forces x φ + s ψ(r / s) / m have the estimates as their least
+squares, Σ w² x s ψ(r / s) / m = 0. So each row counts by ψ(r / s) / (r / s) / m.
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from loopid.arguments import checked_fields
-from loopid.arrays import FloatArray
-from loopid.errors import OptionError
-from loopid.identification.estimator import (
+from loopid.arrays import FloatArray, frozen
+from loopid.errors import DataError, OptionError
+from loopid.identification.least_squares import (
     SampleEstimator,
+    WeightedLeastSquares,
     WorkingFit,
-    require_rows,
+    inverse_deviations,
+    leverages,
     result_of,
     solved,
 )
-from loopid.identification.least_squares import WeightedLeastSquares
-from loopid.identification.quality import fit_quality
-from loopid.identification.residual_scale import residual_scales
-from loopid.identification.reweighting import TOLERANCE, Iterate, Reweighting
-from loopid.identification.robustness import Robustness
-from loopid.identification.samples import FitSamples
+from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.quality import Robustness, fit_quality
 from loopid.scratch import mapped_rows, row_blocks
 from loopid.threads import one_blas_thread
 
-# Change of Huber's predicted forces, relative to the scale of their errors, from which on bisquare
-# takes over.
-START_TOLERANCE = 1e-3
+ITERATIONS = 200
+# Change of the predicted forces, relative to the scale of their errors, that ends the iteration,
+# and that of Huber's from which on bisquare takes over.
+TOLERANCE, START_TOLERANCE = 1e-9, 1e-3
+# Iterations after which scales and mean slopes are held: single samples would let them flip.
+HELD_FROM = 20
+# Mean slope of ψ below which residuals are no normal core with outliers.
+LEAST_SLOPE = 0.1
 # Weight below which a sample counts as down-weighted.
 DOWN_WEIGHTED = 0.5
+# Median of the absolute value of a standard normal variable.
+NORMAL_MEDIAN = 0.6744897501960817
 
 
 @dataclass(frozen=True)
@@ -66,44 +78,36 @@ class RobustEstimator(SampleEstimator):
         ------
         DataError
             Also when more than half of an actuator's samples are fitted without error, or the
-            iteration does not settle.
+            iteration does not converge.
         """
-        require_rows(samples.problem)
         with one_blas_thread():
-            return self._working_fit(samples, self._settled(samples))
+            return self._converged(samples, TOLERANCE).working_fit()
 
-    def _settled(self, samples: FitSamples, tolerance: float = TOLERANCE) -> Iterate:
+    def _converged(self, samples: FitSamples, tolerance: float) -> Iterate:
         """The last iterate, from weighted least squares on."""
         plain = WeightedLeastSquares().fit(samples.problem)
-        scale = residual_scales(samples, plain.values)
-        counts, slope = np.asarray(samples.problem.samples, dtype=np.float64), np.ones(len(scale))
-        start = Iterate(plain.values, scale, counts, slope, plain.weights)
-        return Reweighting(samples, self).iterated(start, tolerance=tolerance)
-
-    def _working_fit(self, samples: FitSamples, state: Iterate) -> WorkingFit:
-        """The least squares that the last iterate amounts to, without samples of weight zero.
-
-        These would look like samples without error, and break the model of how errors follow one
-        another.
-        """
-        sums = Reweighting(samples, self)
-        force = mapped_rows(
-            lambda rows: samples.regressor[rows] @ state.values + sums.errors(state, rows),
-            len(samples),
-        )
-        counting = mapped_rows(lambda rows: sums.counting(state, rows), len(samples))
-        working = replace(samples, force=force, used=counting)
-        values, R = solved(working.problem, state.weights)
-        result = result_of(self.name, working.problem, values, R, state.weights, 1.0)
-        quality = fit_quality(samples.problem, values)
-        found = replace(result, quality=quality, robustness=_robustness(sums, state))
-        return WorkingFit(found, working)
+        counts, slope = samples.problem.samples.astype(float), np.ones(len(samples.actuators))
+        scale = residual_scales(samples, samples.residual(plain.values))
+        start = Iterate(samples, self, plain.values, scale, counts, slope, plain.weights)
+        return start.iterated(tolerance)
 
 
 @checked_fields
 @dataclass(frozen=True)
 class Huber(RobustEstimator):
-    """Residuals beyond a limit c count as if they were at it: ψ(u) = min(|u|, c) sign u."""
+    """Residuals beyond a limit c count as if they were at it: ψ(u) = min(|u|, c) sign u.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(500, 1, 2))
+    >>> force = W @ [2.0, 0.5] + 0.1 * rng.standard_t(3, size=(500, 1))  # heavy tails
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> loopid.fit(samples, loopid.Huber()).values.round(1).tolist()
+    [2.0, 0.5]
+    """
 
     name = "huber"
     tuning: float = 1.345
@@ -122,7 +126,20 @@ class Huber(RobustEstimator):
 class Bisquare(RobustEstimator):
     """Residuals beyond a limit c do not count at all [Beaton1974]: ψ(u) = u (1 - (u / c)²)².
 
-    Many estimates solve such sums: those next to Huber's are found, with Huber's scale.
+    Such sums have many solutions: the one next to Huber's is found, with Huber's scale.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(500, 1, 2))
+    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
+    >>> force[::20] += 50.0  # outliers
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> found = loopid.fit(samples, loopid.Bisquare())
+    >>> found.values.round(1).tolist(), bool(found.robustness.down_weighted[0] > 0.05)
+    ([2.0, 0.5], True)
     """
 
     name = "bisquare"
@@ -137,15 +154,127 @@ class Bisquare(RobustEstimator):
         square = (u / self.tuning) ** 2
         return np.where(square < 1, (1 - square) * (1 - 5 * square), 0.0)
 
-    def _settled(self, samples: FitSamples, tolerance: float = TOLERANCE) -> Iterate:
-        start = Huber()._settled(samples, START_TOLERANCE)
-        return Reweighting(samples, self).iterated(start, True, tolerance)
+    def _converged(self, samples: FitSamples, tolerance: float) -> Iterate:
+        start = Huber()._converged(samples, START_TOLERANCE)
+        return replace(start, score=self).iterated(tolerance, hold_scale=True)
 
 
-def _robustness(sums: Reweighting, state: Iterate) -> Robustness:
-    counts, low = sums.samples.problem.samples, np.zeros(len(state.scale))
-    for rows in row_blocks(len(sums.samples)):
-        low += ((sums.row_weights(state, rows) < DOWN_WEIGHTED) & sums.samples.used[rows]).sum(0)
-    present = counts > 0
-    share = np.where(present, low / np.maximum(counts, 1), np.nan)
-    return Robustness(np.where(present, state.scale, np.nan), share)
+@dataclass(frozen=True)
+class Iterate:
+    """Values (n,); scales s, samples that count, mean slopes m, weights w of actuators (dof,)."""
+
+    samples: FitSamples
+    score: RobustEstimator
+    values: FloatArray
+    scale: FloatArray
+    counts: FloatArray
+    slope: FloatArray
+    weights: FloatArray
+
+    def iterated(self, tolerance: float, hold_scale: bool = False) -> Iterate:
+        """Reweighted until the predicted forces stay.
+
+        Raises
+        ------
+        DataError
+            When they do not, or residuals have no normal core.
+        """
+        state, samples, problem = self, self.samples, self.samples.problem
+        for k in range(ITERATIONS):
+            if k < HELD_FROM:
+                state = state._with_slopes(hold_scale)
+            R = problem.weighted(state.weights)[:-1, :-1]
+            freedom = state.counts - leverages(problem, state.weights, R)
+            weights = inverse_deviations(problem, (state.errors**2).sum(axis=0), freedom)
+            blocks = map(state._reweighted, row_blocks(len(samples)))
+            values, _ = solved(FitProblem.combined(blocks), weights)
+            step = problem.factors[:, :, :-1] @ (values - state.values)
+            moved = np.sqrt((step**2).sum(axis=1) / len(samples))
+            state = replace(state, values=values, weights=weights)
+            if (moved <= tolerance * state.scale).all():
+                return state
+        raise DataError(
+            f"the robust fit does not converge in {ITERATIONS} iterations: use wls, or a larger "
+            f"tuning constant than {self.score.tuning:g}"
+        )
+
+    def working_fit(self) -> WorkingFit:
+        """The least squares that the iterate amounts to, without samples of weight zero.
+
+        These would look like samples without error, and spoil the model of autocorrelation.
+        """
+        force = self.samples.predicted(self.values) + self.errors
+        used = frozen(self.row_weights > 0, np.bool_)
+        working = replace(self.samples.with_force(force), used=used)
+        values, R = solved(working.problem, self.weights)
+        result = result_of(self.score.name, working.problem, values, R, self.weights, 1.0)
+        counts, low = self.samples.problem.samples, (self.row_weights < DOWN_WEIGHTED)
+        share = (low & self.samples.used).sum(axis=0) / np.maximum(counts, 1)
+        present = counts > 0
+        robustness = Robustness(
+            np.where(present, self.scale, np.nan), np.where(present, share, np.nan)
+        )
+        quality = fit_quality(self.samples.problem, values)
+        return WorkingFit(replace(result, quality=quality, robustness=robustness), working)
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Residuals (N, dof)."""
+        return self.samples.residual(self.values)
+
+    @cached_property
+    def row_weights(self) -> FloatArray:
+        """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
+        residual, used = self.residual, self.samples.used
+
+        def weights(rows: slice) -> FloatArray:
+            return self.score.weight(residual[rows] / self.scale) * used[rows]
+
+        return mapped_rows(weights, len(residual))
+
+    @property
+    def errors(self) -> FloatArray:
+        """Pseudo-errors (N, dof)."""
+        return self.residual * self.row_weights / self.slope
+
+    def _reweighted(self, rows: slice) -> FitProblem:
+        """Some samples, each row times the root of its weight."""
+        return self.samples.block_problem(rows, np.sqrt(self.row_weights[rows] / self.slope))
+
+    def _with_slopes(self, hold_scale: bool) -> Iterate:
+        """With the scales, unless held, and the means of ψ' over the samples that count."""
+        scale = self.scale if hold_scale else residual_scales(self.samples, self.residual)
+        state = replace(self, scale=scale)
+        counting = state.row_weights > 0
+        counts = counting.sum(axis=0).astype(float)
+        sums = (self.score.slope(self.residual / scale) * counting).sum(axis=0)
+        slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
+        if (slope < LEAST_SLOPE).any():
+            raise DataError(
+                f"the residuals of {self.samples.actuators[int(slope.argmin())]} have no normal "
+                f"core: mean slope {slope.min():.2g} (least {LEAST_SLOPE:g}); use wls, or a larger "
+                f"tuning constant than {self.score.tuning:g}"
+            )
+        return replace(state, counts=counts, slope=slope)
+
+
+def residual_scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
+    """Standard deviations (dof,) of normal errors with the residuals' median size.
+
+    Half of the samples may be outliers. Actuators without samples have scale 1.
+
+    Raises
+    ------
+    DataError
+        When more than half of an actuator's residuals (N, dof) are but round-off.
+    """
+    problem, scales = samples.problem, np.ones(len(samples.actuators))
+    for i in np.flatnonzero(problem.samples):
+        middle = float(np.median(np.abs(residual[samples.used[:, i], i])))
+        scales[i] = max(middle / NORMAL_MEDIAN, samples.least_errors[i])
+        if scales[i] <= ROUND_OFF * problem.force_rms[i]:
+            raise DataError(
+                f"actuator {samples.actuators[i]} is fitted without error in more than half of its "
+                "samples: the scale of its errors is undefined; use ols"
+            )
+    return scales

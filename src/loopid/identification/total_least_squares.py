@@ -9,26 +9,24 @@ squares on the working regressor X̂ (X̂ᵀX̂)⁻¹ A.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arguments import checked_fields
+from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError, RankError
-from loopid.identification.estimator import (
+from loopid.identification.least_squares import (
     Estimator,
     WorkingFit,
-    freedom_of,
+    equal_weights,
+    require_excitation,
     require_rows,
     result_of,
 )
-from loopid.identification.excitation import require_excitation
-from loopid.identification.least_squares import equal_weights
-from loopid.identification.problem import FitProblem
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
-from loopid.identification.samples import FitSamples
 from loopid.scratch import mapped_rows
 from loopid.threads import one_blas_thread
 from loopid.triangular import triangular_factor
@@ -38,10 +36,12 @@ from loopid.triangular import triangular_factor
 LEAST_GAP = 1e-6
 
 
-class TotalLeastSquares(Estimator):
+@checked_fields
+@dataclass(frozen=True, eq=False, repr=False)
+class TotalLeastSquares(ComparedByFields, Estimator):
     """Least squares for a regressor with independent errors.
 
-    Parameters
+    Attributes
     ----------
     column_errors : FloatArray, optional
         (n,), deviation of the errors in each column of the regressor, relative to that of the
@@ -49,16 +49,37 @@ class TotalLeastSquares(Estimator):
         makes sense where all columns are measured in the same unit with the same errors.
     force_errors : FloatArray, optional
         (dof,), size of the errors in the rows of each actuator, relative to each other.
+
+    Examples
+    --------
+    Errors of the same size in forces and regressor, which bias ordinary least squares:
+
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(5000, 1, 2))
+    >>> force = W @ [2.0, 0.5] + 0.3 * rng.normal(size=(5000, 1))
+    >>> measured = W + 0.3 * rng.normal(size=W.shape)
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
+    >>> loopid.fit(samples, loopid.TotalLeastSquares()).values.round(1).tolist()
+    [2.0, 0.5]
+    >>> bool(loopid.fit(samples, "ols").values[0] < 1.9)
+    True
     """
 
     name = "tls"
+    column_errors: FloatArray | None = None
+    force_errors: FloatArray | None = None
 
-    @checked
-    def __init__(
-        self, column_errors: FloatArray | None = None, force_errors: FloatArray | None = None
-    ) -> None:
-        self.column_errors = None if column_errors is None else _sizes(column_errors, "column")
-        self.force_errors = None if force_errors is None else _sizes(force_errors, "force")
+    def __post_init__(self) -> None:
+        for name in ("column_errors", "force_errors"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            sizes, what = finite(given, name), name.replace("_", " ")
+            if (sizes < 0).any():
+                raise OptionError(f"{what} must be numbers from 0 on, not {sizes.min()}")
+            object.__setattr__(self, name, frozen(sizes))
         if self.force_errors is not None and not (self.force_errors > 0).all():
             raise OptionError("force errors must be above 0")
 
@@ -67,26 +88,31 @@ class TotalLeastSquares(Estimator):
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``."""
-        problem = samples.problem
-        require_rows(problem)
+        require_rows(samples.problem)
         with one_blas_thread():
-            result, slope, turn = self._solved(problem)
-        values = result.values
+            result, slope, turn = self._solved(samples.problem)
+        values, residual = result.values, samples.residual(result.values)
 
         def corrected(rows: slice) -> FloatArray:
-            W = samples.regressor[rows]
-            residual = samples.force[rows] - W @ values
-            return np.asarray((W + residual[:, :, None] * slope) @ turn, dtype=np.float64)
+            moved = samples.regressor[rows] + residual[rows][:, :, None] * slope
+            return np.asarray(moved @ turn, dtype=np.float64)
 
         W = mapped_rows(corrected, len(samples))
-        residual = samples.residual(values)
         force = mapped_rows(lambda rows: W[rows] @ values + residual[rows], len(samples))
         return WorkingFit(result, replace(samples, regressor=W, force=force))
 
     def _solved(self, problem: FitProblem) -> tuple[FitResult, FloatArray, FloatArray]:
         """The result, D²φ / g² (n,), and what turns corrected rows into working ones (n, n)."""
-        sizes, weights = self._column_sizes(problem), self._weights(problem)
-        width = len(sizes)
+        width, weights = len(problem.parameters), equal_weights(problem)
+        sizes = np.ones(width) if self.column_errors is None else self.column_errors
+        if sizes.shape != (width,):
+            raise DataError(f"column_errors must have shape ({width},), not {sizes.shape}")
+        if self.force_errors is not None:
+            if self.force_errors.shape != weights.shape:
+                raise DataError(
+                    f"force_errors must have shape {weights.shape}, not {self.force_errors.shape}"
+                )
+            weights = weights / self.force_errors
         factor = problem.weighted(weights)
         require_excitation(problem, factor[:width, :width])
         values, least = _solution(factor, sizes)
@@ -95,33 +121,9 @@ class TotalLeastSquares(Estimator):
         corrected = triangular_factor(factor[:, :width] + np.outer(residual, slope))
         bread = factor[:, :width].T @ factor[:, :width] - least**2 * np.diag(sizes**2)
         turn = np.asarray(np.linalg.solve(corrected.T @ corrected, bread), dtype=np.float64)
-        variance = float(residual @ residual) / freedom_of(problem)
+        variance = float(residual @ residual) / problem.freedom
         result = result_of(self.name, problem, values, corrected @ turn, weights, variance)
         return result, slope, turn
-
-    def _column_sizes(self, problem: FitProblem) -> FloatArray:
-        width = len(problem.parameters)
-        sizes = np.ones(width) if self.column_errors is None else self.column_errors
-        if sizes.shape != (width,):
-            raise DataError(f"column_errors must have shape ({width},), not {sizes.shape}")
-        return sizes
-
-    def _weights(self, problem: FitProblem) -> FloatArray:
-        weights = equal_weights(problem)
-        if self.force_errors is None:
-            return weights
-        if self.force_errors.shape != weights.shape:
-            raise DataError(
-                f"force_errors must have shape {weights.shape}, not {self.force_errors.shape}"
-            )
-        return weights / self.force_errors
-
-
-def _sizes(values: FloatArray, what: str) -> FloatArray:
-    sizes = finite(values, f"{what} errors")
-    if (sizes < 0).any():
-        raise OptionError(f"{what} errors must be numbers from 0 on, not {sizes.min()}")
-    return frozen(sizes)
 
 
 def _solution(factor: FloatArray, sizes: FloatArray) -> tuple[FloatArray, float]:
@@ -144,9 +146,9 @@ def _solution(factor: FloatArray, sizes: FloatArray) -> tuple[FloatArray, float]
         own = float(np.linalg.svd(scaled[:, :-1], compute_uv=False)[-1])
         if own <= (1 + LEAST_GAP) * least:
             raise RankError(
-                f"total least squares has no single solution: the errors are as large as what "
-                f"shows a parameter (singular values {least:.3g} with and {own:.3g} without the "
-                "forces); give smaller column_errors, or use instrumental variables"
+                "total least squares has no single solution: the errors are as large as the "
+                f"excitation of a parameter (singular values {least:.3g} with and {own:.3g} "
+                "without the forces); give smaller column_errors, or use instrumental variables"
             )
     values = np.zeros(width)
     values[noisy] = -direction[:-1] / direction[-1] / sizes[noisy]

@@ -183,15 +183,7 @@ def closed_motion(
 def singularity_measure(
     mechanism: Mechanism, configurations: FloatArray, independent: Sequence[str] | None = None
 ) -> FloatArray:
-    """The measure (N,) of ``Projection.singularity``, without refusing singular configurations.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> bool(loopid.singularity_measure(robot, robot.reference)[0] > 0.02)
-    True
-    """
+    """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(mechanism, independent)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
     return _measure(jacobian[:, :, dependent])

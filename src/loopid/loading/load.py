@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pinocchio as pin
 
@@ -83,7 +84,13 @@ ModelWarning
     description = merged(source.description, files.given)
     tree = build_tree(files.named, source, description, lock)
     locked = _locked_values(files.named, source.model, description, lock)
-    mechanism = _mechanism(files.named, tree, description, locked, tied)
+    options = {
+        "lock": tuple(lock),
+        "floating_base": floating_base,
+        "free_mimics": free_mimics,
+        "tied": tied,
+    }
+    mechanism = _mechanism(files.named, tree, description, locked, options)
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
     closed = close_reference(mechanism, given=files.given.reference if motors_given else ())
@@ -111,11 +118,11 @@ def _mechanism(
     tree: TreeSource,
     description: Description,
     locked: Mapping[str, float | None],
-    tied: bool,
+    options: Mapping[str, Any],
 ) -> Mechanism:
     """The mechanism at the reference as it is written."""
     bodies = _bodies(tree)
-    if tied and not description.identical:
+    if options["tied"] and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     values = {name: value for name, value in locked.items() if value is not None}
     reference = {n: value for n, value in description.reference.items() if n not in locked}
@@ -130,7 +137,8 @@ def _mechanism(
         reference=written_reference(file, tree.model, reference),
         platform=find_platform(file, tree.model, description.platform),
         identical=_identical(file, tree, description, bodies),
-        tied=tied,
+        tied=options["tied"],
+        options=options,
     )
 
 

@@ -1,11 +1,10 @@
 """What was measured: logs of positions and forces, made ready for identification."""
 
-from loopid.logs.log import Log
+from loopid.logs.filtering import default_lowpass
+from loopid.logs.log import Log, read_log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.preparation import prepare_recording
-from loopid.logs.reading import read_log
-from loopid.logs.recording import Dropped, Recording
-from loopid.logs.smoothing import default_lowpass
+from loopid.logs.recording import Recording, prepare_recording
+from loopid.logs.streams import Dropped
 
 __all__ = [
     "Dropped",

@@ -7,45 +7,39 @@ linearly: they are off by at most h²/8 times their second derivative by time, h
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
 from loopid.errors import LogError
-from loopid.logs.interpolation import interpolated
-from loopid.logs.recording import Dropped
-from loopid.logs.stream import LEAST_ROWS, Stream
-from loopid.order_statistics import median
-from loopid.scratch import mapped_rows, row_blocks, rows_where, spooled, steps
+from loopid.logs.streams import LEAST_ROWS, Dropped, Stream
+from loopid.scratch import empty_columns, release_pages
 
 # A step between stamps longer than so many median steps is a gap.
 GAP_PERIODS = 5.0
 
 
-@dataclass(frozen=True)
-class Aligned:
-    """Streams on one grid.
+class Aligned(NamedTuple):
+    """Streams on one grid."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s from the first stamp of the first stream.
-    values : tuple of FloatArray
-        For each stream its values (N, k).
-    stretches : IntArray
-        (N,).
-    dropped : tuple of Dropped
-    """
-
-    time: FloatArray
-    values: tuple[FloatArray, ...]
-    stretches: IntArray
+    time: FloatArray  # (N,) in s from the first stamp of the first stream
+    position: FloatArray  # (N, m), one column a motor
+    force: FloatArray  # (N, m)
+    stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
 
-def align(streams: Sequence[Stream]) -> Aligned:
+class Grid(NamedTuple):
+    """Even times, from a first to a last in so many steps."""
+
+    first: float
+    last: float
+    steps: int
+
+
+def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     """Put streams on the grid of the first.
 
     Raises
@@ -54,80 +48,55 @@ def align(streams: Sequence[Stream]) -> Aligned:
         When the streams do not overlap.
     """
     zero = int(streams[0].stamps[0])
-    times = [_seconds(stream, zero) for stream in streams]
-    spans = _common([_spans(time) for time in times])
-    step = _step(times[0])
-    grids = [grid for span in spans if (grid := Grid.inside(times[0], span, step)) is not None]
+    # Differences of whole nanoseconds are exact, however long ago the epoch.
+    times = [(stream.stamps - zero) / 1e9 for stream in streams]
+    spans = _spans(times[0])
+    for time in times[1:]:
+        spans = _overlaps(spans, _spans(time))
+    step = float(np.median(np.diff(times[0])))
+    grids = [grid for span in spans if (grid := _grid(times[0], span, step)) is not None]
     if not grids:
         raise LogError(_no_overlap(streams, times))
-    values = tuple(
-        spooled(interpolated(at, time, stream.values) for grid in grids for at in grid.blocks())
-        for stream, time in zip(streams, times, strict=True)
-    )
-    numbers = (
-        np.full(len(at), k, dtype=np.int64) for k, grid in enumerate(grids) for at in grid.blocks()
-    )
+    time = np.concatenate([np.linspace(g.first, g.last, g.steps + 1) for g in grids])
+    stretches = np.repeat(np.arange(len(grids)), [grid.steps + 1 for grid in grids])
+    tables = {what: empty_columns(len(time), len(joints)) for what in ("position", "force")}
+    for stream, stamps in zip(streams, times, strict=True):
+        for quantity, table in tables.items():
+            for joint, values in stream.signals(quantity):
+                table[:, joints.index(joint)] = np.interp(time, stamps, values)
+                release_pages()
     bad_rows = [dropped for stream in streams for dropped in stream.dropped(zero)]
-    return Aligned(
-        time=spooled(at for grid in grids for at in grid.blocks()),
-        values=values,
-        stretches=spooled(numbers),
-        dropped=(*bad_rows, *_left_out(times[0], grids, step)),
-    )
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Even times, from a first to a last in so many steps."""
-
-    first: float
-    last: float
-    steps: int
-
-    @classmethod
-    def inside(cls, time: FloatArray, span: FloatArray, step: float) -> Grid | None:
-        """From the first to the last stamp inside a span; None for too few."""
-        start, end = np.searchsorted(time, span[0]), np.searchsorted(time, span[1], "right")
-        if end - start < LEAST_ROWS:
-            return None
-        first, last = float(time[start]), float(time[end - 1])
-        count = max(round((last - first) / step), 1)
-        return cls(first, last, count) if count + 1 >= LEAST_ROWS else None
-
-    def blocks(self) -> Iterator[FloatArray]:
-        """The times, some at a time."""
-        for rows in row_blocks(self.steps + 1):
-            at = np.arange(rows.start, rows.stop) * ((self.last - self.first) / self.steps)
-            at += self.first
-            if rows.stop > self.steps:
-                at[-1] = self.last
-            yield at
-
-
-def _seconds(stream: Stream, zero: int) -> FloatArray:
-    # Differences of whole nanoseconds are exact, however long ago the epoch.
-    return mapped_rows(lambda rows: (stream.stamps[rows] - zero) / 1e9, len(stream))
-
-
-def _step(time: FloatArray) -> float:
-    return median(lambda rows: steps(time, rows), len(time) - 1)
+    left_out = (*bad_rows, *_left_out(times[0], grids, step))
+    return Aligned(time, tables["position"], tables["force"], stretches, left_out)
 
 
 def _spans(time: FloatArray) -> FloatArray:
     """First and last times (S, 2) of the parts without gaps."""
-    longest = GAP_PERIODS * _step(time)
-    gaps = rows_where(lambda rows: steps(time, rows) > longest, len(time) - 1)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > GAP_PERIODS * np.median(steps))
     return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
 
 
-def _common(spans: Sequence[FloatArray]) -> FloatArray:
-    """Where all streams have a span."""
-    common = spans[0]
-    for other in spans[1:]:
-        starts = np.maximum(common[:, None, 0], other[None, :, 0]).ravel()
-        ends = np.minimum(common[:, None, 1], other[None, :, 1]).ravel()
-        common = np.stack([starts, ends], axis=1)[starts < ends]
-    return common
+def _overlaps(spans: FloatArray, others: FloatArray) -> FloatArray:
+    """Where both have a span (S, 2); each ascending and disjoint."""
+    first = np.searchsorted(others[:, 1], spans[:, 0], "right")
+    last = np.searchsorted(others[:, 0], spans[:, 1])
+    found = [
+        (max(span[0], other[0]), min(span[1], other[1]))
+        for span, a, b in zip(spans, first, last, strict=True)
+        for other in others[a:b]
+    ]
+    return np.array(found).reshape(-1, 2)
+
+
+def _grid(time: FloatArray, span: FloatArray, step: float) -> Grid | None:
+    """From the first to the last stamp inside a span; None for too few."""
+    start, end = np.searchsorted(time, span[0]), np.searchsorted(time, span[1], "right")
+    if end - start < LEAST_ROWS:
+        return None
+    first, last = float(time[start]), float(time[end - 1])
+    count = max(round((last - first) / step), 1)
+    return Grid(first, last, count) if count + 1 >= LEAST_ROWS else None
 
 
 def _left_out(time: FloatArray, grids: Sequence[Grid], step: float) -> tuple[Dropped, ...]:
@@ -138,11 +107,9 @@ def _left_out(time: FloatArray, grids: Sequence[Grid], step: float) -> tuple[Dro
         start, end = np.searchsorted(time, last, "right"), np.searchsorted(time, following)
         if 0 < k < len(grids):
             missing = max(round((following - last) / step) - 1, 1)
-            ends = (float(last), float(following))
-            dropped.append(Dropped("gap in the time stamps", missing, *ends))
+            dropped.append(Dropped("gap in the time stamps", missing, last, following))
         elif start < end:
-            ends = (float(time[start]), float(time[end - 1]))
-            dropped.append(Dropped("not in all streams", int(end - start), *ends))
+            dropped.append(Dropped.at("not in all streams", time[start:end]))
     return tuple(dropped)
 
 

@@ -1,23 +1,49 @@
-"""What a log holds once it is read: evenly sampled positions and forces of the motors."""
+"""From a file of any known format to a log: evenly sampled, and checked."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import checked_fields
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.errors import DataError
-from loopid.logs.recording import Dropped
-from loopid.scratch import finite_rows, kept, rows_where, sample_rows, steps
+from loopid.errors import DataError, LogError, MissingFileError, OptionError
+from loopid.files import why_no_file
+from loopid.logs.alignment import align
+from loopid.logs.bags import BagFormat
+from loopid.logs.checks import check_moving, checked_stream
+from loopid.logs.formats import (
+    FolderFormat,
+    Hdf5Format,
+    LogFormat,
+    NpzFormat,
+    ParquetFormat,
+    TextFormat,
+    stream_name,
+)
+from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
+from loopid.logs.streams import Dropped, Stream, make_stream
+from loopid.robot import Mechanism, lock_options
+from loopid.scratch import finite_rows, kept, sample_rows
+
+# The first that accepts a path reads it.
+FORMATS: tuple[type[LogFormat], ...] = (
+    BagFormat,
+    FolderFormat,
+    TextFormat,
+    NpzFormat,
+    ParquetFormat,
+    Hdf5Format,
+)
 
 
 @checked_fields
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Log:
     """Positions and forces of the motors over time, in stretches without gaps.
 
@@ -25,17 +51,17 @@ class Log:
     ----------
     name : str
     joints : tuple of str
-        The actuated joints, in the order of the columns.
+        The m actuated joints, in the order of the columns.
     time : FloatArray
         (N,) in s from the log's first sample, increasing, even within each stretch.
     position, force : FloatArray
-        (N, dof) in m or rad, and N or N m.
+        (N, m) in m or rad, and N or N m.
     stretches : IntArray
         (N,), number of the gap-free stretch that a sample belongs to, ascending from 0.
     dropped : tuple of Dropped
         What was left out while reading.
     saturation : FloatArray or None
-        (dof,), force from which each drive saturates; None where nothing is known.
+        (m,), force from which each drive saturates; None where nothing is known.
     idle_speed : float or None
         Speed in m/s or rad/s at or below which a motor counts as standing.
     """
@@ -52,15 +78,12 @@ class Log:
 
     def __post_init__(self) -> None:
         time = finite_rows(self.time, "time")
-        count = len(time) - 1 if time.ndim == 1 else -1
-        if count < 0 or len(rows_where(lambda rows: steps(time, rows) <= 0, count)):
+        if time.ndim != 1 or not len(time) or (np.diff(time) <= 0).any():
             raise DataError("the time of a log must be a row of increasing numbers")
         numbers: NDArray[Any] = self.stretches
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu":
             numbers = finite(numbers, "stretches")
-        if numbers.shape != time.shape or len(
-            rows_where(lambda rows: steps(numbers, rows) < 0, count)
-        ):
+        if numbers.shape != time.shape or (np.diff(numbers) < 0).any():
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
         object.__setattr__(self, "time", kept(time))
         object.__setattr__(self, "stretches", kept(numbers, np.int64))
@@ -73,12 +96,157 @@ class Log:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        count = len(self.parts())
+        return (
+            f"<Log {self.name!r}: {len(self)} samples of {', '.join(self.joints)} over "
+            f"{self.time[-1] - self.time[0]:.2f} s in {count} stretch{'es' if count > 1 else ''}>"
+        )
+
     def parts(self) -> list[slice]:
         """The samples of each stretch, in order."""
-        changes = 1 + rows_where(lambda rows: steps(self.stretches, rows) > 0, len(self) - 1)
+        changes = np.flatnonzero(np.diff(self.stretches)) + 1
         return [slice(a, b) for a, b in pairwise([0, *changes.tolist(), len(self)])]
 
     def rate(self, part: slice) -> float:
         """Samples per second of a stretch; 0 for a single sample."""
         time = self.time[part]
         return (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else 0.0
+
+
+@checked
+def read_log(
+    path: str | Path, mechanism: Mechanism, mapping: LogMapping | str | Path | None = None
+) -> Log:
+    """Read the positions and forces of the motors.
+
+    Parameters
+    ----------
+    path : path
+        A table of text (.csv, .txt, .tsv, also .gz), Parquet, an .npz, a folder with one table a
+        stream; with the extra ``logs`` also HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
+        the folder of one) with messages of type ``sensor_msgs/JointState``.
+    mechanism : Mechanism
+    mapping : LogMapping or path, optional
+        Which columns are what, and their units; by default as their names say, in SI units.
+
+    Returns
+    -------
+    Log
+        Evenly sampled in stretches without gaps, at the rate of the positions.
+
+    Raises
+    ------
+    MissingFileError
+        When there is no such log or mapping.
+    MissingExtraError
+        When the library that reads the format is not installed.
+    OptionError
+        When the motors do not tell where the robot is.
+    LogError
+        When it is no log of this robot: unreadable, columns not found, times that do not increase,
+        too many bad rows, the wrong unit, nothing that moves.
+
+    Warns
+    -----
+    LogWarning
+        Of rows that are left out, and of values that look wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import loopid
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> time = np.arange(0, 2, 0.01)
+    >>> columns = np.stack([time, 1 + np.sin(time), np.cos(time)], axis=1)
+    >>> names = "time,crank_joint.position,crank_joint.force"
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     np.savetxt(path, columns, delimiter=",", header=names)
+    ...     log = loopid.read_log(path, robot)
+    >>> log
+    <Log 'run': 200 samples of crank_joint over 1.99 s in 1 stretch>
+    """
+    place, joints = Path(path), mechanism.actuated
+    require_known_motion(mechanism)
+    reason = why_no_file(place)
+    if reason == "does not exist":
+        raise MissingFileError(f"there is no log {place}")
+    if reason not in ("", "is a folder"):
+        raise LogError(f"log {place} {reason}")
+    if not isinstance(mapping, LogMapping):
+        mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    streams = [checked_stream(mechanism, stream) for stream in read_streams(place, joints, mapping)]
+    check_moving(streams)
+    aligned = align(streams, joints)
+    saturation = mapping.by_joint(str(place), "saturation", joints)
+    return Log(
+        name=stream_name(place.resolve()),
+        joints=joints,
+        time=aligned.time,
+        position=aligned.position,
+        force=aligned.force,
+        stretches=aligned.stretches,
+        dropped=aligned.dropped,
+        saturation=None if mapping.saturation is None else np.array(saturation),
+        idle_speed=mapping.idle_speed,
+    )
+
+
+def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> list[Stream]:
+    """The streams that hold positions or forces, that of the first position first."""
+    chosen = _format(path, mapping)
+    log = chosen(path, getattr(mapping, chosen.choice) if chosen.choice else None)
+    finder = ColumnFinder(str(path), log.columns(), chosen, mapping)
+    streams = []
+    for name, channels in finder.channels(joints).items():
+        time = finder.time(name)
+        for columns in log.together(name, [channel.column for channel in channels]):
+            batches = log.batches(name, [*time.names, *columns])
+            here = tuple(channel for channel in channels if channel.column in columns)
+            streams.append(make_stream(log.source(name), batches, time, here))
+    return streams
+
+
+def _format(path: Path, mapping: LogMapping) -> type[LogFormat]:
+    """The format that a mapping names, by default what the path looks like."""
+    for known in FORMATS:
+        if known.name == mapping.format or (mapping.format is None and known.accepts(path)):
+            break
+    else:
+        raise LogError(
+            f"{path} is of no known format: its name must end in .csv, .txt, .tsv (also .gz), "
+            ".npz, .parquet, .h5, .hdf5, .bag, .mcap or .db3, or it must be a folder; otherwise "
+            f"give the format in a mapping ({', '.join(sorted(f.name for f in FORMATS))})"
+        )
+    for key in ("topic", "group"):
+        if getattr(mapping, key) is not None and known.choice != key:
+            raise LogError(
+                f"{path}: {key} {getattr(mapping, key)!r} of the mapping chooses nothing in a log "
+                f"of format {known.name}"
+            )
+    return known
+
+
+def require_known_motion(mechanism: Mechanism) -> None:
+    """Refuse mechanisms whose configuration does not follow from one position a motor.
+
+    Raises
+    ------
+    OptionError
+        Naming the coordinates that no motor tells, or the motors with several.
+    """
+    if mechanism.free:
+        raise OptionError(
+            f"a log of the motors does not tell where {', '.join(mechanism.free)} of "
+            f"{mechanism.name} are, which the motors leave free: lock them "
+            f"({lock_options(mechanism)})"
+        )
+    several = [name for name in mechanism.actuated if mechanism.joint(name).nv != 1]
+    if several:
+        raise OptionError(
+            f"a log has one position a motor, but {', '.join(several)} of {mechanism.name} turn "
+            "about several axes: name the motors in 'name_mot'"
+        )

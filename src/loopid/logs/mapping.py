@@ -1,20 +1,41 @@
-"""The YAML that says which columns of a log are what, for logs that do not say it themselves."""
+"""Which columns of a log are what: by their names, or by a YAML that says so."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import checked
+from loopid.arrays import IntArray
 from loopid.errors import LogError, MissingFileError, OptionError
 from loopid.loading import Section, first_problem, read_yaml
+from loopid.logs.formats import NO_STAMP, UNITS, LogFormat, stamps_in
 
-UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
+if TYPE_CHECKING:
+    import polars
+
+# Names that are known without a mapping, whatever their case: of the time,
+TIME_PAIRS = (("time_sec", "time_nanosec"), ("sec", "nanosec"), ("secs", "nsecs"))
+TIMES = {"time": "s", "t": "s", "timestamp": "s"} | {f"time_{unit}": unit for unit in UNITS}
+# with the name of a joint, or with the number of a motor as in "force_0".
+WITH_JOINT = {"position": ("position",), "force": ("force", "effort", "torque")}
+WITH_NUMBER = {
+    "position": ("position", "joint_position"),
+    "force": ("force", "effort", "torque", "control_action"),
+}
+# Columns that a message lists.
+MOST_LISTED = 30
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+# ---- the YAML ---------------------------------------------------------------------------------
 
 
 class TimeColumns(Section):
@@ -48,24 +69,19 @@ class StreamColumns(Section):
         return self
 
 
-def _kind(value: Any) -> str:
-    if isinstance(value, StreamColumns):
-        return "<several>"
-    if isinstance(value, dict):
-        return "<several>" if {"stream", "columns"} & set(value) else "<by joint>"
-    return "<one>"
+def _columns_tag(value: Any) -> str:
+    listed = isinstance(value, StreamColumns)
+    listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
+    return "<several>" if listed else "<by joint>"
 
 
 Columns = Annotated[
     Annotated[StreamColumns, Tag("<several>")] | Annotated[dict[str, str], Tag("<by joint>")],
-    Discriminator(lambda value: "<several>" if _kind(value) == "<several>" else "<by joint>"),
+    Discriminator(_columns_tag),
 ]
-Scales = Annotated[
-    Annotated[Finite, Tag("<one>")] | Annotated[dict[str, Finite], Tag("<by joint>")],
-    Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
-]
-Limits = Annotated[
-    Annotated[Positive, Tag("<one>")] | Annotated[dict[str, Positive], Tag("<by joint>")],
+Number = TypeVar("Number")
+OneOrEach = Annotated[
+    Annotated[Number, Tag("<one>")] | Annotated[dict[str, Number], Tag("<by joint>")],
     Discriminator(lambda value: "<by joint>" if isinstance(value, dict) else "<one>"),
 ]
 
@@ -90,11 +106,11 @@ class LogMapping(Section):
     time: TimeColumns | None = None
     position: Columns | None = None
     force: Columns | None = None
-    position_scale: Scales = 1.0
-    position_offset: Scales = 0.0
-    force_scale: Scales = 1.0
-    force_offset: Scales = 0.0
-    saturation: Limits | None = None
+    position_scale: OneOrEach[Finite] = 1.0
+    position_offset: OneOrEach[Finite] = 0.0
+    force_scale: OneOrEach[Finite] = 1.0
+    force_offset: OneOrEach[Finite] = 0.0
+    saturation: OneOrEach[Positive] | None = None
     idle_speed: Positive | None = None
 
     def __init__(self, **content: Any) -> None:
@@ -114,6 +130,14 @@ class LogMapping(Section):
                 raise ValueError(f"{name} must not be 0")
         return self
 
+    def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[float]:
+        """Numbers in the order of the motors, from one for all or one each."""
+        given = getattr(self, key)
+        if not isinstance(given, Mapping):
+            return [given] * len(joints)
+        _refuse_other_joints(source, key, given, joints)
+        return [given[joint] for joint in joints]
+
 
 @checked
 def read_mapping(path: str | Path) -> LogMapping:
@@ -130,5 +154,228 @@ def read_mapping(path: str | Path) -> LogMapping:
         return read_yaml(Path(path), LogMapping, LogError)
     except FileNotFoundError as error:
         raise MissingFileError(f"there is no mapping {path}") from error
-    except OSError as error:
-        raise LogError(f"mapping {path} cannot be read: {error.strerror}") from error
+
+
+# ---- columns ----------------------------------------------------------------------------------
+
+
+class Place(NamedTuple):
+    """A column of a stream."""
+
+    stream: str
+    column: str
+
+    def __str__(self) -> str:
+        return f"{self.stream}:{self.column}"
+
+
+class Channel(NamedTuple):
+    """What a column holds: value = scale * number + offset, in SI units."""
+
+    quantity: str  # "position" or "force"
+    joint: str
+    column: str
+    scale: float
+    offset: float
+
+
+class TimeColumn(NamedTuple):
+    """A column of times; a second one may add whole nanoseconds below one second."""
+
+    name: str
+    unit: int  # ns
+    rest: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The one or two columns."""
+        return (self.name,) if self.rest is None else (self.name, self.rest)
+
+    def stamps(self, source: str, cells: polars.DataFrame) -> IntArray:
+        """Whole nanoseconds (R,), ``NO_STAMP`` where there is no time."""
+        stamps = stamps_in(source, cells[self.name], self.unit)
+        if self.rest is None:
+            return stamps
+        rest = stamps_in(source, cells[self.rest], 1)
+        valid = (stamps != NO_STAMP) & (rest >= 0) & (rest < UNITS["s"])
+        return np.where(valid, stamps + np.where(valid, rest, 0), NO_STAMP)
+
+
+@dataclass(frozen=True)
+class ColumnFinder:
+    """Finds columns of a log by name, as a mapping says or as they are usually called."""
+
+    source: str  # the log, for messages
+    streams: Mapping[str, tuple[str, ...]]  # names of the columns
+    format: type[LogFormat]
+    mapping: LogMapping
+
+    def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
+        """The columns of positions and forces by stream, that of the first position first.
+
+        Raises
+        ------
+        LogError
+            Naming the joint, and the columns that there are.
+        """
+        found: dict[Place, Channel] = {}
+        for quantity in ("position", "force"):
+            scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
+            offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
+            places = self._motor_columns(joints, quantity)
+            for joint, place, *linear in zip(joints, places, scales, offsets, strict=True):
+                if place in found:
+                    raise LogError(
+                        f"{self.source}: column {place.column!r} is mapped twice: each position "
+                        "and force has a column of its own"
+                    )
+                found[place] = Channel(quantity, joint, place.column, *linear)
+        streams: dict[str, list[Channel]] = {}
+        for place, channel in found.items():
+            streams.setdefault(place.stream, []).append(channel)
+        return streams
+
+    def time(self, stream: str) -> TimeColumn:
+        """The time of a stream.
+
+        Raises
+        ------
+        LogError
+            When it is not found, or there are several.
+        """
+        given = self.mapping.time
+        if given is not None:
+            columns = [n for n in (given.column, given.seconds, given.nanoseconds) if n is not None]
+            for name in columns:
+                if name not in self._of_stream(stream):
+                    raise LogError(
+                        f"{self.source}: {stream} has no column {name!r} for the time: "
+                        f"{self._choices()}"
+                    )
+            unit = UNITS[given.unit] if given.column is not None else UNITS["s"]
+            return TimeColumn(columns[0], unit, *columns[1:])
+        names = {name.casefold(): name for name in self._of_stream(stream)}
+        for seconds, nanoseconds in TIME_PAIRS:
+            if seconds in names and nanoseconds in names:
+                return TimeColumn(names[seconds], UNITS["s"], names[nanoseconds])
+        found = [name for name in TIMES if name in names]
+        if len(found) == 1:
+            return TimeColumn(names[found[0]], UNITS[TIMES[found[0]]])
+        problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
+        raise LogError(
+            f"{self.source}: {stream} has {problem}: call one column time, or name it in a "
+            f"mapping; {self._choices()}"
+        )
+
+    def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
+        given = self.mapping.position if quantity == "position" else self.mapping.force
+        if isinstance(given, StreamColumns):
+            places = self._listed(given)
+        elif given is not None:
+            _refuse_other_joints(self.source, quantity, given, joints)
+            places = [self._find(given[joint]) for joint in joints]
+        else:
+            places = self._numbered(quantity)
+            places = places or [self._named(joint, quantity) for joint in joints]
+        if len(places) != len(joints):
+            raise LogError(
+                f"{self.source} has {len(places)} columns for the {quantity} "
+                f"({', '.join(place.column for place in places)}), but the robot has "
+                f"{len(joints)} motors: {', '.join(joints)}"
+            )
+        return places
+
+    def _listed(self, given: StreamColumns) -> list[Place]:
+        """Columns in the order of the motors; by default all of a stream but its time."""
+        if given.stream is None:
+            return [self._find(name) for name in given.columns or []]
+        names = self._of_stream(given.stream)
+        if given.columns is not None:
+            return [self._find(f"{given.stream}:{name}") for name in given.columns]
+        if not self.format.ordered:
+            raise LogError(
+                f"{self.source}: the columns of {given.stream} stand in no order: list them in "
+                f"that of the motors; {self._choices()}"
+            )
+        times = self.time(given.stream).names
+        return [Place(given.stream, name) for name in names if name not in times]
+
+    def _numbered(self, quantity: str) -> list[Place]:
+        """Columns such as ``position_0``, in the order of the motors; none without a first."""
+        for prefix in WITH_NUMBER[quantity]:
+            places: list[Place] = []
+            while found := self._matching([f"{prefix}_{len(places)}"]):
+                places.append(self._only(f"motor {len(places)}", quantity, found))
+            if places:
+                return places
+        return []
+
+    def _named(self, joint: str, quantity: str) -> Place:
+        """As in ``leg1.force``, ``leg1_force``, ``force.leg1``; a position may be the joint."""
+        names = []
+        for word in WITH_JOINT[quantity]:
+            names += [f"{joint}.{word}", f"{joint}_{word}", f"{word}.{joint}", f"{word}_{joint}"]
+        found = self._matching([*names, joint] if quantity == "position" else names)
+        if not found:
+            raise LogError(
+                f"{self.source} has no {quantity} of {joint}: call a column {names[0]}, or "
+                f"name it in a mapping; {self._choices()}"
+            )
+        return self._only(joint, quantity, found)
+
+    def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
+        if len(found) > 1:
+            several = self.format.choice is not None and len(self.streams) > 1
+            also = f", or a {self.format.choice}," if several else ""
+            raise LogError(
+                f"{self.source} has {len(found)} columns for the {quantity} of {joint}: "
+                f"{', '.join(map(str, found))}; name one{also} in a mapping"
+            )
+        return found[0]
+
+    def _find(self, reference: str) -> Place:
+        """The column called ``column`` or ``stream:column``."""
+        found = [place for place in self._places() if reference in (place.column, str(place))]
+        if not found:
+            raise LogError(f"{self.source} has no column {reference!r}: {self._choices()}")
+        if len(found) > 1:
+            several = ", ".join(map(str, found))
+            raise LogError(f"{self.source} has several columns {reference!r}: write {several}")
+        return found[0]
+
+    def _matching(self, names: Iterable[str]) -> list[Place]:
+        """Columns with one of the names, whatever their case."""
+        wanted = {name.casefold() for name in names}
+        return [place for place in self._places() if place.column.casefold() in wanted]
+
+    def _of_stream(self, stream: str) -> tuple[str, ...]:
+        if stream not in self.streams:
+            valid = ", ".join(self.streams)
+            raise LogError(f"{self.source} has no stream {stream!r}: choose among {valid}")
+        return self.streams[stream]
+
+    def _choices(self) -> str:
+        """The columns, for messages."""
+        several = len(self.streams) > 1
+        names = [str(place) if several else place.column for place in self._places()]
+        more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+        listed = ", ".join(f"{name:.60}" for name in names[:MOST_LISTED])
+        unread = [stream for stream, columns in self.streams.items() if not columns]
+        ends = f" (no header in {', '.join(unread)})" if unread else ""
+        return f"choose among {listed}{more}{ends}"
+
+    def _places(self) -> list[Place]:
+        return [Place(stream, column) for stream, names in self.streams.items() for column in names]
+
+
+def _refuse_other_joints(
+    source: str, key: str, given: Mapping[str, object], joints: Sequence[str]
+) -> None:
+    """Refuse a mapping by joint that names others, or leaves some out."""
+    unknown = [name for name in given if name not in joints]
+    missing = [name for name in joints if name not in given]
+    if unknown or missing:
+        problem = f"names {unknown[0]!r}" if unknown else f"leaves out {missing[0]}"
+        raise LogError(
+            f"{source}: {key} of the mapping {problem}: give the motors {', '.join(joints)}"
+        )

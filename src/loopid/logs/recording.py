@@ -1,44 +1,41 @@
-"""A motion of the whole mechanism with the motor forces that went with it: what a fit needs."""
+"""From a log to a recording: filtered, differentiated, assembled, and masked."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from html import escape
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.errors import DataError, OptionError
-from loopid.scratch import kept, sample_rows
-from loopid.trajectories import JointMotion
+from loopid.arguments import checked
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite
+from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
+from loopid.kinematics import project, singularity_measure, try_assemble
+from loopid.logs.checks import check_forces
+from loopid.logs.filtering import Filtered, default_lowpass, filter_log, idle_speeds, saturation_of
+from loopid.logs.log import Log, require_known_motion
+from loopid.logs.streams import Dropped, flagged
+from loopid.parameters import html_table
+from loopid.progress import Progress
+from loopid.robot import Mechanism
+from loopid.scratch import Spool, kept, mapped_rows, row_blocks, sample_rows
+from loopid.trajectories import JointMotion, LowPass
+
+# Samples with a smaller singularity measure are left out.
+SINGULARITY_MARGIN = 5e-3
+# Fraction of the samples that may fail to assemble.
+MOST_UNASSEMBLED = 0.5
+# Samples that are assembled together: fewer repeat the coarse steps, more take memory.
+BLOCK = 8192
+# Part of a motor's largest share below which it is round-off: the motor does not act there.
+NO_SHARE = 1e-9
 
 
-@dataclass(frozen=True)
-class Dropped:
-    """Samples that are left out, and why.
-
-    Attributes
-    ----------
-    reason : str
-        As in "leg4_stroke stands still".
-    count : int
-        How many samples.
-    first, last : float
-        Times of the first and the last of them, in s.
-    """
-
-    reason: str
-    count: int
-    first: float
-    last: float
-
-    def __str__(self) -> str:
-        return f"{self.reason}: {self.count} samples between {self.first:.2f} and {self.last:.2f} s"
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
-    """Samples ready for identification.
+    """A motion of the whole mechanism with the motor forces that went with it.
 
     Attributes
     ----------
@@ -89,6 +86,17 @@ class Recording:
     def __len__(self) -> int:
         return len(self.motion.time)
 
+    def __repr__(self) -> str:
+        shares = zip(self.actuators, self.used.mean(axis=0), strict=True)
+        used = ", ".join(f"{name} {share:.0%}" for name, share in shares)
+        filtered = "unfiltered" if self.cutoff is None else f"filtered at {self.cutoff:.3g} Hz"
+        return f"<Recording {self.name!r}: {len(self)} samples, {filtered}, forces used: {used}>"
+
+    def _repr_html_(self) -> str:
+        cells = [(d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}") for d in self.dropped]
+        table = html_table(("left out", "samples", "from (s)", "to (s)"), cells)
+        return f"<p>{escape(repr(self))}</p>{table}"
+
     def split(self, fraction: float) -> tuple[Recording, Recording]:
         """The first part of the time, and the rest, for validation.
 
@@ -109,12 +117,237 @@ class Recording:
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""
-        columns = fields(JointMotion)
-        motion = JointMotion(*(getattr(self.motion, column.name)[rows] for column in columns))
-        return replace(
-            self,
-            motion=motion,
-            force=self.force[rows],
-            used=self.used[rows],
-            stretches=self.stretches[rows],
+        motion = JointMotion(*(getattr(self.motion, f.name)[rows] for f in fields(JointMotion)))
+        chosen = {name: getattr(self, name)[rows] for name in ("force", "used", "stretches")}
+        return replace(self, motion=motion, **chosen)
+
+
+@checked
+def prepare_recording(
+    mechanism: Mechanism,
+    log: Log,
+    lowpass: LowPass | Literal["default"] | None = "default",
+    idle_speed: float | FloatArray | None = None,
+    saturation: float | FloatArray | None = None,
+    decimate: bool = True,
+    trim: bool = True,
+    start: FloatArray | None = None,
+    progress: Progress | None = None,
+) -> Recording:
+    """Make a log ready for identification.
+
+    Parameters
+    ----------
+    lowpass : LowPass, None or "default"
+        Of positions and forces alike; None for none, by default at a twentieth of the rate.
+    idle_speed : float or FloatArray, optional
+        Speed in m/s or rad/s, or (m,), at or below which a motor counts as standing; by default
+        that of the log's mapping, otherwise a twentieth of the motor's own usual top speed.
+    saturation : float or FloatArray, optional
+        Force in N or N m, or (m,), from which a drive saturates; by default that of the mapping,
+        otherwise the effort limit of the robot file unless forces exceed it.
+    decimate : bool
+        Whether to keep only as many samples as the cut-off frequency calls for.
+    trim : bool
+        Whether to leave out the ends of the stretches, where filtered accelerations are wrong.
+    start : FloatArray, optional
+        (nq,), a closed configuration on the robot's branch; by default the reference.
+    progress : callable, optional
+        Called with the samples that are assembled, and all.
+
+    Returns
+    -------
+    Recording
+        Its ``dropped`` says what was left out.
+
+    Raises
+    ------
+    OptionError
+        When the robot has other motors than the log, or they do not tell where it is, or an
+        argument is not positive.
+    LogError
+        When no stretch is long enough, or no force can be used.
+    AssemblyError
+        When most samples do not close the loops.
+
+    Warns
+    -----
+    LogWarning
+        Of samples that do not close the loops or are near a singularity, and of forces that look
+        like those of another motor, in other units, or with the wrong sign.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import loopid
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(duration=4.0))
+    >>> run = loopid.simulate_measurement(robot, motion)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.npz"
+    ...     np.savez(path, time=run.time, position=run.position, force=run.force)
+    ...     log = loopid.read_log(path, robot)
+    >>> loopid.prepare_recording(robot, log)
+    <Recording 'run': 91 samples, filtered at 5 Hz, forces used: crank_joint 100%>
+    """
+    require_known_motion(mechanism)
+    if log.joints != mechanism.actuated:
+        raise OptionError(
+            f"log {log.name} is of {', '.join(log.joints)}, but the motors of {mechanism.name} are "
+            f"{', '.join(mechanism.actuated)}"
         )
+    chosen = default_lowpass(log) if lowpass == "default" else lowpass
+    if saturation is not None:
+        limits = _per_motor(log, "saturation", saturation)
+    else:
+        limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
+    signals, ends = filter_log(log, chosen, limits, decimate, trim)
+    columns = [log.joints.index(name) for name in mechanism.independent]
+    path = _follow(mechanism, log.name, signals, columns, start, progress)
+    stretches = _renumbered(signals.stretches, path.good)
+    signals = signals.select(path.good)
+    known = log.idle_speed if idle_speed is None else idle_speed
+    if known is None:
+        speeds = idle_speeds(mechanism, signals.velocity)
+    else:
+        speeds = _per_motor(log, "idle_speed", known)
+    idle = np.abs(signals.velocity) <= speeds
+    used = ~(idle | signals.saturated)
+    if not used.any():
+        raise LogError(f"{log.name}: no force can be used, as all motors stand or are saturated")
+    unused = (
+        *flagged([f"{joint} stands still" for joint in log.joints], idle, signals.time),
+        *flagged(
+            [f"{joint} is saturated" for joint in log.joints], signals.saturated, signals.time
+        ),
+    )
+    velocity, acceleration = (
+        mapped_rows(lambda rows, v=values: v[rows][:, columns], len(values))  # type: ignore[misc]
+        for values in (signals.velocity, signals.acceleration)
+    )
+    motion = JointMotion(
+        signals.time, path.configurations, velocity, acceleration, path.singularity
+    )
+    force, used = on_independent(mechanism, motion, signals.force, used)
+    check_forces(mechanism, log.name, motion, force, used)
+    return Recording(
+        name=log.name,
+        actuators=mechanism.independent,
+        motion=motion,
+        force=force,
+        used=used,
+        stretches=stretches,
+        dropped=(*log.dropped, *ends, *path.dropped, *unused),
+        cutoff=None if chosen is None else chosen.cutoff,
+    )
+
+
+class _Path(NamedTuple):
+    """Configurations (K, nq) and singularity measures (K,) of the samples that are good (N,)."""
+
+    configurations: FloatArray
+    singularity: FloatArray
+    good: BoolArray
+    dropped: tuple[Dropped, ...]
+
+
+def _follow(
+    mechanism: Mechanism,
+    name: str,
+    signals: Filtered,
+    columns: Sequence[int],
+    start: FloatArray | None,
+    progress: Progress | None,
+) -> _Path:
+    """Assemble the samples one after the other, and leave out those that cannot be used."""
+    count = len(signals.time)
+    configurations, residuals, measures, assembled = Spool(), [], [], []
+    for rows in row_blocks(count, BLOCK):
+        position = signals.position[rows][:, columns]
+        outcome = try_assemble(mechanism, position, start=start, trajectory=True)
+        found = outcome.configurations[outcome.assembled]
+        measure = singularity_measure(mechanism, found)
+        configurations.append(found[measure >= SINGULARITY_MARGIN])
+        residuals.append(outcome.residual)
+        measures.append(measure)
+        assembled.append(outcome.assembled)
+        start = found[-1] if len(found) else start
+        if progress is not None:
+            progress(rows.stop, count)
+    residual, measure = np.concatenate(residuals), np.concatenate(measures)
+    lost, near = ~np.concatenate(assembled), np.zeros(count, dtype=bool)
+    near[~lost] = ~(measure >= SINGULARITY_MARGIN)
+    dropped = flagged(
+        ("loops do not close", "near a singularity"), np.stack([lost, near], axis=1), signals.time
+    )
+    where = [
+        f"{one.count} of {count} samples, between {one.first:.2f} and {one.last:.2f} s"
+        for one in dropped
+    ]
+    if lost.any():
+        said = (
+            f"{name}: the loops do not close in {where.pop(0)} (they stay open by up to "
+            f"{residual[lost].max():.1e} m)"
+        )
+        if lost.sum() > MOST_UNASSEMBLED * count:
+            raise AssemblyError(
+                f"{said}: is the robot on another branch than the start, or are these not its "
+                "positions?"
+            )
+        warn(f"{said}: left out", LogWarning)
+    if near.any():
+        said = (
+            f"{name}: the robot is near a singularity in {where.pop(0)} (measure down to "
+            f"{measure.min():.1e}, at least {SINGULARITY_MARGIN:g} is asked for)"
+        )
+        if (lost | near).all():
+            raise LogError(said)
+        warn(f"{said}: left out", LogWarning)
+    regular = measure[measure >= SINGULARITY_MARGIN]
+    return _Path(configurations.array(), regular, ~(lost | near), dropped)
+
+
+def _renumbered(numbers: IntArray, good: BoolArray) -> IntArray:
+    """Numbers from 0 (K,) of the stretches (N,) that samples which are left out divide further."""
+    new = np.append(True, np.diff(numbers) > 0) | np.append(True, ~good[:-1])
+    # A stretch begins with the first good sample after a change: a bad one begins none.
+    return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
+
+
+def on_independent(
+    mechanism: Mechanism, motion: JointMotion, force: FloatArray, used: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Gᵀ Sᵀ τ (N, dof) of forces (N, m) of all motors: what redundant motors add to the others.
+
+    A row is used where all motors that act on it are.
+    """
+    if not mechanism.redundant:
+        return force, used
+    motors, count = mechanism.velocity_indices(mechanism.actuated), len(force)
+    shares = mapped_rows(
+        lambda rows: project(mechanism, motion.configurations[rows]).G[:, motors], count
+    )
+    largest = np.max(
+        [np.abs(shares[rows]).max(axis=(0, 2), initial=0.0) for rows in row_blocks(count)], axis=0
+    )
+
+    def unspoilt(rows: slice) -> BoolArray:
+        acting = np.abs(shares[rows]) > NO_SHARE * largest[:, None]
+        return np.asarray(~(acting & ~used[rows][:, :, None]).any(axis=1), dtype=bool)
+
+    projected = mapped_rows(lambda rows: np.einsum("nmi,nm->ni", shares[rows], force[rows]), count)
+    return projected, mapped_rows(unspoilt, count)
+
+
+def _per_motor(log: Log, what: str, given: float | FloatArray) -> FloatArray:
+    """One positive number a motor (m,)."""
+    values = finite(given, what)
+    if values.shape not in ((), (len(log.joints),)) or (values <= 0).any():
+        raise OptionError(
+            f"{what} must be a positive number, or one for each of {', '.join(log.joints)}, "
+            f"not {given}"
+        )
+    return np.asarray(np.broadcast_to(values, (len(log.joints),)), dtype=np.float64)

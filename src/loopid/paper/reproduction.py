@@ -19,7 +19,9 @@ from loopid.identification import (
     FitSamples,
     fit_in_steps,
     fit_quality,
+    influence,
     quiet_fit,
+    truncated_values,
 )
 from loopid.loading import load_mechanism
 from loopid.logs import Recording, prepare_recording, read_log
@@ -38,7 +40,6 @@ from loopid.paper.experiment import (
 from loopid.paper.printed import TABLE_IV
 from loopid.paper.structure import BaseComparison, compare_base_parameters, measured_geometry
 from loopid.progress import Progress
-from loopid.reduction import influence, truncated_values
 from loopid.seeds import derived_seed
 
 # Opens a progress bar with a title.

@@ -223,6 +223,19 @@ def force_parts(
         (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
         (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``closed_motion``.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> parts = loopid.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> bool(np.allclose(parts.total, parts.gravity))
+    True
     """
     pi = standard_values(mechanism, standard_parameters)
     motion = closed_motion(mechanism, configurations, velocities, accelerations)

@@ -10,9 +10,11 @@ from loopid.report.figures import (
     require_matplotlib,
     thinned,
 )
-from loopid.report.identify import identification_record
-from loopid.report.identify_page import identification_files
-from loopid.report.identify_tables import identification_tables
+from loopid.report.identify import (
+    identification_files,
+    identification_record,
+    identification_tables,
+)
 from loopid.report.structure import (
     base_record,
     base_tables,

@@ -1,22 +1,41 @@
-"""The record of ``loopid identify``: parameters, their uncertainty, how well they predict."""
+"""The report of ``loopid identify``: record for machines, findings, tables, page and files."""
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Any
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
-from loopid.arrays import FloatArray
-from loopid.experiment import Candidate, Identification
-from loopid.experiment.candidate import NO_DIFFERENCE
-from loopid.identification import Quality
+import numpy as np
+from rich.table import Table
+
+from loopid.experiment import (
+    Candidate,
+    ExcitingMotion,
+    Identifiability,
+    Identification,
+    WeakDirection,
+)
 from loopid.logs import Recording
-from loopid.report.identify_consistent import consistent_record, consistent_sentences
-from loopid.report.identify_support import support_record, support_sentences
+from loopid.report.identify_figures import identification_figures
+from loopid.report.tables import markdown_table, plain_table
+from loopid.saved import SavedFit
+
+if TYPE_CHECKING:
+    from loopid.consistency import ConsistentFit
+
+CAPTIONS = {
+    "forces": "Forces on data that were not fitted.",
+    "spectrum": "Structurally identifiable combinations, and their effect in the data.",
+    "parameters": "Base parameters against the robot file.",
+    "reduction": "Validation error by the number of parameters taken from the data.",
+}
 
 
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
-    model = found.force_model
+    model, told, consistent = found.force_model, found.identifiability, found.consistent
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -24,92 +43,275 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "training": [_recording(recording) for recording in found.training],
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
-        "robot_file": [float(value) for value in model.prior],
-        "fit": found.fit.record(),
-        "support": support_record(found.support),
-        "consistent": consistent_record(found.consistent),
-        "supported": [float(value) for value in found.supported.values],
-        "supported_corrections": list(found.reduction.result.parameters.labels),
+        "robot_file": _plain(model.prior),
+        "fit": SavedFit.of(model, found.fit).record(),
+        "identifiability": {
+            **_fields(told, "structural_rank", "rank"),
+            "better_than_robot_file": told.well_determined,
+            "parameters": list(told.parameters.labels),
+            "structural_effects": _plain(told.excitation.structural),
+            "effects": _plain(told.excitation.effects),
+            "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
+            "weak": [_direction(direction) for direction in told.weak],
+        },
+        "consistent": consistent and SavedFit.of(model, consistent).record(),
+        "essential": _plain(found.essential.values),
+        "essential_parameters": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],
         "findings": findings(found),
     }
+
+
+def _plain(value: Any) -> Any:
+    """Lists of numbers and texts; None for what is not finite, which JSON lacks."""
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def _fields(thing: object, *names: str) -> dict[str, Any]:
+    return {name: _plain(getattr(thing, name)) for name in names}
 
 
 def _recording(recording: Recording) -> dict[str, Any]:
     return {
         "name": recording.name,
         "samples": len(recording),
-        "used": [int(count) for count in recording.used.sum(axis=0)],
+        "used": recording.used.sum(axis=0).tolist(),
         "cutoff": recording.cutoff,
         "dropped": [str(dropped) for dropped in recording.dropped],
     }
 
 
-def _candidate(candidate: Candidate) -> dict[str, Any]:
-    ratio, error = candidate.error_ratio
+def _direction(direction: WeakDirection) -> dict[str, Any]:
+    names = [field.name for field in fields(ExcitingMotion)]
     return {
-        "name": candidate.name,
-        "fitted": candidate.fitted,
-        "training": _quality(candidate.training, candidate.rms_errors[0]),
-        "validation": _quality(candidate.validation, candidate.rms_errors[1]),
-        "error_ratio": _number(ratio),
-        "error_ratio_standard_error": _number(error),
+        "combination": direction.text,
+        **_fields(direction, "effect", "standard_error", "change"),
+        "exciting_motion": _fields(direction.exciting_motion, "text", *names),
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    qualities = {
+        part: {
+            "rms": _plain(quality.residual_rms),
+            "rms_standard_error": _plain(errors),
+            "r_squared": _plain(quality.r_squared),
+        }
+        for part, quality, errors in zip(
+            ("training", "validation"),
+            (candidate.training, candidate.validation),
+            candidate.rms_errors,
+            strict=True,
+        )
+    }
+    ratio, error = _plain(candidate.error_ratio)
+    return {
+        **_fields(candidate, "name", "fitted"),
+        **qualities,
+        "error_ratio": ratio,
+        "error_ratio_standard_error": error,
         "beats_baseline": candidate.beats_baseline,
     }
 
 
-def _quality(quality: Quality, errors: FloatArray) -> dict[str, list[float | None]]:
-    return {
-        "rms": [_number(value) for value in quality.residual_rms],
-        "rms_standard_error": [_number(value) for value in errors],
-        "r_squared": [_number(value) for value in quality.r_squared],
-    }
-
-
-def _number(value: float) -> float | None:
-    """JSON has neither infinity nor NaN: null instead."""
-    return float(value) if math.isfinite(value) else None
-
-
 def findings(found: Identification) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
-    full, supported = found.candidates[1], found.supported
-    said = [_conditions(found), *support_sentences(found.support)]
-    said += [] if found.consistent is None else consistent_sentences(found.consistent)
-    said += [_compared(full), _compared(supported)]
-    weak = found.fit.unsupported()
-    if weak or not full.beats_baseline:
+    cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
+    filters = ", ".join("unfiltered" if c is None else f"{c:.3g} Hz" for c in cutoffs)
+    told, essential = found.identifiability, found.reduction.result.parameters.labels
+    said = [
+        f"Condition number of the weighted regressor: {found.fit.condition_number:.4g}; cut-off of "
+        f"the filter: {filters}.",
+        f"{told.structural_rank} combinations of parameters are structurally identifiable; the "
+        f"data excite {told.rank} of them, and tell {told.well_determined} better than the robot "
+        "file.",
+    ]
+    if told.unidentifiable:
         said.append(
-            "Of all parameters together, the data do not tell these from zero: "
-            f"{', '.join(weak) or 'none alone'}."
+            "Unidentifiable combinations are as in the robot file, so the values of "
+            f"{', '.join(told.assumed)} rest on it."
         )
-    kept = found.reduction.result.parameters.labels
+    if found.consistent is not None:
+        said += _consistent_findings(found.consistent)
+    said += [_verdict(candidate) for candidate in found.candidates[1:]]
+    insignificant = found.fit.insignificant()
+    if insignificant or not found.candidates[1].beats_baseline:
+        said.append(
+            "Of all parameters together, these are not significant (the 95 % interval includes "
+            f"zero): {', '.join(insignificant) or 'none alone'}."
+        )
     said.append(
-        f"The data support {len(kept)} of {len(found.fit.parameters)} parameters; their ± holds if "
-        "the others are as in the robot file, and joint terms that are left out are zero."
+        f"{len(essential)} of {len(found.fit.parameters)} parameters are essential for "
+        "predictions; their ± holds if the others are as in the robot file, and joint terms that "
+        "are left out are zero."
     )
     return said
 
 
-def _conditions(found: Identification) -> str:
-    cutoffs = {recording.cutoff for recording in found.training}
-    filters = ", ".join(
-        "unfiltered" if c is None else f"{c:.3g} Hz"
-        for c in sorted(cutoffs, key=lambda c: c or 0.0)
-    )
-    return (
-        f"Condition number of the weighted regressor: {found.fit.condition_number:.4g}; cut-off of "
-        f"the filter: {filters}."
-    )
-
-
-def _compared(candidate: Candidate) -> str:
+def _verdict(candidate: Candidate) -> str:
+    verdict = "not clearly better than"
+    if candidate.beats_baseline or candidate.loses_to_baseline:
+        verdict = "better than" if candidate.beats_baseline else "worse than"
     ratio, error = candidate.error_ratio
-    verdict = "better than" if candidate.beats_baseline else "not clearly better than"
-    if ratio - 1 > 2 * error + NO_DIFFERENCE:
-        verdict = "worse than"
     return (
         f"With {candidate.name} the mean squared error on data that were not fitted is "
         f"{ratio:.2f} ± {error:.2f} times that of the robot file with fitted joint terms: "
         f"{verdict} it."
     )
+
+
+def _consistent_findings(found: ConsistentFit) -> list[str]:
+    have = "Physically consistent bodies" if found.feasible else "No physically consistent bodies"
+    said = [
+        f"{have} have exactly the base parameters of the fit; the consistent parameters nearest to "
+        "the robot file that fit the data raise the weighted residual by "
+        f"{100 * (found.fit_cost.total - 1):.2g} %."
+    ]
+    if found.boundary:
+        names = ", ".join(found.boundary)
+        said.append(f"The data pull {names} to the boundary of physical consistency.")
+    if found.repaired:
+        names = ", ".join(found.repaired)
+        said.append(f"Physically inconsistent in the robot file, and repaired: {names}.")
+    return said
+
+
+def identification_tables(found: Identification) -> list[Table]:
+    """Parameters, prediction errors, what was left out, findings."""
+    said = plain_table("findings", "")
+    for sentence in findings(found):
+        said.add_row(sentence)
+    told = found.identifiability
+    return [
+        _parameter_table(found),
+        *([_weak_table(told)] if told.unidentifiable or told.weak else []),
+        _essential_table(found),
+        *([] if found.consistent is None else [_consistent_table(found.consistent)]),
+        _candidates_table(found),
+        _noise_table(found),
+        _dropped_table(found),
+        said,
+    ]
+
+
+def _parameter_table(found: Identification) -> Table:
+    title = f"{found.force_model.mechanism.name}: all parameters by {found.fit.estimator}"
+    columns = ("leading parameter", ">value", ">± std", ">std %", ">95 % interval", "unit")
+    table = plain_table(title, *columns)
+    for estimate in found.fit.estimates:
+        table.add_row(
+            estimate.name,
+            f"{estimate.value:.4g}",
+            f"{estimate.standard_error:.2g}",
+            f"{estimate.relative_std:.1f}",
+            "{:.4g} ... {:.4g}".format(*estimate.interval),
+            estimate.unit,
+        )
+    return table
+
+
+def _weak_table(found: Identifiability) -> Table:
+    columns = "combination", ">effect on forces", ">± std (sizes)", "excited by"
+    table = plain_table("unidentifiable and weakly identifiable combinations", *columns)
+    for direction in found.unidentifiable:
+        table.add_row(direction.text, "0", "unidentifiable", direction.exciting_motion.text)
+    for direction in found.weak:
+        numbers = f"{direction.effect:.1e}", f"{direction.standard_error:.2g}"
+        table.add_row(direction.text, *numbers, direction.exciting_motion.text)
+    return table
+
+
+def _essential_table(found: Identification) -> Table:
+    columns = ("parameter", ">value", ">± std", ">robot file", "unit")
+    table = plain_table("essential parameters; the others as in the robot file", *columns)
+    result, prior = found.reduction.result, found.force_model.prior
+    joints = set(found.force_model.joint_columns)
+    for column, estimate in zip(found.reduction.columns, result.estimates, strict=True):
+        known = "-" if column in joints else f"{prior[column]:.4g}"
+        numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
+        table.add_row(found.force_model.base.expressions[column], *numbers, estimate.unit)
+    return table
+
+
+def _consistent_table(found: ConsistentFit) -> Table:
+    columns = "body", ">mass (kg)", ">centre of mass (m)", ">margin"
+    table = plain_table(f"physically consistent parameters ({found.regularisation})", *columns)
+    for row in found.rows:
+        centre = ", ".join(f"{row[axis]:.4g}" for axis in "xyz")
+        table.add_row(row["body"], f"{row['mass']:.4g}", centre, f"{row['margin']:.2g}")
+    return table
+
+
+def _candidates_table(found: Identification) -> Table:
+    """Prediction errors of the robot file, all parameters and the essential ones."""
+    columns = [f">{candidate.name.removesuffix(' parameters')}" for candidate in found.candidates]
+    title = "prediction errors on fitted and on new data: RMS ± std (R²)"
+    table = plain_table(title, "", *columns)
+    table.add_row("parameters fitted", *(str(c.fitted) for c in found.candidates))
+    for k, actuator in enumerate(found.force_model.mechanism.independent):
+        for part, name in enumerate(("fit", "new")):
+            cells = (_quality_cell(candidate, part, k) for candidate in found.candidates)
+            table.add_row(f"{actuator}, {name}", *cells)
+    ratios = ["1", *("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in found.candidates[1:])]
+    table.add_row("squared error, new", *ratios)
+    return table
+
+
+def _quality_cell(candidate: Candidate, part: int, k: int) -> str:
+    quality = (candidate.training, candidate.validation)[part]
+    rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
+    if not quality.samples[k]:
+        return "-"
+    return f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
+
+
+def _noise_table(found: Identification) -> Table:
+    columns = "", ">samples", ">effective", ">lag-one correlation"
+    table = plain_table("residuals of the fit", *columns)
+    noise = found.fit.noise
+    if noise is not None:
+        for k, actuator in enumerate(noise.actuators):
+            counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
+            table.add_row(actuator, *counts, f"{noise.lag_one[k]:.3f}")
+    return table
+
+
+def _dropped_table(found: Identification) -> Table:
+    table = plain_table("left out", "recording", "reason", ">samples", ">from (s)", ">to (s)")
+    for recording in found.training:
+        for dropped in recording.dropped:
+            span = f"{dropped.first:.2f}", f"{dropped.last:.2f}"
+            table.add_row(recording.name, dropped.reason, str(dropped.count), *span)
+    return table
+
+
+def identification_files(found: Identification) -> dict[str, bytes | str]:
+    """Page, figures, record and results, by file name."""
+    record = identification_record(found)
+    return {
+        "report.md": _page(found),
+        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
+        **saved_identification(found),
+        **identification_figures(found),
+    }
+
+
+def saved_identification(found: Identification) -> dict[str, bytes | str]:
+    """What ``read_fit`` and ``loopid export`` read: the fit, and the consistent one if there is."""
+    fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
+    return {
+        name: SavedFit.of(found.force_model, fit).content(name)
+        for name, fit in fits.items()
+        if fit is not None
+    }
+
+
+def _page(found: Identification) -> str:
+    parts = [f"# Identification of {found.force_model.mechanism.name}", ""]
+    parts += [markdown_table(table) for table in identification_tables(found)]
+    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
+    return "\n".join(parts)

@@ -1,11 +1,11 @@
-"""Figures of an identification: predicted forces, parameters, how many of them pay."""
+"""Figures of an identification: predicted forces, spectrum, parameters, how many are essential."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
-from loopid.experiment import Identification, prediction_reach
+from loopid.experiment import Identifiability, Identification, prediction_reach
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -16,13 +16,15 @@ from loopid.report.figures import (
     rendered,
     thinned,
 )
-from loopid.report.identify_support import draw_spectrum
+
+# Of the least effect that is drawn, where unidentifiable combinations are drawn.
+BELOW = 0.1
 
 
 def identification_figures(found: Identification) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
-    support = draw_spectrum(found.support)
-    return draw_forces(found) | support | draw_parameters(found) | draw_reduction(found)
+    spectrum = draw_spectrum(found.identifiability)
+    return draw_forces(found) | spectrum | draw_parameters(found) | draw_reduction(found)
 
 
 def draw_forces(found: Identification) -> dict[str, bytes]:
@@ -31,19 +33,19 @@ def draw_forces(found: Identification) -> dict[str, bytes]:
     rows = thinned(len(recording))
     time, gaps = recording.motion.time[rows], ~recording.used[rows]
     W = found.force_model.regressor(recording.motion.select(rows))
-    baseline, supported = W @ found.baseline.values, W @ found.supported.values
-    reach = prediction_reach(W, found.supported.covariance)
+    baseline, essential = W @ found.baseline.values, W @ found.essential.values
+    reach = prediction_reach(W, found.essential.covariance)
     with drawing(len(joints), height=1.3) as (figure, axes):
         for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
             ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
             ax.plot(time, _broken(baseline, gaps, k), "--", color=BLUE)
-            line = _broken(supported, gaps, k)
+            line = _broken(essential, gaps, k)
             ends = line - reach[:, k], line + reach[:, k]
             ax.plot(time, line, color=RED)
             ax.fill_between(time, *ends, color=RED, alpha=0.3, linewidth=0)
             ax.set(title=joint, ylabel=f"force ({force_unit(found, joint)})")
         axes[-1, 0].set_xlabel("time (s)")
-        labels = ("measured", "robot file, joint terms", "supported", "its 95 % interval")
+        labels = ("measured", "robot file, joint terms", "essential", "its 95 % interval")
         handles = [*axes[0, 0].lines, *axes[0, 0].collections]
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
         return rendered(figure, "forces")
@@ -58,6 +60,29 @@ def force_unit(found: Identification, joint: str) -> str:
 def _broken(values: FloatArray, gaps: BoolArray, k: int) -> FloatArray:
     """One column, with breaks where the force says nothing."""
     return np.where(gaps[:, k], np.nan, values[:, k])
+
+
+def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
+    """Effects of the combinations on forces: in random states of the robot, and in the data."""
+    structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
+    place, rank, sure = 1 + np.arange(len(effects)), found.rank, found.well_determined
+    known, weak, none = slice(0, sure), slice(sure, rank), slice(rank, None)
+    shown = np.append(structural[structural > 0], effects[:rank])
+    floor = np.full(len(effects), BELOW * shown.min(initial=1.0))
+    with drawing(height=2.3) as (figure, axes):
+        ax = axes[0, 0]
+        ax.plot(place, structural, "o-", color=GREY, markersize=2.5, linewidth=0.6)
+        ax.plot(place[known], effects[known], "o", color=BLUE, markersize=3.5)
+        ax.plot(place[weak], effects[weak], "s", color=ORANGE, markersize=3.5)
+        ax.plot(place[none], floor[none], "v", color=RED, markersize=4)
+        labels = "structure", "data", "weak: worse than the robot file", "unidentifiable: no effect"
+        there = [True, sure > 0, rank > sure, rank < len(effects)]
+        handles = [line for line, drawn in zip(ax.lines, there, strict=True) if drawn]
+        names = [name for name, drawn in zip(labels, there, strict=True) if drawn]
+        ax.set(yscale="log", xlabel="combination of parameters", ylabel="effect on forces (%)")
+        ax.set_title("singular spectrum: one size of each combination")
+        figure.legend(handles, names, loc="outside lower center", ncols=2)
+        return rendered(figure, "spectrum")
 
 
 def draw_parameters(found: Identification) -> dict[str, bytes]:
@@ -80,7 +105,7 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
 
 
 def draw_reduction(found: Identification) -> dict[str, bytes]:
-    """Validation error by the number of corrections, and the number that was chosen."""
+    """Validation error by the number of fitted parameters, and the number that was chosen."""
     steps = found.reduction.steps
     count = np.array([len(step.labels) for step in steps])
     error = np.array([step.validation_error for step in steps])
@@ -88,9 +113,10 @@ def draw_reduction(found: Identification) -> dict[str, bytes]:
     with drawing(height=2.0) as (figure, axes):
         ax = axes[0, 0]
         ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
-        ax.axvline(found.reduction.supported, color=ORANGE, linestyle="--", label="supported")
+        chosen = len(found.reduction.chosen.labels)
+        ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
         ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
-        ax.set(title="how many parameters the data support", yscale="log")
+        ax.set(title="how many parameters are essential", yscale="log")
         plain_log_labels(ax)
         ax.legend()
         return rendered(figure, "reduction")

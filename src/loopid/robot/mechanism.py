@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -120,6 +121,8 @@ class Mechanism:
         Whether links declared alike share their parameters.
     closure_residual : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
+    options : mapping
+        Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
     Examples
     --------
@@ -143,6 +146,7 @@ class Mechanism:
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))

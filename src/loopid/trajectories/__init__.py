@@ -1,13 +1,16 @@
 """How the robot moves: waypoints, motion files, Fourier series, and what all joints do then."""
 
 from loopid.trajectories.filtering import LowPass, differentiate
-from loopid.trajectories.fourier import FourierSeries
-from loopid.trajectories.joint_motion import JointMotion, joint_motion
-from loopid.trajectories.motion import Motion
+from loopid.trajectories.joint_motion import (
+    JointMotion,
+    JointRange,
+    MotionReview,
+    joint_motion,
+    review_motion,
+)
+from loopid.trajectories.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
 from loopid.trajectories.program import MotionProgram, PlannedMotion, read_motion_program
-from loopid.trajectories.recorded import read_reference
-from loopid.trajectories.review import JointRange, MotionReview, review_motion
-from loopid.trajectories.waypoints import Arc, Waypoint, point_to_point
+from loopid.trajectories.reference import read_reference
 
 __all__ = [
     "Arc",

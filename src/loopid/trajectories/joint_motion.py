@@ -1,13 +1,23 @@
-"""What all joints do while some coordinates follow a motion."""
+"""What all joints do while some coordinates follow a motion, and whether the robot may do it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
+
+import numpy as np
 
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
+from loopid.kinematics import (
+    DEFAULT_MARGIN,
+    assemble,
+    closed_motion,
+    platform_motion,
+    singularity_measure,
+)
+from loopid.parameters import html_table
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
@@ -17,7 +27,7 @@ AXES = {"time": 1, "configurations": 2, "velocities": 2, "accelerations": 2, "si
 
 
 @checked_fields
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class JointMotion:
     """Configurations of a mechanism over time, and the motion of its independent coordinates.
 
@@ -53,15 +63,18 @@ class JointMotion:
                 )
             object.__setattr__(self, name, kept(values))
 
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return (
+            f"<JointMotion of {self.velocities.shape[1]} independent coordinates: {len(self)} "
+            f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
+        )
+
     def select(self, rows: BoolArray | IntArray) -> JointMotion:
         """Some of the samples, by a mask (N,) or by number."""
-        return JointMotion(
-            self.time[rows],
-            self.configurations[rows],
-            self.velocities[rows],
-            self.accelerations[rows],
-            self.singularity[rows],
-        )
+        return JointMotion(*(getattr(self, name)[rows] for name in AXES))
 
 
 @checked
@@ -78,12 +91,25 @@ def joint_motion(
     start : FloatArray, optional
         (nq,), a closed configuration on the assembly branch; by default the reference.
 
+    Returns
+    -------
+    JointMotion
+
     Raises
     ------
     OptionError
         When the names are neither, or joints of a robot whose base, or a ball joint, is free.
     AssemblyError
         When the motion leaves the workspace.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> followed = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> followed.configurations.shape == (41, robot.model.nq)
+    True
     """
     independent = mechanism.velocity_indices(mechanism.independent)
     platform = mechanism.platform
@@ -113,3 +139,121 @@ def _refuse_free_parts(mechanism: Mechanism) -> None:
             f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
             f"which the motors leave free: lock them ({lock_options(mechanism)})"
         )
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """What a joint with one coordinate passes through.
+
+    Attributes
+    ----------
+    joint : str
+    lowest, highest : float
+        Least and greatest value of the motion, in m or rad.
+    lower, upper : float
+        Limits in the robot file, infinite where there are none.
+    """
+
+    joint: str
+    lowest: float
+    highest: float
+    lower: float
+    upper: float
+
+    @property
+    def clearance(self) -> float:
+        """Distance to the nearer limit, negative outside."""
+        return min(self.lowest - self.lower, self.upper - self.highest)
+
+
+@dataclass(frozen=True, repr=False)
+class MotionReview:
+    """Findings about a motion.
+
+    Attributes
+    ----------
+    ranges : tuple of JointRange
+        In the order of the mechanism's joints.
+    singularity : float
+        Least singularity measure on the way.
+    singular_time : float
+        When it is least, in s.
+    margin : float
+        What the measure was asked to keep.
+    speeds : dict
+        Largest speed of each independent coordinate, in m/s or rad/s.
+    """
+
+    ranges: tuple[JointRange, ...]
+    singularity: float
+    singular_time: float
+    margin: float
+    speeds: dict[str, float]
+
+    def __repr__(self) -> str:
+        found = "; ".join(self.problems) or "nothing speaks against the motion"
+        return f"<MotionReview of {len(self.ranges)} joints: {found:.500}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (r.joint, *(f"{x:.4f}" for x in (r.lowest, r.highest, r.lower, r.upper, r.clearance)))
+            for r in self.ranges
+        ]
+        head = ("joint", "lowest", "highest", "lower limit", "upper limit", "clearance")
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What speaks against the motion, one sentence each; empty where nothing does."""
+        found = [
+            f"joint {r.joint} goes from {r.lowest:.4f} to {r.highest:.4f}, {-r.clearance:.4f} "
+            f"outside its limits {r.lower:.4f} ... {r.upper:.4f}"
+            for r in self.ranges
+            if r.clearance < 0
+        ]
+        if self.singularity < self.margin:
+            found.append(
+                f"the singularity measure falls to {self.singularity:.3g} at "
+                f"{self.singular_time:.2f} s (margin {self.margin:g})"
+            )
+        return tuple(found)
+
+
+@checked
+def review_motion(
+    mechanism: Mechanism, motion: JointMotion, margin: float = DEFAULT_MARGIN
+) -> MotionReview:
+    """Check a motion against joint limits and a singularity margin.
+
+    Raises
+    ------
+    OptionError
+        When the margin is negative.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> review = loopid.review_motion(robot, loopid.joint_motion(robot, series.motion(rate=20)))
+    >>> review.problems
+    ()
+    """
+    if not margin >= 0:
+        raise OptionError(f"margin must be >= 0, not {margin}")
+    ranges = []
+    for name in mechanism.joints:
+        joint = mechanism.joint(name)
+        if joint.nq == 1:
+            values = motion.configurations[:, joint.idx_q]
+            ends = float(values.min()), float(values.max())
+            ranges.append(JointRange(name, *ends, *mechanism.limits(name)))
+    worst = int(motion.singularity.argmin())
+    fastest = np.abs(motion.velocities).max(axis=0)
+    return MotionReview(
+        ranges=tuple(ranges),
+        singularity=float(motion.singularity[worst]),
+        singular_time=float(motion.time[worst]),
+        margin=margin,
+        speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
+    )

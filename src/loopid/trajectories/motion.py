@@ -1,12 +1,13 @@
-"""A sampled motion of some coordinates, with its first two derivatives."""
+"""Motions of some coordinates: sampled, from waypoint to waypoint, and periodic."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked_fields
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 
@@ -15,9 +16,9 @@ MOST_SAMPLES = 10_000_000
 
 
 @checked_fields
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion:
-    """Coordinates over time.
+    """Coordinates over time, with their first two derivatives.
 
     Attributes
     ----------
@@ -53,20 +54,17 @@ class Motion:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        return f"<Motion of {', '.join(self.names)}: {len(self)} samples, {self.duration:g} s>"
+
     @property
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0])
 
 
-def sample_times(duration: float, rate: float) -> FloatArray:
-    """Times from 0 to a duration (s) at a rate (Hz), both ends included.
-
-    Raises
-    ------
-    DataError
-        When either is not positive, or the samples are more than ``MOST_SAMPLES``.
-    """
+def _sample_times(duration: float, rate: float) -> FloatArray:
+    """Times from 0 to a duration (s) at a rate (Hz), both ends included."""
     if not (0 < duration < np.inf and 0 < rate < np.inf):
         raise DataError(f"duration and rate must be positive, not {duration} s and {rate} Hz")
     if not duration * rate < MOST_SAMPLES:
@@ -76,3 +74,210 @@ def sample_times(duration: float, rate: float) -> FloatArray:
         )
     steps = int(np.floor(duration * rate * (1 + 1e-12)))
     return np.arange(steps + 1) / rate
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Arc:
+    """A detour of one coordinate on the way to a waypoint, zero at both ends.
+
+    Attributes
+    ----------
+    coordinate : str
+    height : float
+        Value half-way, in m or rad.
+    flatness : float
+        0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
+        ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²)).
+    """
+
+    coordinate: str
+    height: float
+    flatness: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.flatness < 1:
+            raise DataError(f"flatness must be in [0, 1), not {self.flatness}")
+
+    def detour(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value and derivatives by the path parameter s in [0, 1]; each (N,)."""
+        u, f = 2 * s - 1, self.flatness
+        if f == 0:
+            return self.height * (1 - u**2), -4 * self.height * u, np.full_like(u, -8 * self.height)
+        floor = np.sqrt(1 - f**2)
+        scale, root = self.height / (1 - floor), np.sqrt(1 - (f * u) ** 2)
+        return scale * (root - floor), -2 * scale * f**2 * u / root, -4 * scale * f**2 / root**3
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Waypoint:
+    """Where to go next.
+
+    Attributes
+    ----------
+    position : FloatArray
+        (c,) in m or rad.
+    seconds : float
+        Time of the way there; for the same position as before, a hold.
+    arcs : tuple of Arc
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.Waypoint([0.2, 0.6], seconds=2.0).position.shape
+    (2,)
+    """
+
+    position: FloatArray
+    seconds: float
+    arcs: tuple[Arc, ...] = ()
+
+    def __post_init__(self) -> None:
+        position = finite(self.position, "waypoint")
+        if position.ndim != 1:
+            raise DataError(f"a waypoint must have shape (c,), not {position.shape}")
+        object.__setattr__(self, "position", frozen(position))
+
+
+@checked
+def point_to_point(
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], rate: float = 100.0
+) -> Motion:
+    """Move from a start through waypoints, at rest in each.
+
+    Between two waypoints the path parameter runs from 0 to 1 by the polynomial
+    10 t³ - 15 t⁴ + 6 t⁵, whose velocity and acceleration vanish at both ends: the motion is C² with
+    holds and turns.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The c coordinates.
+    start : FloatArray
+        (c,) in m or rad.
+    waypoints : sequence of Waypoint
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    DataError
+        When a waypoint has another shape, takes no time, or has an arc of another coordinate.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.Waypoint([1.0], seconds=2.0)
+    >>> motion = loopid.point_to_point(["crank_joint"], [0.0], [there], rate=50)
+    >>> motion
+    <Motion of crank_joint: 101 samples, 2 s>
+    >>> bool(abs(motion.velocity.max() - 1.875 * 0.5) < 1e-12)  # 1.875 times the average
+    True
+    """
+    if not waypoints:
+        raise DataError("a motion needs at least one waypoint")
+    stops = [finite(point, "waypoint") for point in (start, *(w.position for w in waypoints))]
+    for point in stops:
+        if point.shape != (len(names),):
+            raise DataError(f"a waypoint must have shape ({len(names)},), not {point.shape}")
+    for waypoint in waypoints:
+        if not 0 < waypoint.seconds < np.inf:
+            raise DataError(f"a way must take a positive time, not {waypoint.seconds} s")
+        for arc in waypoint.arcs:
+            if arc.coordinate not in names:
+                valid = ", ".join(names)
+                raise DataError(
+                    f"arc of unknown coordinate {arc.coordinate!r}: choose among {valid}"
+                )
+    ends = np.cumsum([0.0, *(waypoint.seconds for waypoint in waypoints)])
+    time = _sample_times(float(ends[-1]), rate)
+    # The way that each sample is on; the last sample ends the last way.
+    on = np.minimum(np.searchsorted(ends, time, side="right") - 1, len(waypoints) - 1)
+    motion = np.empty((3, len(time), len(names)))
+    for k, waypoint in enumerate(waypoints):
+        here = np.flatnonzero(on == k)
+        t = np.minimum((time[here] - ends[k]) / waypoint.seconds, 1.0)
+        s = t**3 * (10 - 15 * t + 6 * t**2)
+        ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
+        dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
+        change = stops[k + 1] - stops[k]
+        position = stops[k] + s[:, None] * change
+        slope, curvature = np.broadcast_to(change, position.shape).copy(), np.zeros_like(position)
+        for arc in waypoint.arcs:
+            for part, detour in zip((position, slope, curvature), arc.detour(s), strict=True):
+                part[:, names.index(arc.coordinate)] += detour
+        # By the chain rule.
+        acceleration = slope * dds[:, None] + curvature * ds[:, None] ** 2
+        motion[:, here] = position, slope * ds[:, None], acceleration
+    return Motion(tuple(names), time, *motion)
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class FourierSeries:
+    """x_i(t) = offset_i + Σ_h sine_ih sin(h ω t) + cosine_ih cos(h ω t) [Swevers1997].
+
+    Attributes
+    ----------
+    names : tuple of str
+        The c coordinates.
+    frequency : float
+        Of the first harmonic, ω / 2π in Hz.
+    offset : FloatArray
+        (c,) in m or rad.
+    sine, cosine : FloatArray
+        (c, harmonics) in m or rad.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> series = loopid.FourierSeries(("crank_joint",), 0.5, [1.0], [[0.2, 0.1]], [[0.0, 0.1]])
+    >>> series.motion(rate=50)
+    <Motion of crank_joint: 101 samples, 2 s>
+    """
+
+    names: tuple[str, ...]
+    frequency: float
+    offset: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+
+    def __post_init__(self) -> None:
+        if not 0 < self.frequency < np.inf:
+            raise DataError(f"frequency must be positive, not {self.frequency} Hz")
+        for name in ("offset", "sine", "cosine"):
+            object.__setattr__(self, name, frozen(finite(getattr(self, name), name)))
+        expected = (len(self.names), *self.sine.shape[1:2])
+        shapes = (self.offset.shape, self.sine.shape, self.cosine.shape)
+        if shapes != (expected[:1], expected, expected) or len(expected) != 2:
+            raise DataError(
+                f"offset, sine and cosine must have shapes (c,), (c, harmonics) and (c, harmonics) "
+                f"with c = {len(self.names)}, not {shapes}"
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"<FourierSeries of {', '.join(self.names)}: {self.sine.shape[1]} harmonics of "
+            f"{self.frequency:g} Hz>"
+        )
+
+    @property
+    def period(self) -> float:
+        """Seconds after which the motion repeats."""
+        return 1.0 / self.frequency
+
+    @checked
+    def motion(self, duration: float | None = None, rate: float = 100.0) -> Motion:
+        """Sample the series, by default over one period (duration in s, rate in Hz)."""
+        time = _sample_times(self.period if duration is None else duration, rate)
+        omega = 2 * np.pi * self.frequency * np.arange(1, self.sine.shape[1] + 1)
+        sines, cosines = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
+        position = self.offset + sines @ self.sine.T + cosines @ self.cosine.T
+        velocity = (cosines * omega) @ self.sine.T - (sines * omega) @ self.cosine.T
+        acceleration = -(sines * omega**2) @ self.sine.T - (cosines * omega**2) @ self.cosine.T
+        return Motion(self.names, time, position, velocity, acceleration)

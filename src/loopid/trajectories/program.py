@@ -2,24 +2,125 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, frozen
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading import find_motion_file, read_yaml
-from loopid.trajectories.motion import Motion
-from loopid.trajectories.program_file import MotionDescription, ProgramDescription
-from loopid.trajectories.steps import StepReader
-from loopid.trajectories.waypoints import Waypoint, point_to_point
+from loopid.loading import Section, find_motion_file, read_yaml
+from loopid.trajectories.motion import Arc, Motion, Waypoint, point_to_point
+
+# Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
+MOST_WAYS = 100_000
+
+Positive = Annotated[float, Field(gt=0)]
+Pose = Annotated[dict[str, float], Field(min_length=1)]
 
 
-@dataclass(frozen=True)
+# ---- what a file may say ----------------------------------------------------------------------
+
+
+class HoldStep(Section):
+    """Stay for some seconds."""
+
+    hold: Positive
+
+
+class ArcDescription(Section):
+    """See ``Arc``."""
+
+    height: float
+    flatness: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+
+class MoveStep(Section):
+    """Move the coordinates that are named, in a time or at the average speed of the only one."""
+
+    to: Pose
+    seconds: Positive | None = None
+    speed: Positive | None = None
+    arcs: dict[str, ArcDescription] = Field(default={})
+
+    @model_validator(mode="after")
+    def _one_time(self) -> MoveStep:
+        if self.seconds is not None and self.speed is not None:
+            raise ValueError("give either seconds or a speed, not both")
+        return self
+
+
+class RepeatStep(Section):
+    """Do some steps several times."""
+
+    repeat: Annotated[int, Field(ge=1)]
+    steps: Steps
+
+
+class ThereAndBackStep(Section):
+    """Do some steps, then others that end where they begin, then the first ones backwards."""
+
+    there_and_back: Steps
+    between: Steps | None = None
+
+
+KINDS = ("hold", "to", "repeat", "there_and_back")
+
+
+def _kind(content: Any) -> str | None:
+    """Tag of the step that a mapping describes, by the key that says so."""
+    keys = content if isinstance(content, dict) else ()
+    return next((f"<{kind}>" for kind in KINDS if kind in keys), None)
+
+
+Step = Annotated[
+    Annotated[HoldStep, Tag("<hold>")]
+    | Annotated[MoveStep, Tag("<to>")]
+    | Annotated[RepeatStep, Tag("<repeat>")]
+    | Annotated[ThereAndBackStep, Tag("<there_and_back>")],
+    Discriminator(
+        _kind,
+        custom_error_type="step",
+        custom_error_message=f"a step has one of the keys {', '.join(KINDS)}",
+    ),
+]
+Steps = Annotated[list[Step], Field(min_length=1)]
+
+
+class MotionDescription(Section):
+    """A motion: where it starts, and its steps."""
+
+    description: str = ""
+    start: Pose
+    steps: Steps
+
+
+class ProgramDescription(Section):
+    """The whole file."""
+
+    coordinates: Annotated[list[str], Field(min_length=1)]
+    rate: Positive = 100.0
+    speeds: dict[str, Positive] = Field(default={})
+    shortest: Annotated[float, Field(ge=0)] = 0.0
+    motions: Annotated[dict[str, MotionDescription], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _coordinates_differ(self) -> ProgramDescription:
+        for name in self.coordinates:
+            if self.coordinates.count(name) > 1:
+                raise ValueError(f"coordinate {name!r} is listed twice")
+        return self
+
+
+# ---- what is made of it -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
 class PlannedMotion:
     """A motion of a file, with its steps followed.
 
@@ -37,13 +138,17 @@ class PlannedMotion:
     start: FloatArray
     waypoints: tuple[Waypoint, ...]
 
+    def __repr__(self) -> str:
+        ways = len(self.waypoints)
+        return f"<PlannedMotion {self.description!r:.200}: {ways} waypoints, {self.seconds:g} s>"
+
     @property
     def seconds(self) -> float:
         """How long it takes."""
         return sum(waypoint.seconds for waypoint in self.waypoints)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MotionProgram:
     """The motions of a file.
 
@@ -63,6 +168,10 @@ class MotionProgram:
     coordinates: tuple[str, ...]
     rate: float
     motions: Mapping[str, PlannedMotion]
+
+    def __repr__(self) -> str:
+        names = f"{', '.join(self.motions):.500}"
+        return f"<MotionProgram {self.path.name}: {names} of {', '.join(self.coordinates)}>"
 
     @checked
     def motion(self, name: str, rate: float | None = None) -> Motion:
@@ -103,23 +212,133 @@ def read_motion_program(path: str | Path) -> MotionProgram:
         When there is no such file.
     RobotFileError
         Naming the file, the place in it and what is valid.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> program = loopid.read_motion_program("3ups_rpu")
+    >>> list(program.motions)
+    ['1', '2', '3', '4', '5', '6', '7', '8', '9']
+    >>> round(program.motions["5"].seconds, 1)
+    191.8
     """
     file = find_motion_file(path)
     content = read_yaml(file, ProgramDescription)
-    reader = StepReader(tuple(content.coordinates), content.speeds, content.shortest)
+    reader = _StepReader(tuple(content.coordinates), content.speeds, content.shortest)
     reader.check(content.speeds, f"{file}: speeds")
     motions = {
-        name: _plan(reader, motion, f"{file}: motions.{name}")
+        name: reader.plan(motion, f"{file}: motions.{name}")
         for name, motion in content.motions.items()
     }
     return MotionProgram(file, reader.coordinates, content.rate, MappingProxyType(motions))
 
 
-def _plan(reader: StepReader, motion: MotionDescription, place: str) -> PlannedMotion:
-    missing = [name for name in reader.coordinates if name not in motion.start]
-    if missing:
-        raise RobotFileError(f"{place}.start: leaves out {', '.join(missing)}")
-    nowhere = np.zeros(len(reader.coordinates))
-    start = reader.pose(motion.start, nowhere, f"{place}.start")
-    ways = reader.ways(motion.steps, start, f"{place}.steps")
-    return PlannedMotion(motion.description, start, tuple(way.waypoint for way in ways))
+@dataclass(frozen=True)
+class _Way:
+    """From a pose to a pose, both (c,), in some seconds."""
+
+    start: FloatArray
+    end: FloatArray
+    seconds: float
+    arcs: tuple[Arc, ...] = ()
+
+    def backwards(self) -> _Way:
+        """The same path and time from end to start: arcs are symmetric."""
+        return _Way(self.end, self.start, self.seconds, self.arcs)
+
+
+@dataclass(frozen=True)
+class _StepReader:
+    """Follows steps from pose to pose; ``place`` says in errors where they are written."""
+
+    coordinates: tuple[str, ...]
+    speeds: Mapping[str, float]
+    shortest: float
+
+    def plan(self, motion: MotionDescription, place: str) -> PlannedMotion:
+        missing = [name for name in self.coordinates if name not in motion.start]
+        if missing:
+            raise RobotFileError(f"{place}.start: leaves out {', '.join(missing)}")
+        nowhere = np.zeros(len(self.coordinates))
+        start = self._pose(motion.start, nowhere, f"{place}.start")
+        ways = self._ways(motion.steps, start, f"{place}.steps")
+        waypoints = tuple(Waypoint(way.end, way.seconds, way.arcs) for way in ways)
+        return PlannedMotion(motion.description, start, waypoints)
+
+    def check(self, names: Iterable[str], place: str) -> None:
+        """Refuse names that are no coordinates."""
+        for name in names:
+            if name not in self.coordinates:
+                listed = ", ".join(self.coordinates)
+                raise RobotFileError(f"{place}: unknown coordinate {name!r}: choose among {listed}")
+
+    def _pose(self, values: Mapping[str, float], start: FloatArray, place: str) -> FloatArray:
+        """The start with some coordinates changed; (c,)."""
+        self.check(values, place)
+        return frozen([values.get(n, x) for n, x in zip(self.coordinates, start, strict=True)])
+
+    def _ways(self, steps: Sequence[Step], start: FloatArray, place: str) -> list[_Way]:
+        found: list[_Way] = []
+        for number, step in enumerate(steps):
+            here = found[-1].end if found else start
+            found += self._step(step, here, f"{place}.{number}")
+            if len(found) > MOST_WAYS:
+                raise RobotFileError(f"{place}.{number}: more than {MOST_WAYS} ways in one motion")
+        return found
+
+    def _step(self, step: Step, here: FloatArray, place: str) -> list[_Way]:
+        match step:
+            case HoldStep():
+                return [_Way(here, here, step.hold)]
+            case MoveStep():
+                return [self._move(step, here, place)]
+            case RepeatStep():
+                # Each round starts where the one before ended, which need not be its start.
+                found = self._ways(step.steps, here, f"{place}.steps")
+                if step.repeat * len(found) > MOST_WAYS:
+                    raise RobotFileError(f"{place}: more than {MOST_WAYS} ways in one motion")
+                for _ in range(step.repeat - 1):
+                    found += self._ways(step.steps, found[-1].end, f"{place}.steps")
+                return found
+            case ThereAndBackStep():
+                there = self._ways(step.there_and_back, here, f"{place}.there_and_back")
+                far = there[-1].end
+                between = self._ways(step.between or [], far, f"{place}.between")
+                if between and (between[-1].end != far).any():
+                    raise RobotFileError(
+                        f"{place}.between: must end where it begins, at {self._said(far)}, "
+                        f"not at {self._said(between[-1].end)}"
+                    )
+                return [*there, *between, *(way.backwards() for way in reversed(there))]
+
+    def _move(self, step: MoveStep, here: FloatArray, place: str) -> _Way:
+        end = self._pose(step.to, here, f"{place}.to")
+        self.check(step.arcs, f"{place}.arcs")
+        arcs = tuple(Arc(name, arc.height, arc.flatness) for name, arc in step.arcs.items())
+        seconds = step.seconds
+        if seconds is None:
+            seconds = self._seconds(step.speed, end - here, place)
+        return _Way(here, end, seconds, arcs)
+
+    def _seconds(self, speed: float | None, change: FloatArray, place: str) -> float:
+        """Time for a change (c,) at the speed of its only coordinate, or at those of the file."""
+        changes = {n: abs(float(x)) for n, x in zip(self.coordinates, change, strict=True) if x}
+        if not changes:
+            raise RobotFileError(f"{place}: is there already, so that it needs seconds, or a hold")
+        if speed is not None:
+            if len(changes) > 1:
+                raise RobotFileError(
+                    f"{place}.speed: is of one coordinate, but {', '.join(changes)} move: give "
+                    "seconds"
+                )
+            return next(iter(changes.values())) / speed
+        for name in changes:
+            if name not in self.speeds:
+                raise RobotFileError(
+                    f"{place}: needs seconds or a speed, as 'speeds' has none for {name}"
+                )
+        return max(self.shortest, *(change / self.speeds[n] for n, change in changes.items()))
+
+    def _said(self, pose: FloatArray) -> str:
+        values = zip(self.coordinates, pose, strict=True)
+        return ", ".join(f"{name} = {value:g}" for name, value in values)

@@ -62,10 +62,10 @@ class CompiledRegressor:
             status[k] = call(*(row.ctypes.data_as(NUMBERS) for row in state))
         return K, status
 
-    def closure_gaps(self, configurations: FloatArray) -> FloatArray:
-        """How far (N,), in m, the closures stay open at configurations (N, nq)."""
+    def closure_residuals(self, configurations: FloatArray) -> FloatArray:
+        """Largest closure residuals (N,) in m at configurations (N, nq)."""
         q = samples(configurations, self.model.mechanism.model.nq, "configurations")
-        call = self.function("closure_gap", ctypes.c_double, 1)
+        call = self.function("closure_residual", ctypes.c_double, 1)
         rows = np.ascontiguousarray(q)
         return np.array([call(row.ctypes.data_as(NUMBERS)) for row in rows])
 

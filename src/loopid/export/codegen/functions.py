@@ -1,4 +1,4 @@
-"""The two functions that become C: the closures' Jacobian, and the regressor.
+"""The two functions that become C: the closures' Jacobian, and the regressor K = Gᵀ Y.
 
 Between them a linear system is solved for the dependent coordinates, in C of its own: which
 equations are redundant, and which pivots are large, depends on the pose.
@@ -9,14 +9,23 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.experiment import ForceModel
 from loopid.export.codegen.closures import closure_residual, position_rates
-from loopid.export.codegen.regressor import base_columns
-from loopid.export.codegen.tree import tree_frames
+from loopid.export.codegen.tree import Frame, tree_frames
 from loopid.kinematics import partition
-from loopid.robot import Mechanism
+from loopid.parameters import KINDS, Parameter
+from loopid.regressors import JOINT_TERMS, JointState, JointTerms
+from loopid.robot import Mechanism, tie_indices
+
+OPTIONS: dict[str, Any] = {
+    "with_mem": False,
+    "with_header": False,
+    "with_export": False,
+    "casadi_int": "int",
+}
 
 
 def c_functions(model: ForceModel, name: str) -> str:
@@ -26,13 +35,7 @@ def c_functions(model: ForceModel, name: str) -> str:
     coordinates first, and the residual (rows,) in m; without closures there is no such function.
     ``columns(q, v, a, X) -> K``: with X (dependent, dof) of M = [A B], A X = B, and K row by row.
     """
-    options: dict[str, Any] = {
-        "with_mem": False,
-        "with_header": False,
-        "with_export": False,
-        "casadi_int": "int",
-    }
-    generator = ca.CodeGenerator(name, options)
+    generator = ca.CodeGenerator(name, OPTIONS)
     parts = partition(model.mechanism)
     if len(parts[1]):
         generator.add(_closures(model.mechanism, parts, f"{name}_closures"))
@@ -62,5 +65,64 @@ def _columns(model: ForceModel, parts: tuple[IntArray, IntArray], name: str) -> 
         G[j, column] = 1
         for row, i in enumerate(dependent.tolist()):
             G[i, column] = -X[row, column] * (scales[i] / scales[j])
-    K = base_columns(model, q, v, a, G)
+    K = _base_columns(model, q, v, a, G)
     return ca.Function(name, [q, v, a, X], [ca.densify(K.T)])
+
+
+def _base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
+    """K (dof, n), body by body; in the ``gravity`` model bodies are at rest, joint terms move."""
+    mechanism, still = model.mechanism, ca.SX(v.shape[0], 1)
+    rates, second = (v, a) if model.model == "full" else (still, still)
+    frames = tree_frames(mechanism.model, q, rates, second, G)
+    wrenches = {body.joint_id: _wrenches(frames[body.joint_id]) for body in mechanism.bodies}
+    # Joints of the bodies behind each name: several where links are tied.
+    names = [parameter.link for parameter in mechanism.parameters("gravity")][::4]
+    joints: dict[str, list[int]] = {name: [] for name in names}
+    places = tie_indices(mechanism.links, mechanism.ties)
+    for body, place in zip(mechanism.bodies, places, strict=True):
+        joints[names[place]].append(body.joint_id)
+    columns = []
+    for parameter in model.parameters:
+        if parameter.kind in KINDS:
+            column = ca.SX(G.shape[1], 1)
+            for joint in joints[parameter.link]:
+                force, moment = wrenches[joint][KINDS.index(parameter.kind)]
+                column += frames[joint].shift.T @ force + frames[joint].turn.T @ moment
+        else:
+            column = _joint_term(mechanism, model.joint_terms, parameter, q, v, a, G)
+        columns.append(column)
+    return ca.horzcat(*columns)
+
+
+def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
+    """Force and moment about the origin per unit of each of ten parameters, along the axes.
+
+    f = m a + α x c + ω x (ω x c), n = c x a + I α + ω x I ω, with the acceleration a of the origin
+    less gravity.
+    """
+    a = frame.acceleration + ca.cross(frame.omega, frame.velocity)
+    spin = ca.skew(frame.omega)
+    points = ca.skew(frame.alpha) + spin @ spin
+    nothing = ca.SX(3, 1)
+    wrenches = [(a, nothing)]
+    for axis in np.eye(3):
+        direction = ca.sparsify(ca.SX(axis))
+        wrenches.append((points @ direction, ca.cross(direction, a)))
+    for kind in KINDS[4:]:
+        i, j = ("xyz".index(letter) for letter in kind[1:])
+        unit = ca.SX(3, 3)
+        unit[i, j] = unit[j, i] = 1
+        wrenches.append((nothing, unit @ frame.alpha + spin @ (unit @ frame.omega)))
+    return wrenches
+
+
+def _joint_term(
+    mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, *state: Any
+) -> Any:
+    """A drive inertia, friction or offset, by the law of its kind."""
+    q, v, a, G = state
+    index = int(mechanism.velocity_indices([parameter.link])[0])
+    joint = mechanism.joint(parameter.link)
+    position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
+    term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
+    return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)

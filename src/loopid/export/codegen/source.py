@@ -1,10 +1,11 @@
-"""The regressor as a C file and its header."""
+"""The regressor as a C file and its header, from templates and CasADi's functions."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,11 +14,12 @@ from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import ForceModel
-from loopid.export.codegen.fields import source_fields
-from loopid.export.codegen.texts import CLOSED, HEADER, OPEN
 from loopid.files import write_files
+from loopid.kinematics import partition
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
+# Of the pivots: below the first there is no regressor, below the second it is ill-determined.
+SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
 
 
 @checked_fields
@@ -34,8 +36,8 @@ class RegressorCode:
     """
 
     name: str
-    header: str
-    source: str
+    header: str = field(repr=False)
+    source: str = field(repr=False)
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write both files, whole or not at all."""
@@ -68,6 +70,8 @@ def regressor_code(
         When CasADi is not installed.
     OptionError
         When the name is no identifier, or a joint has no symbolic form.
+    DataError
+        When there are not n finite values.
     """
     if find_spec("casadi") is None:
         raise MissingExtraError("casadi", "codegen")
@@ -79,14 +83,12 @@ def regressor_code(
             "the name of C functions must be letters and digits with single _ between them, not "
             f"{chosen!r}"
         )
-    fields = source_fields(model, chosen, _checked(values, len(model.parameters)))
-    template = OPEN
-    if fields["DEPENDENT"] != "0":
-        solver = files("loopid.export.codegen").joinpath("solve.c").read_text(encoding="utf-8")
-        template = f"{solver}\n{CLOSED}"
+    fields = _fields(model, chosen) | _value_fields(model, chosen, values)
+    loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
+    parts = (_filled(template, fields) for template in ("regressor.c", loops))
     functions = c_functions(model, f"{chosen}_casadi")
-    source = f'#include "{chosen}.h"\n\n{functions}\n{_filled(template, fields)}'
-    return RegressorCode(chosen, _filled(HEADER, fields), source)
+    source = "\n".join([f'#include "{chosen}.h"\n', functions, *parts])
+    return RegressorCode(chosen, _filled("regressor.h", fields), source)
 
 
 @checked
@@ -98,9 +100,32 @@ def export_regressor(
 ) -> list[Path]:
     """Write the C source and header of ``regressor_code`` to a folder.
 
+    Parameters
+    ----------
+    model, name, values
+        As in ``regressor_code``.
+    folder : path
+        Made where it is missing.
+
+    Returns
+    -------
+    list of Path
+        Of the header and of the source.
+
     Raises
     ------
-    MissingExtraError, OptionError, DataError, OutputError
+    MissingExtraError, OptionError, DataError
+        As ``regressor_code``.
+    OutputError
+        When the files cannot be written.
+
+    Examples
+    --------
+    >>> import loopid, tempfile
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in loopid.export_regressor(model, folder)]
+    ['five_bar.h', 'five_bar.c']
     """
     return regressor_code(model, name, values).save(folder)
 
@@ -111,14 +136,75 @@ def _identifier(name: str) -> str:
     return plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
 
 
-def _checked(values: FloatArray | None, count: int) -> FloatArray | None:
+def _filled(template: str, fields: dict[str, str]) -> str:
+    """A template with what is between @ signs filled in."""
+    text = files("loopid.export.codegen").joinpath(template).read_text(encoding="utf-8")
+    return re.sub(r"@([A-Z_]+)@", lambda match: fields[match[1]], text)
+
+
+def _fields(model: ForceModel, name: str) -> dict[str, str]:
+    """Dimensions, tolerances and names that the templates are filled with."""
+    mechanism = model.mechanism
+    chosen, dependent = partition(mechanism)
+    columns = zip(model.parameters, model.base.expressions, strict=True)
+    joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
+    # A joint's name where it has one position, else numbered from 0.
+    positions = [j if nq == 1 else f"{j}[{k}]" for j, nq in joints for k in range(nq)]
+    return {
+        "NAME": name,
+        "GUARD": name.upper(),
+        "ROBOT": _comment(mechanism.name),
+        "MODEL": model.model,
+        "VERSION": version("loopid"),
+        "NQ": str(mechanism.model.nq),
+        "NV": str(mechanism.model.nv),
+        "NV_ALL": str(len(dependent) + len(chosen)),
+        "DOF": str(len(chosen)),
+        "ROWS": str(mechanism.rows),
+        "DEPENDENT": str(len(dependent)),
+        "PARAMETERS": str(len(model.parameters)),
+        "SINGULAR": repr(SINGULAR),
+        "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
+        "ROW_COMMENTS": _listed(f"force along {row}" for row in mechanism.independent),
+        "COLUMN_COMMENTS": _listed(f"{p.label} [{p.unit}] = {text}" for p, text in columns),
+        "POSITION_NAMES": _strings(positions),
+        "VELOCITY_NAMES": _strings(mechanism.coordinates),
+        "ROW_NAMES": _strings(mechanism.independent),
+        "PARAMETER_NAMES": _strings(model.parameters.labels),
+    }
+
+
+def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
     if values is None:
-        return None
-    phi = finite(values, "base parameters")
+        return {"VALUES": "", "VALUES_DECLARATION": ""}
+    phi, count = finite(values, "base parameters"), len(model.parameters)
     if phi.shape != (count,):
         raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
-    return phi
+    declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
+    listed = ",\n    ".join(repr(float(value)) for value in phi)
+    return {
+        "VALUES_DECLARATION": f"/* Identified values of phi. */\nextern {declared};\n",
+        "VALUES": f"{declared} = {{\n    {listed}}};\n",
+    }
 
 
-def _filled(template: str, fields: Mapping[str, str]) -> str:
-    return re.sub(r"@([A-Z_]+)@", lambda match: fields[match[1]], template)
+def _listed(texts: Iterable[str]) -> str:
+    return "\n".join(f"     {k}: {_comment(text)}" for k, text in enumerate(texts))
+
+
+def _comment(text: str) -> str:
+    """Text that does not end the comment that it is in."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
+def _strings(texts: Iterable[str]) -> str:
+    """C strings; every character but plain ones by its octal codes."""
+    return ",".join(
+        '\n    "'
+        + "".join(
+            chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f"\\{byte:03o}"
+            for byte in text.encode()
+        )
+        + '"'
+        for text in texts
+    )

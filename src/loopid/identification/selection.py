@@ -1,0 +1,460 @@
+"""Which parameters matter: backward elimination, influence, and the bias of truncation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from loopid.arguments import checked
+from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
+from loopid.errors import DataError, OptionError
+from loopid.identification.autoregression import Autoregression, burg_covariances, run_lengths
+from loopid.identification.fitting import quiet_fit, working_fit
+from loopid.identification.least_squares import Estimator, WorkingFit
+from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import FitResult, html_table, relative_deviation
+from loopid.parameters import ParameterSet
+
+# Standard errors of a difference that make it clear.
+CLEARLY = 2.0
+# Relative difference of mean squared errors that is worth no parameter.
+NO_CONSEQUENCE = 0.02
+FORCES = ("measured", "predicted")
+# Names that a ``repr`` lists.
+LISTED = 12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReductionStep(ComparedByFields):
+    """A fit of some of the parameters, the others at their reference.
+
+    Errors are mean squares in units of the error variance of the full model, each actuator's own.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Names that are fitted.
+    dropped : str or None
+        Name that was dropped on the way here.
+    relative_std : float
+        Of the dropped one, in % of its distance from its reference, in the step before; NaN where
+        none was dropped.
+    values : FloatArray
+        (n,).
+    training_rms, validation_rms : FloatArray
+        (dof,) in N or N m; NaN without samples.
+    training_error, validation_error : float
+        Over all actuators.
+    standard_error : float
+        Of ``validation_error``.
+    excess, excess_error : float
+        Of ``validation_error`` over that of the best step, and its standard error; 0 for the best.
+    """
+
+    labels: tuple[str, ...]
+    dropped: str | None
+    relative_std: float
+    values: FloatArray
+    training_rms: FloatArray
+    validation_rms: FloatArray
+    training_error: float
+    validation_error: float
+    standard_error: float
+    excess: float = 0.0
+    excess_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("values", "training_rms", "validation_rms"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        return (
+            f"ReductionStep({len(self.labels)} parameters, dropped={self.dropped!r}, "
+            f"validation_error={self.validation_error:.4g} ± {self.standard_error:.2g})"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reduction(ComparedByFields):
+    """The parameters that are worth fitting.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        All n.
+    reference : FloatArray
+        (n,), values of parameters that are dropped.
+    steps : tuple of ReductionStep
+        From all parameters to the fewest.
+    chosen : ReductionStep
+        With the fewest parameters of those whose validation error is not clearly above the least.
+    result : FitResult
+        Of the supported parameters; forces of the others are subtracted before.
+    """
+
+    parameters: ParameterSet
+    reference: FloatArray
+    steps: tuple[ReductionStep, ...]
+    chosen: ReductionStep
+    result: FitResult
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reference", frozen(self.reference))
+
+    @property
+    def supported(self) -> int:
+        """Number of parameters that validation supports."""
+        return len(self.result.parameters)
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the supported parameters among all."""
+        return tuple(self.parameters.labels.index(label) for label in self.result.parameters.labels)
+
+    @property
+    def values(self) -> FloatArray:
+        """All parameters (n,): as fitted where supported, the reference elsewhere."""
+        values = self.reference.copy()
+        values[list(self.columns)] = self.result.values
+        return values
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of all parameters (n, n), zero for those at their reference."""
+        covariance = np.zeros((len(self.parameters), len(self.parameters)))
+        covariance[np.ix_(self.columns, self.columns)] = self.result.covariance
+        return covariance
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.result.parameters.labels[:LISTED])
+        more = self.supported - LISTED
+        return (
+            f"Reduction to {self.supported} of {len(self.parameters)} parameters, validation error "
+            f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
+            + (names if more <= 0 else f"{names} and {more} more")
+        )
+
+    def _repr_html_(self) -> str:
+        head = ("parameters", "dropped", "% std", "training error", "validation error", "±")
+        numbers = "relative_std", "training_error", "validation_error", "standard_error"
+        rows = [
+            (len(step.labels), step.dropped or "", *(getattr(step, name) for name in numbers))
+            for step in self.steps
+        ]
+        return html_table(head, rows)
+
+
+@checked
+def eliminate(
+    training: FitSamples,
+    validation: FitSamples,
+    estimator: str | Estimator = "wls",
+    reference: FloatArray | None = None,
+    keep: Sequence[str] = (),
+) -> Reduction:
+    """Drop the least certain parameters one by one, and keep as few as predict as well.
+
+    At each step the parameter with the largest relative standard deviation goes back to its
+    reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
+    chosen whose validation error is not clearly above the least: within one standard error of it
+    [Breiman1984] and two of the difference, or within 2 %.
+
+    Parameters
+    ----------
+    training, validation : FitSamples
+        Different data, of the same parameters and actuators.
+    estimator : str or Estimator
+        As of ``fit``. Weights and error model are those of the full model at every step.
+    reference : FloatArray, optional
+        (n,), values of dropped parameters, such as the robot file's; by default zero.
+    keep : sequence of str
+        Names that are never dropped.
+
+    Raises
+    ------
+    DataError
+        When the data do not belong together, or the full model fits without error.
+    RankError
+        When the training data do not excite a combination of parameters.
+
+    Examples
+    --------
+    Three columns, of which the last has no effect:
+
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
+    >>> def log(seed):
+    ...     rng = np.random.default_rng(seed)
+    ...     W = rng.normal(size=(500, 1, 3))
+    ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
+    ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> loopid.identification.eliminate(log(0), log(1)).result.parameters.labels
+    ('arm.m', 'arm.mx')
+    """
+    names = training.parameters
+    if (validation.parameters, validation.actuators) != (names, training.actuators):
+        raise DataError("validation data must have the parameters and actuators of the training")
+    start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
+    if start.shape != (len(names),):
+        raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
+    for name in keep:
+        if name not in names.labels:
+            raise OptionError.unknown("parameter to keep", name, names.labels)
+    full = working_fit(training, estimator)
+    steps = _eliminations(full, training, validation, start, keep)
+    best = min(steps, key=lambda step: step.validation_error)
+    scale = _error_scale(full.result)
+    steps = [_compared(step, best, validation, scale) for step in steps]
+    chosen = [step for step in steps if step.excess <= _allowed(step, best)][-1]
+    columns, known = [names.labels.index(label) for label in chosen.labels], start.copy()
+    known[columns] = 0.0
+    result = quiet_fit(training.less(training.predicted(known)).select(columns), estimator)
+    return Reduction(names, start, tuple(steps), chosen, result)
+
+
+def _eliminations(
+    full: WorkingFit,
+    training: FitSamples,
+    validation: FitSamples,
+    reference: FloatArray,
+    keep: Sequence[str],
+) -> list[ReductionStep]:
+    """Steps from all parameters down to those to keep, or to one."""
+    scale, factor, covariance = _error_scale(full.result), full.factor, full.result.covariance
+    labels, columns = training.parameters.labels, list(range(len(reference)))
+    dropped, relative, steps = None, np.nan, list[ReductionStep]()
+    while True:
+        values, errors = _subset_fit(factor, covariance, reference, columns)
+        error, spread = mean_squared_error(validation, values, scale)
+        squares = training.problem.residual_squares(values) * scale**2
+        steps.append(
+            ReductionStep(
+                labels=tuple(labels[j] for j in columns),
+                dropped=dropped,
+                relative_std=relative,
+                values=values,
+                training_rms=fit_quality(training.problem, values).residual_rms,
+                validation_rms=fit_quality(validation.problem, values).residual_rms,
+                training_error=float(squares.sum() / training.problem.rows),
+                validation_error=error,
+                standard_error=spread,
+            )
+        )
+        free = [k for k, j in enumerate(columns) if labels[j] not in keep]
+        if not free or len(columns) == 1:
+            return steps
+        deviations = relative_deviation(errors, (values - reference)[columns])
+        worst = max(free, key=lambda k: deviations[k])
+        dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
+
+
+def _subset_fit(
+    factor: FloatArray, covariance: FloatArray, reference: FloatArray, columns: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """All values (n,), and standard errors of the fitted columns, the others at their reference.
+
+    Weights, working samples and error model stay those of the full fit, so that no sample is needed
+    again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
+    covariance of the errors as R sees them, and a subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
+    """
+    width, values = len(reference), reference.copy()
+    R, force = factor[:width, :width], factor[:width, width]
+    values[columns] = 0.0
+    Q, T = np.linalg.qr(R[:, columns])
+    values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
+    response = np.linalg.inv(T) @ Q.T @ R
+    return values, np.sqrt(np.einsum("ij,jk,ik->i", response, covariance, response))
+
+
+def _error_scale(full: FitResult) -> FloatArray:
+    """What turns residuals (dof,) into units of the full model's errors; 0 without samples."""
+    assert full.noise is not None
+    deviation, present = full.noise.deviation, full.noise.samples > 0
+    if not (deviation[present] > 0).all():
+        raise DataError(
+            "the full model fits the training data without error, so that smaller models cannot be "
+            "compared with it: fit measured forces, or simulated ones with noise"
+        )
+    return np.divide(1.0, deviation, out=np.zeros(len(deviation)), where=present)
+
+
+def _allowed(step: ReductionStep, best: ReductionStep) -> float:
+    """How much worse than the best a step may be.
+
+    One standard error of the best [Breiman1984], which is wide where a disturbance that no step
+    explains makes all of them uncertain; so also two of the difference, which is not. Less than a
+    difference of no consequence is never asked for.
+    """
+    uncertainty = min(best.standard_error, CLEARLY * step.excess_error)
+    return max(uncertainty, NO_CONSEQUENCE * best.validation_error)
+
+
+def _compared(
+    step: ReductionStep, best: ReductionStep, validation: FitSamples, scale: FloatArray
+) -> ReductionStep:
+    """The step with its excess over the best.
+
+    Of the differences at each time: what both share, as a disturbance that neither explains, does
+    not count as uncertainty.
+    """
+    if step is best:
+        return step
+    own, other = (_squares(validation, one.values, scale) for one in (step, best))
+    excess, error = _mean(validation, own - other, scale)
+    return replace(step, excess=excess, excess_error=error)
+
+
+def mean_squared_error(
+    samples: FitSamples, values: FloatArray, scale: FloatArray
+) -> tuple[float, float]:
+    """Mean square of scaled residuals over samples and actuators, and its standard error.
+
+    The squares of all actuators at one time are one number, in an autoregressive process; so no
+    independence is assumed, over time or between actuators. A scale of 0 leaves an actuator out.
+    """
+    return _mean(samples, _squares(samples, values, scale), scale)
+
+
+def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
+    """Squared scaled residuals of all actuators together (N,)."""
+    squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
+
+
+def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
+    """Mean of a series (N,) by forces that count, and its standard error."""
+    counts = (samples.used & (scale > 0)).sum(axis=1)
+    total = int(counts.sum())
+    if not total:
+        raise DataError("there is no validation sample of an actuator that was fitted")
+    mean, present = float(series.sum()) / total, counts > 0
+    runs = run_lengths(present, samples.pieces)
+    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
+    return mean, float(np.sqrt(model.sum_variance(present, samples.pieces))) / total
+
+
+@checked
+def influence(
+    data: FitSamples | FitProblem, values: FloatArray, relative_to: str = "measured"
+) -> FloatArray:
+    """Size of the forces of the first i parameters, in % of that of all forces.
+
+    p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
+    all i up to r. It is a ratio of norms, not an accuracy: it need not grow with i, may exceed 100,
+    and depends on the order of the parameters.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        With the parameters in the order that is asked about.
+    values : FloatArray
+        (r,).
+    relative_to : str
+        T: ``"measured"`` forces, or those ``"predicted"`` by all parameters.
+
+    Returns
+    -------
+    FloatArray
+        (r,).
+
+    Raises
+    ------
+    OptionError
+        When ``relative_to`` is neither.
+    DataError
+        When the values have another shape, or the forces are all zero.
+    """
+    if relative_to not in FORCES:
+        raise OptionError.unknown("force", relative_to, FORCES)
+    factors, phi = _weighted_columns(data, values)
+    sums = np.cumsum(factors[:, :-1] * phi, axis=1)
+    total = factors[:, -1] if relative_to == "measured" else sums[:, -1]
+    size = float(np.linalg.norm(total))
+    if not size > 0:
+        raise DataError(f"the {relative_to} forces are all zero: influence is undefined")
+    return np.asarray(100 * np.linalg.norm(sums, axis=0) / size, dtype=np.float64)
+
+
+@checked
+def truncated_values(
+    data: FitSamples | FitProblem,
+    values: FloatArray,
+    kept: int | Sequence[str],
+    weights: FloatArray | None = None,
+) -> FloatArray:
+    """Expected values of a fit of some parameters when the true model has all of them.
+
+    The forces of the others bias the kept ones: φ₁ + (W₁ᵀW₁)⁻¹ W₁ᵀW₂ φ₂, whatever the noise.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        Of all n parameters; forces do not matter.
+    values : FloatArray
+        (n,), the true ones.
+    kept : int or sequence of str
+        The first so many parameters, or names.
+    weights : FloatArray, optional
+        (dof,), of the fit, ``FitResult.weights``; by default all actuators alike.
+
+    Returns
+    -------
+    FloatArray
+        In the order of ``kept``.
+    """
+    phi, bias = _values_and_bias(data, values, kept, weights)
+    return phi + bias
+
+
+@checked
+def truncation_bias(
+    data: FitSamples | FitProblem,
+    values: FloatArray,
+    kept: int | Sequence[str],
+    weights: FloatArray | None = None,
+) -> FloatArray:
+    """Difference of ``truncated_values`` from the true values of the kept parameters."""
+    return _values_and_bias(data, values, kept, weights)[1]
+
+
+def _values_and_bias(
+    data: FitSamples | FitProblem,
+    values: FloatArray,
+    kept: int | Sequence[str],
+    weights: FloatArray | None,
+) -> tuple[FloatArray, FloatArray]:
+    """True values of the kept parameters, and the bias of their estimates."""
+    factor, phi = _weighted_columns(data, values, weights)
+    labels = data.parameters.labels
+    if isinstance(kept, int):
+        if not 0 < kept <= len(labels):
+            raise OptionError(f"the number of parameters kept must be 1 to {len(labels)}: {kept}")
+        kept = labels[:kept]
+    for name in kept:
+        if name not in labels:
+            raise OptionError.unknown("parameter", name, labels)
+    if len(set(kept)) < max(len(kept), 1):
+        raise OptionError("the parameters kept must be at least one, none of them twice")
+    columns = [labels.index(name) for name in kept]
+    others = [j for j in range(len(phi)) if j not in columns]
+    force = factor[:, others] @ phi[others]
+    bias = np.asarray(np.linalg.lstsq(factor[:, columns], force)[0], dtype=np.float64)
+    return phi[columns], bias
+
+
+def _weighted_columns(
+    data: FitSamples | FitProblem, values: FloatArray, weights: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Triangular factor (r + 1, r + 1) of the weighted [W | T], and checked values (r,)."""
+    problem = data.problem if isinstance(data, FitSamples) else data
+    phi, dof = finite(values, "values"), len(problem.actuators)
+    if phi.shape != (len(problem.parameters),):
+        raise DataError(f"values must have shape ({len(problem.parameters)},), not {phi.shape}")
+    scale = np.ones(dof) if weights is None else finite(weights, "weights")
+    if scale.shape != (dof,):
+        raise DataError(f"weights must have shape ({dof},), not {scale.shape}")
+    return problem.weighted(scale), phi

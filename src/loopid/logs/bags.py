@@ -1,0 +1,185 @@
+"""Bags of ROS 1 and 2, read by rosbags: a stream a topic, a column a joint and quantity."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from loopid.arrays import IntArray
+from loopid.errors import LogError, LogWarning, warn
+from loopid.logs.formats import (
+    LARGEST_STAMP,
+    NO_STAMP,
+    Batch,
+    LogFormat,
+    array_batch,
+    optional,
+    refusals,
+)
+from loopid.logs.mapping import MOST_LISTED
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+QUANTITIES = ("position", "velocity", "effort")
+# The columns of the time: as the header says, and as the message was recorded.
+STAMP, RECEIVED = "time_ns", "received_ns"
+DESCRIPTION = "metadata.yaml"
+ENDINGS = (".mcap", ".db3")
+# What SQLite leaves beside a file that was not closed, with messages that are not yet in it.
+JOURNALS = ("-wal", "-journal")
+
+
+class Topic:
+    """Joint states of a topic: their times, and the values of each column with their messages."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.stamps, self.received = array("q"), array("q")
+        self.columns: dict[str, tuple[array[int], array[float]]] = {}
+
+    def append(self, state: Any, received: int) -> None:
+        """Add a message; joints may come in any order, and any of them.
+
+        Raises
+        ------
+        LogError
+            When its joints and values do not belong together.
+        """
+        number = len(self.stamps)
+        stamp = state.header.stamp
+        self.stamps.append(_stamp(stamp.sec * 10**9 + stamp.nanosec))
+        self.received.append(_stamp(received))
+        parts = {what: getattr(state, what) for what in QUANTITIES}
+        parts = {what: values for what, values in parts.items() if len(values)}
+        names = [f"{joint}.{what}" for what in parts for joint in state.name]
+        values = [value for part in parts.values() for value in part.tolist()]
+        if len(values) != len(names) or len(set(names)) < len(names):
+            raise LogError(
+                f"{self.source}: message {number + 1} has {len(values)} values for "
+                f"{len(set(names))} columns, from {len(state.name)} joints"
+            )
+        for name, value in zip(names, values, strict=True):
+            if name not in self.columns:
+                self.columns[name] = array("q"), array("d")
+            messages, column = self.columns[name]
+            messages.append(number)
+            column.append(value)
+
+
+class BagFormat(LogFormat):
+    """Messages of type ``sensor_msgs/JointState``, of ROS 1 or 2."""
+
+    name = "bag"
+    choice = "topic"
+    ordered = False
+
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
+        if path.is_dir():
+            names = [file.name for file in path.iterdir()]
+            return DESCRIPTION in names or any(name.endswith(ENDINGS) for name in names)
+        return path.suffix.lower() in (".bag", *ENDINGS)
+
+    @cached_property
+    def _topics(self) -> dict[str, Topic]:
+        """The joint states of each topic, or of the chosen one."""
+        with optional("rosbags"):
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+        with refusals(self.path, "ROS bag that can be read"):
+            _refuse_unfinished(self.path)
+            # The message has been the same in all distributions.
+            usual = get_typestore(Stores.ROS2_HUMBLE)
+            with AnyReader([self.path], default_typestore=usual) as bag:
+                chosen = self._chosen(bag.topics)
+                topics = {name: Topic(f"{self.path} {name}") for name in chosen}
+                connections = [c for c in bag.connections if c.topic in topics]
+                for connection, received, data in bag.messages(connections):
+                    state = bag.deserialize(data, connection.msgtype)
+                    topics[connection.topic].append(state, received)
+        for name, topic in topics.items():
+            if len(topic.stamps) != chosen[name]:
+                raise LogError(
+                    f"{self.path} is damaged, or was not closed: {name} has {len(topic.stamps)} "
+                    f"messages, but its index says {chosen[name]}"
+                )
+        filled = {name: topic for name, topic in topics.items() if topic.columns}
+        if not filled:
+            raise LogError(f"{self.path} has no joint states in {', '.join(topics)}")
+        return filled
+
+    def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
+        """Topics with joint states, or the one that is asked for, and how many messages."""
+        suitable = {
+            n: topic.msgcount for n, topic in topics.items() if topic.msgtype == JOINT_STATE
+        }
+        if not suitable:
+            listed = [
+                f"{name} ({topic.msgtype or 'several types'})" for name, topic in topics.items()
+            ]
+            there = ", ".join(listed[:MOST_LISTED]) or "no topics"
+            raise LogError(f"{self.path} has no topic of type {JOINT_STATE}: it has {there}")
+        if self.chosen is None:
+            return suitable
+        if self.chosen not in suitable:
+            raise LogError(
+                f"{self.path} has no joint states in topic {self.chosen!r}: choose among "
+                f"{', '.join(suitable)}"
+            )
+        return {self.chosen: suitable[self.chosen]}
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {name: (STAMP, RECEIVED, *sorted(t.columns)) for name, t in self._topics.items()}
+
+    def source(self, stream: str) -> str:
+        return self._topics[stream].source
+
+    def together(self, stream: str, names: Sequence[str]) -> list[tuple[str, ...]]:
+        groups: dict[bytes, list[str]] = {}
+        for name in names:
+            messages, _ = self._topics[stream].columns[name]
+            groups.setdefault(messages.tobytes(), []).append(name)
+        return [tuple(group) for group in groups.values()]
+
+    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+        topic = self._topics[stream]
+        values = [name for name in names if name not in (STAMP, RECEIVED)]
+        messages: IntArray = np.array(topic.columns[values[0]][0], dtype=np.int64)
+        stamps, received = (np.array(t, dtype=np.int64) for t in (topic.stamps, topic.received))
+        if STAMP in names and not stamps[messages].any():
+            warn(
+                f"{topic.source}: no header of {', '.join(values)} has a time: the times of "
+                "recording stand in for them",
+                LogWarning,
+            )
+            stamps = received
+        columns = {STAMP: stamps[messages], RECEIVED: received[messages]}
+        columns |= {name: np.array(topic.columns[name][1]) for name in values}
+        yield array_batch(topic.source, columns, messages + 1)
+
+
+def _stamp(nanoseconds: int) -> int:
+    return nanoseconds if 0 <= nanoseconds <= LARGEST_STAMP else int(NO_STAMP)
+
+
+def _refuse_unfinished(path: Path) -> None:
+    """Refuse what rosbags would read in part, or fail to open with another reason than the true."""
+    if path.is_dir() and not (path / DESCRIPTION).exists():
+        raise LogError(
+            f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
+            "give one of the files in it"
+        )
+    beside = path.iterdir() if path.is_dir() else (Path(f"{path}{end}") for end in JOURNALS)
+    for file in sorted(beside):
+        if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:
+            raise LogError(
+                f"{path} was not closed: {file.name} holds messages that are not in it "
+                "yet; open and close it with SQLite to bring them in"
+            )
+    odd = [mark for mark in "#?%" if mark in str(path)]
+    if odd and (path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3*")))):
+        raise LogError(f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it")

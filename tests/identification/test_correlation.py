@@ -1,0 +1,250 @@
+"""Intervals and warnings where residuals are autocorrelated."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, toeplitz
+from scipy.signal import butter, sosfiltfilt
+
+from loopid.errors import CorrelationWarning, ExcitationWarning, OptionError
+from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, fit, quiet_fit
+from loopid.identification.autoregression import Autoregression
+from smooth_data import (
+    DEVIATIONS,
+    TRUTH,
+    assert_coverage,
+    autoregressive,
+    covered,
+    named_samples,
+    runs,
+    smooth_regressor,
+)
+
+
+def stretches_of(samples, parts=3):
+    return np.arange(samples) * parts // samples
+
+
+def omega_of(result, samples, i):
+    """The dense covariance matrix of one actuator's errors."""
+    noise = result.noise
+    model = Autoregression(noise.coefficients[i], noise.innovation[i] ** 2)
+    longest = max(np.bincount(samples.stretches))
+    lags = np.append(model.covariances, np.zeros(longest))
+    for t in range(model.order + 1, longest):
+        lags[t] = model.coefficients @ lags[t - 1 : t - model.order - 1 : -1]
+    counts = np.bincount(samples.stretches)
+    return block_diag(*(toeplitz(lags[:count]) for count in counts))
+
+
+@pytest.mark.parametrize("estimator", ["ols", "wls"])
+def test_the_covariance_is_the_dense_sandwich(estimator):
+    W, rng = smooth_regressor(samples=300), np.random.default_rng(0)
+    used = rng.random((300, 2)) < 0.8
+    force = W @ TRUTH + autoregressive(rng, (300, 2), 0.8) * DEVIATIONS
+    samples = named_samples(W, force, used, stretches_of(300))
+    result = quiet_fit(samples, estimator)
+    bread = meat = 0.0
+    for i, weight in enumerate(result.weights):
+        X = weight * W[:, i] * used[:, i, None]
+        bread = bread + X.T @ X
+        meat = meat + weight**2 * X.T @ omega_of(result, samples, i) @ X
+    inverse = np.linalg.inv(bread)
+    np.testing.assert_allclose(result.covariance, inverse @ meat @ inverse, rtol=1e-6)
+
+
+def test_white_errors_give_the_covariance_of_independent_ones():
+    W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
+    samples = named_samples(W, W @ TRUTH + rng.normal(size=(200, 2)) * DEVIATIONS)
+    result, plain = quiet_fit(samples), WeightedLeastSquares().fit(samples.problem)
+    assert (result.noise.orders == 0).all()
+    np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
+    assert result.degrees_of_freedom == plain.degrees_of_freedom
+    np.testing.assert_array_equal(result.noise.effective_samples, result.noise.samples)
+    np.testing.assert_allclose(result.noise.deviation, 1 / plain.weights, rtol=1e-9)
+
+
+def test_few_white_errors_give_exactly_the_covariance_of_independent_ones():
+    rng = np.random.default_rng(1)
+    samples = named_samples(rng.normal(size=(8, 2, 6)), rng.normal(size=(8, 2)))
+    result, plain = quiet_fit(samples), WeightedLeastSquares().fit(samples.problem)
+    np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
+
+
+def test_errors_of_alternating_sign_count_no_more_than_their_number():
+    W, errors = smooth_regressor(), autoregressive(np.random.default_rng(0), (1000, 2), -0.9)
+    noise = quiet_fit(named_samples(W, errors)).noise
+    assert (noise.lag_one < -0.8).all()
+    np.testing.assert_array_equal(noise.effective_samples, noise.samples)
+
+
+def test_the_model_of_the_errors_is_found():
+    W, rng = smooth_regressor(samples=4000), np.random.default_rng(3)
+    force = W @ TRUTH + autoregressive(rng, (4000, 2), 0.9) * DEVIATIONS
+    noise = quiet_fit(named_samples(W, force)).noise
+    np.testing.assert_allclose(noise.deviation, DEVIATIONS, rtol=0.15)
+    np.testing.assert_allclose(noise.innovation, DEVIATIONS * np.sqrt(1 - 0.81), rtol=0.05)
+    np.testing.assert_allclose(noise.lag_one, 0.9, atol=0.02)
+    np.testing.assert_allclose(noise.effective_samples, 4000 * 0.1 / 1.9, rtol=0.25)
+
+
+def test_slow_errors_are_reported_in_one_sentence():
+    W, rng = smooth_regressor(samples=2000), np.random.default_rng(0)
+    errors = 0.1 * rng.normal(size=(2000, 2))
+    errors[:, 0] = 0.1 * autoregressive(rng, (2000,), 0.95)
+    samples = named_samples(W, W @ TRUTH + errors)
+    with pytest.warns(CorrelationWarning) as caught:
+        result = fit(samples)
+    (warning,), message = caught, str(caught[0].message)
+    assert warning.filename == __file__
+    assert message.startswith("autocorrelated residuals of a (lag-one autocorrelation 0.9")
+    assert f"{result.noise.effective_samples[0]:.0f} effective of 2000 samples" in message
+    assert "times as wide" in message
+    assert "b (" not in message
+
+
+def test_parameters_near_zero_are_named_once():
+    W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
+    truth = TRUTH * [1, 1, 0, 1, 0, 1]
+    with pytest.warns(ExcitationWarning, match=r"2 of 6 .* link2\.m \(\d+ %\), link4\.m") as caught:
+        result = fit(named_samples(W, W @ truth + 0.1 * rng.normal(size=(200, 2))))
+    assert len(caught) == 1
+    assert result.insignificant() == ("link2.m", "link4.m")
+    assert result.insignificant(limit=1e-9) == result.parameters.labels
+    assert result.insignificant(limit=1e9) == ()
+    with pytest.raises(OptionError, match="limit"):
+        result.insignificant(limit=0.0)
+
+
+def test_good_data_warn_of_nothing():
+    W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit(named_samples(W, W @ TRUTH + 0.01 * rng.normal(size=(200, 2))))
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ExcitationWarning")
+def test_too_few_effective_samples_determine_no_interval():
+    W, rng = smooth_regressor(samples=200, count=14, harmonics=8), np.random.default_rng(2)
+    samples = named_samples(W, autoregressive(rng, (200, 2), 0.999, lead=20_000))
+    with pytest.warns(CorrelationWarning, match="too few effective"):
+        result = fit(samples)
+    assert result.degrees_of_freedom < 1
+    assert np.isinf(result.intervals()).all()
+    assert len(result.insignificant()) == 14
+
+
+@pytest.mark.parametrize("make", [np.zeros_like, lambda force: force])
+def test_data_without_errors_have_no_uncertainty(make):
+    W = smooth_regressor(samples=200)
+    result = quiet_fit(named_samples(W, make(W @ TRUTH)), "ols")
+    assert np.isfinite(result.covariance).all()
+    assert result.standard_errors.max() < 1e-9
+    assert (result.noise.orders == 0).all()
+
+
+def test_an_absent_actuator_has_no_error_model():
+    W, rng = smooth_regressor(samples=500), np.random.default_rng(0)
+    used = np.ones((500, 2), dtype=bool) & [True, False]
+    force = W @ TRUTH + autoregressive(rng, (500, 2), 0.9)
+    result = quiet_fit(named_samples(W, force, used))
+    alone = quiet_fit(named_samples(W[:, :1], force[:, :1]))
+    np.testing.assert_allclose(result.covariance, alone.covariance, rtol=1e-8)
+    assert result.degrees_of_freedom == pytest.approx(alone.degrees_of_freedom)
+    assert result.noise.effective_samples[1] == 0
+    assert np.isnan([result.noise.deviation[1], result.noise.lag_one[1]]).all()
+
+
+@pytest.mark.parametrize("size", [1, 64])
+@pytest.mark.parametrize("estimator", ["ols", "wls"])
+def test_the_size_of_blocks_does_not_count(set_block_rows, size, estimator):
+    def found():
+        rng, W = np.random.default_rng(0), smooth_regressor(0, 400)
+        used = rng.random((400, 2)) < 0.9
+        used[50:80, 1] = False
+        force = W @ TRUTH + autoregressive(rng, (400, 2), 0.9) * DEVIATIONS
+        return quiet_fit(named_samples(W, force, used, stretches_of(400, 4)), estimator)
+
+    whole = found()
+    assert (whole.noise.orders > 0).all()
+    set_block_rows(size)
+    blocked = found()
+    for part, names in (
+        (lambda fit: fit, "values covariance weights degrees_of_freedom condition_number"),
+        (lambda fit: fit.quality, "residual_rms r_squared samples"),
+        (lambda fit: fit.noise, "coefficients innovation deviation lag_one effective_samples"),
+    ):
+        for name in names.split():
+            one, other = (np.asarray(getattr(part(fit), name)) for fit in (whole, blocked))
+            np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-9 * np.abs(one).max())
+
+
+@runs(25, 150)
+def test_standard_errors_are_the_spread_of_estimates_whatever_the_gaps(runs):
+    W, stated, values = smooth_regressor(samples=600), [], []
+    used = np.random.default_rng(9).random((600, 2)) < 0.7
+    for seed in range(runs):
+        errors = autoregressive(np.random.default_rng(seed), (600, 2), 0.9) * DEVIATIONS
+        result = quiet_fit(named_samples(W, errors, used, stretches_of(600)))
+        stated.append(result.standard_errors)
+        values.append(result.values)
+    ratio = np.median(stated, axis=0) / np.std(values, axis=0)
+    np.testing.assert_allclose(ratio, 1.0, atol=3 / np.sqrt(runs))
+    assert ratio.mean() == pytest.approx(1.0, abs=1.5 / np.sqrt(runs))
+
+
+@runs(25, 200)
+def test_ordinary_intervals_allow_for_actuators_that_differ(runs):
+    W, plain, rates = smooth_regressor(samples=200), [], []
+    for seed in range(runs):
+        errors = np.random.default_rng(seed).normal(size=(200, 2)) * DEVIATIONS
+        samples = named_samples(W, W @ TRUTH + errors)
+        plain.append(covered(OrdinaryLeastSquares().fit(samples.problem)))
+        rates.append(covered(quiet_fit(samples, "ols")))
+    assert np.mean(plain, axis=0).min() < 0.9
+    assert_coverage(rates)
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e6])
+def test_actuators_may_differ_vastly(ratio):
+    # The residual of the quiet one is all what the noisy one has bent; the model ends up odd, and
+    # must still give intervals.
+    W, rates = smooth_regressor(samples=300), []
+    for seed in range(20):
+        errors = autoregressive(np.random.default_rng(seed), (300, 2), 0.8) * [1.0, ratio]
+        result = quiet_fit(named_samples(W, W @ TRUTH + errors), "ols")
+        assert np.isfinite(result.covariance).all()
+        rates.append(covered(result))
+    assert np.mean(rates) > 0.9
+
+
+@runs(30, 500)
+def test_intervals_cover_with_white_uniform_errors(runs):
+    W, rates, truth = smooth_regressor(samples=150, dof=4, count=15, harmonics=8), [], np.arange(15)
+    for seed in range(runs):
+        errors = np.random.default_rng(seed).uniform(-12, 12, size=(150, 4))
+        rates.append(covered(quiet_fit(named_samples(W, W @ truth + errors)), truth))
+    assert_coverage(rates, slack=0.005)
+
+
+@runs(15, 120)
+@pytest.mark.parametrize(
+    ("kind", "plain_below"),
+    [("0.5", 0.85), ("0.9", 0.5), ("0.98", 0.3), ("0.98 with gaps", 0.3), ("filtered", 0.85)],
+)
+def test_intervals_cover_where_independence_fails(kind, plain_below, runs):
+    W, rates, plain = smooth_regressor(samples=1000), [], []
+    gaps = (np.arange(1000)[:, None] // 40 + np.arange(2)) % 4 > 0
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        if kind == "filtered":
+            errors = sosfiltfilt(butter(2, 0.4, output="sos"), rng.normal(size=(1000, 2)), axis=0)
+        else:
+            errors = autoregressive(rng, (1000, 2), float(kind.split()[0]))
+        used = gaps if "gaps" in kind else None
+        samples = named_samples(W, W @ TRUTH + errors * DEVIATIONS, used)
+        rates.append(covered(quiet_fit(samples)))
+        plain.append(covered(WeightedLeastSquares().fit(samples.problem)))
+    assert np.mean(plain) < plain_below
+    assert_coverage(rates, slack=0.02)

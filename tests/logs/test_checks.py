@@ -1,0 +1,455 @@
+"""Every bad log is refused or warned of, in words that name the file and the rows."""
+
+import itertools
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from logged_runs import LOGS
+from simulated_logs import table
+
+from loopid import load_mechanism
+from loopid.errors import AssemblyError, LogError, LogWarning
+from loopid.logs import Recording, checks, prepare_recording, read_log
+
+
+def lines_of(text):
+    header, *rows = text.splitlines()
+    return header, rows
+
+
+def joined(header, rows):
+    return "\n".join([header, *rows, ""])
+
+
+@pytest.fixture
+def changed(read_text, truth, knee):
+    """Read the log after a change of its arrays."""
+
+    def read(change):
+        arrays = {name: getattr(truth, name).copy() for name in ("time", "position", "force")}
+        change(arrays)
+        text = table(arrays["time"], arrays["position"], arrays["force"], knee.actuated)
+        return read_text(text)
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("\n \n", "is empty"),
+        ("0.0,1.0,2.0\n0.1,1.0,2.0\n", r"has no header: row 1 holds numbers, '0\.0,1"),
+        ("time,a\n", "no position of leg1_stroke"),
+        ("# made at night\n", "no position of leg1_stroke"),
+        ("time,a,a\n1,2,3\n", "names column 'a' more than once"),
+        (bytes(range(256)) * 20, "is no text"),
+        (b"\x1f\x8b\x08\x00garbage", "cannot be read"),
+        ("leg1_stroke leg2_stroke leg3_stroke leg4_stroke\n1 2 3 4\n", "no force of leg1_stroke"),
+        ("position_0,position_1,force_0\n", r"2 columns for the position \(position_0, posi"),
+        ("leg1_stroke,leg1_stroke.position\n", "has 2 columns for the position of leg1_stroke"),
+    ],
+)
+def test_files_that_are_no_logs(read_text, text, message):
+    with pytest.raises(LogError, match=rf"log\.csv.*{message}"):
+        read_text(text)
+
+
+def test_a_long_list_of_columns_is_cut_short(read_text):
+    names = ",".join(f"c{k}" for k in range(100))
+    with pytest.raises(LogError, match="c29 and 70 more"):
+        read_text(f"{names}\n")
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_too_few_rows(read_text, good_text, count):
+    header, rows = lines_of(good_text)
+    with pytest.raises(LogError, match="rows"):
+        read_text(joined(header, rows[:count]))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("time", "has no time: call one column time, or name it in a mapping; choose among tick"),
+        ("leg3_stroke.position", "no position of leg3_stroke: call a column leg3_stroke.position"),
+        ("leg2_stroke.force", "no force of leg2_stroke: call a column leg2_stroke.force"),
+    ],
+)
+def test_missing_columns_are_named(read_text, good_text, name, message):
+    with pytest.raises(LogError, match=message):
+        read_text(good_text.replace(name, "tick", 1))
+
+
+def test_two_columns_of_time(read_text, good_text):
+    with pytest.raises(LogError, match=r"several columns for the time \(time, time_ms\)"):
+        read_text(good_text.replace("\n", ",time_ms\n", 1).replace(".0\n", ".0,1\n"))
+
+
+def test_unordered_and_repeated_times_are_named(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[100], rows[101] = rows[101], rows[100]
+    rows[500] = rows[499]
+    with pytest.raises(LogError, match=r"back 1 times and stands still 1 times, in rows 103, 502"):
+        read_text(joined(header, rows))
+
+
+def test_shuffled_rows(read_text, good_text):
+    header, rows = lines_of(good_text)
+    order = np.random.default_rng(1).permutation(len(rows))
+    with pytest.raises(LogError, match=r"time must increase .* and \d+ more"):
+        read_text(joined(header, [rows[k] for k in order]))
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.7x", "1e300", "null", "x" * 1000])
+def test_bad_cells_are_left_out(read_text, good_text, truth, cell):
+    header, rows = lines_of(good_text)
+    for k in (10, 11, 800):
+        cells = rows[k].split(",")
+        rows[k] = ",".join([*cells[:3], cell, *cells[4:]])
+    message = r"log\.csv: no number in leg3_stroke\.position in rows 12, 13, 802 of 1601: left out"
+    with pytest.warns(LogWarning, match=message):
+        log = read_text(joined(header, rows))
+    # The holes are bridged: straight lines are off by less than a h² / 8.
+    assert np.abs(log.position - truth.position).max() < 0.05 * 0.03**2 / 8
+    (left_out,) = log.dropped
+    assert left_out.count == 3
+    assert (left_out.first, left_out.last) == pytest.approx((0.1, 8.0))
+
+
+@pytest.mark.parametrize("cell", ["soon", "nan", "1e99999999", "-inf", "", "0x1"])
+def test_bad_times_are_left_out(read_text, good_text, cell):
+    header, rows = lines_of(good_text)
+    rows[7] = f"{cell}," + rows[7].split(",", 1)[1]
+    with pytest.warns(LogWarning, match="no number in time in row 9 of 1601: left out"):
+        read_text(joined(header, rows))
+
+
+def test_rows_of_another_length_and_repeated_headers_are_left_out(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[20], rows[40] = rows[20] + ",3", header
+    rows[60] = rows[60][:40]
+    with pytest.warns(LogWarning) as caught:
+        read_text(joined(header, rows))
+    messages = " ".join(str(one.message) for one in caught)
+    assert "another number of cells than in the header in rows 22, 62 of 1601" in messages
+    assert "in row 42 of 1601" in messages
+
+
+def test_too_many_bad_rows_are_refused(read_text, good_text):
+    header, rows = lines_of(good_text)
+    rows[100:300] = [row.rsplit(",", 1)[0] + ",nan" for row in rows[100:300]]
+    message = r"no number in leg4_stroke\.force in rows 102, .* of 1601 \(at most 10% may be left"
+    with pytest.raises(LogError, match=message):
+        read_text(joined(header, rows))
+
+
+def test_a_truncated_pack_is_refused(knee, good_text, write_text):
+    path = write_text(good_text, "log.csv.gz")
+    path.write_bytes(path.read_bytes()[:-1000])
+    with pytest.raises(LogError, match=r"log\.csv\.gz cannot be read"):
+        read_log(path, knee)
+
+
+@pytest.mark.parametrize(
+    ("factor", "advice"),
+    [(1e3, r"times 0\.001 \(mm to m\)"), (1e-3, "times 1000"), (1e6, r"times 1e-6 \(um to m\)")],
+)
+def test_positions_in_another_unit(changed, factor, advice):
+    def scale(arrays):
+        arrays["position"] *= factor
+
+    message = rf"leg1_stroke is outside its limits \[0.6537, 0.9337\] in rows 2, 3.*{advice}.*posit"
+    with pytest.raises(LogError, match=message):
+        changed(scale)
+
+
+PENDULUM = """<robot name="arm"><link name="base"/>
+<link name="bob"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="swing" type="KIND"><parent link="base"/><child link="bob"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="0" velocity="0"/></joint></robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def swings(write_files):
+    """A pendulum with limits, and one without."""
+    kinds = ("revolute", "continuous")
+    texts = (PENDULUM.replace("KIND", kind) for kind in kinds)
+    return {k: load_mechanism(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
+
+
+def test_angles_in_degrees(swings, write_text):
+    time = np.arange(0, 5, 0.01)
+    angle = np.degrees(np.sin(3 * time))[:, None]
+    path = write_text(table(time, angle, angle, ["swing"]))
+    with pytest.raises(LogError, match=r"swing is outside .* times pi/180 \(deg to rad\) they"):
+        read_log(path, swings["revolute"])
+
+
+def test_turns_are_counted_on(swings, write_text):
+    time = np.arange(0, 10, 0.01)
+    angle = 20 * np.sin(time)[:, None]
+    wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+    log = read_log(write_text(table(time, wrapped, angle, ["swing"])), swings["continuous"])
+    np.testing.assert_allclose(log.position, angle, atol=1e-12)
+
+
+def test_positions_from_another_origin(changed):
+    def shift(arrays):
+        arrays["position"] -= 0.69
+
+    with pytest.raises(LogError, match="with position_offset in a mapping they would fit"):
+        changed(shift)
+
+
+def test_positions_just_outside_the_limits_are_warned_of(changed, truth):
+    def shift(arrays):
+        arrays["position"][:, 1] -= 0.103
+
+    message = (
+        r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows 2, .* at worst 0.642.*: kept"
+    )
+    with pytest.warns(LogWarning, match=message):
+        log = changed(shift)
+    assert len(log) == len(truth.time)
+
+
+def test_glitches_are_left_out(changed, truth):
+    def disturb(arrays):
+        arrays["position"][700, 2] = 7.0
+        arrays["force"][900, 1] = 1e7
+
+    with pytest.warns(LogWarning) as caught:
+        log = changed(disturb)
+    messages = [str(one.message) for one in caught]
+    assert "positions far outside the limits of their joints in row 702 of 1601" in messages[0]
+    assert "forces more than 100 times their 99th percentile in row 902 of 1600" in messages[1]
+    assert np.abs(log.position - truth.position).max() < 1e-5
+    assert np.abs(log.force - truth.force).max() < 25  # Coulomb friction jumps by 2 * 22 N
+
+
+def test_speeds_beyond_the_limit_are_warned_of(changed):
+    def jump(arrays):
+        arrays["position"][700, 2] += 0.05
+
+    message = "leg3_stroke moves faster than its limit of 1 per s before rows 702, 703, at worst 5"
+    with pytest.warns(LogWarning, match=message):
+        changed(jump)
+
+
+def test_forces_beyond_the_limit_are_warned_of(changed):
+    def strain(arrays):
+        arrays["force"][700, 3] = -3000
+
+    message = "force of leg4_stroke exceeds its effort limit of 2343.44 in row 702, at worst 3000"
+    with pytest.warns(LogWarning, match=message):
+        changed(strain)
+
+
+@pytest.mark.parametrize("quantity", ["position", "force"])
+def test_dead_sensors_are_named(changed, quantity):
+    def kill(arrays):
+        arrays[quantity][:, [0, 2]] = arrays[quantity][0, [0, 2]]
+
+    message = f"the {quantity} of leg1_stroke, leg3_stroke never changes: a dead sensor"
+    with pytest.warns(LogWarning, match=message):
+        changed(kill)
+
+
+def test_a_robot_at_rest_is_refused(changed):
+    def rest(arrays):
+        arrays["position"][:] = arrays["position"][0]
+
+    with pytest.raises(LogError, match="no position ever changes, so nothing moves"):
+        changed(rest)
+
+
+@pytest.mark.parametrize(("factor", "advice"), [(1e3, "0.001"), (1e6, "1e-06"), (1e-6, "1000")])
+def test_times_in_another_unit(changed, factor, advice):
+    def scale(arrays):
+        arrays["time"] *= factor
+
+    with pytest.raises(LogError, match=rf"median step between time stamps is .* {advice}.*fit"):
+        changed(scale)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"time": np.arange(9.0)}, "no position of leg1_stroke"),
+        ({"x": np.float64(3)}, "holds no arrays with one or two axes"),
+        ({"time": np.array(["a", None], dtype=object)}, "is no .npz of numbers"),
+    ],
+)
+def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(LogError, match=message):
+        read_log(tmp_path / "log.npz", knee)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force", np.ones((5, 4)), "'force_0' has 5 rows, but 'time' has 1601"),
+        ("force", np.ones((1601, 4), dtype=complex), "column 'force_0' holds complex128, not num"),
+        ("time", np.arange(1601).astype("M8[s]"), "median step between time stamps is 1 s"),
+        (
+            "time",
+            np.arange(1601).astype("M8[D]"),
+            "median step between time stamps is 8.64e.04 s",
+        ),
+        ("time", np.arange(1601) > 3, "column 'time' holds Boolean, not times"),
+        ("force", np.arange(1601).astype("M8[s]"), "no force of leg1_stroke"),
+        ("force", np.zeros((1601, 4), "m8[s]"), "column 'force_0' holds Duration.*, not num"),
+        ("time", np.zeros(0), "'time' has 0 rows, but 'position_0' has 1601"),
+        ("time", np.zeros(1601), "stands still 1600 times"),
+    ],
+)
+def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, message):
+    arrays = {"time": truth.time, "position": truth.position, "force": truth.force} | {name: value}
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(LogError, match=message):
+        read_log(tmp_path / "log.npz", knee)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 nonsense", b"\x93NUMPY", bytes(1000)])
+def test_damaged_npz_are_refused(knee, tmp_path, content):
+    (tmp_path / "log.npz").write_bytes(content)
+    with pytest.raises(LogError, match=r"log\.npz is"):
+        read_log(tmp_path / "log.npz", knee)
+
+
+def test_a_folder_without_streams_is_refused(knee, tmp_path):
+    with pytest.raises(LogError, match="holds no streams"):
+        read_log(tmp_path, knee)
+
+
+def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_folder, truth):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(joint_position=(stamps, truth.position))
+    (folder / "control_action.txt").write_text("")
+    with pytest.raises(LogError, match=r"no force of leg1.*\(no header in control_action\)"):
+        read_log(folder, knee)
+
+
+def test_the_good_log_gives_no_warning(read_text, good_text):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_text(good_text).dropped == ()
+
+
+@pytest.mark.parametrize("nanoseconds", [10**9, -1])
+def test_nanoseconds_beyond_a_second_are_no_time(knee, truth, write_folder, nanoseconds):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    folder = write_folder(position=(stamps, truth.position), force=(stamps, truth.force))
+    text = (folder / "force.txt").read_text().replace("\t50000000\t", f"\t{nanoseconds}\t", 1)
+    (folder / "force.txt").write_text(text)
+    with pytest.warns(LogWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
+        read_log(folder, knee)
+
+
+def check_forces(robot, recording):
+    checks.check_forces(robot, recording.name, recording.motion, recording.force, recording.used)
+
+
+@pytest.fixture(scope="module")
+def simulated(knee, truth):
+    return Recording.of_motion("run", knee.actuated, truth.motion, truth.force)
+
+
+@pytest.fixture(scope="module")
+def logged(mechanism, shared):
+    folder = shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
+    return prepare_recording(mechanism, read_log(folder, mechanism))
+
+
+PAIRS = list(itertools.combinations(range(4), 2))
+
+
+def exchanged(recording, pair):
+    order = np.arange(4)
+    order[list(pair)] = pair[::-1]
+    return replace(recording, force=recording.force[:, order])
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_forces_of_a_simulation(knee, simulated, pair):
+    names = ", ".join(knee.actuated[k] for k in pair)
+    with pytest.warns(LogWarning, match=f"run: the forces or positions of {names} look exchanged"):
+        check_forces(knee, exchanged(simulated, pair))
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_forces_of_the_real_robots(mechanism, logged, pair):
+    with pytest.warns(LogWarning, match="look exchanged"):
+        check_forces(mechanism, exchanged(logged, pair))
+
+
+def test_forces_in_order_pass(knee, simulated, mechanism, logged):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_forces(knee, simulated)
+        check_forces(mechanism, logged)
+
+
+@pytest.mark.parametrize("joint", range(4))
+def test_a_turned_sign(mechanism, logged, joint):
+    force = logged.force.copy()
+    force[:, joint] *= -1
+    name = mechanism.actuated[joint]
+    with pytest.warns(LogWarning, match=f"the force of {name} points the other way"):
+        check_forces(mechanism, replace(logged, force=force))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_another_unit(mechanism, logged, factor):
+    with pytest.warns(LogWarning, match="times as large as the robot file predicts .* kN, mN or V"):
+        check_forces(mechanism, replace(logged, force=factor * logged.force))
+
+
+def test_a_close_call_is_none(knee, simulated, monkeypatch):
+    # Each of two forces holds a little more of the other motor's than of its own.
+    force = simulated.force.copy()
+    own, other = force[:, 0] / force[:, 0].std(), force[:, 1] / force[:, 1].std()
+    force[:, 0], force[:, 1] = 0.45 * own + 0.55 * other, 0.55 * own + 0.45 * other
+    mixed = replace(simulated, force=force)
+    check_forces(knee, mixed)
+    monkeypatch.setattr(checks, "CLEARLY_BETTER", 1.0)
+    with pytest.warns(LogWarning, match="leg1_stroke, leg2_stroke look exchanged"):
+        check_forces(knee, mixed)
+
+
+def test_few_samples_prove_nothing_and_that_is_said(knee, simulated):
+    rows = np.zeros(len(simulated), dtype=bool)
+    rows[100:125] = True
+    few = exchanged(simulated.select(rows), (0, 3))
+    with pytest.warns(LogWarning, match=r"25 samples are too few to compare the forces of leg1_st"):
+        check_forces(knee, few)
+
+
+def test_a_motor_that_stands_hides_no_wrong_sign(knee, simulated):
+    used, force = simulated.used.copy(), simulated.force.copy()
+    used[:, 0] = False
+    check_forces(knee, replace(simulated, used=used))
+    force[:, 2] *= -1
+    with pytest.warns(LogWarning, match="leg3_stroke points the other way"):
+        check_forces(knee, replace(simulated, used=used, force=force))
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_exchanged_positions_of_the_real_robots(mechanism, shared, pair):
+    log = read_log(shared / "data" / "upv" / "logs" / LOGS[mechanism.name], mechanism)
+    order = np.arange(4)
+    order[list(pair)] = pair[::-1]
+    wrong = replace(log, position=log.position[:, order])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            prepare_recording(mechanism, wrong)
+        except AssemblyError:
+            return
+    assert caught

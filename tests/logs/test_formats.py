@@ -1,0 +1,281 @@
+"""The same run in every format and every way of writing is the same log."""
+
+import sys
+import warnings
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from recorded_logs import states as joint_states
+from recorded_logs import write_any, write_ros1, write_ros2
+from simulated_logs import EPOCH, table
+
+from block_sizes import set_block_rows
+from loopid.errors import LogError, MissingExtraError, MissingFileError
+from loopid.logs import LogMapping, prepare_recording, read_log
+from loopid.logs.log import read_streams
+from loopid.trajectories import JointMotion
+
+__all__ = ["set_block_rows"]
+
+
+@pytest.fixture
+def check(truth, knee):
+    def compare(log, time=1e-9):
+        assert log.joints == knee.actuated
+        np.testing.assert_allclose(log.time, truth.time, atol=time)
+        np.testing.assert_allclose(log.position, truth.position, atol=1e-12 + 0.1 * time)
+        np.testing.assert_allclose(log.force, truth.force, atol=1e-9 + 1e5 * time)
+        assert not log.stretches.any()
+
+    return compare
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   "])
+def test_any_separator(read_text, truth, knee, check, separator):
+    check(read_text(table(truth.time, truth.position, truth.force, knee.actuated, separator)))
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.txt", "log.TSV", "log.csv.gz", "log.txt.gz"])
+def test_any_ending(read_text, good_text, check, name):
+    log = read_text(good_text, name)
+    check(log)
+    assert log.name == "log"
+    assert log.dropped == ()
+
+
+def decimal_commas(text):
+    header, rest = text.split("\n", 1)
+    return header.replace(",", ";") + "\n" + rest.replace(",", ";").replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    "rewrite",
+    [
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: "\ufeff" + text,
+        lambda text: "# " + text,
+        lambda text: "# made by a controller\n\n" + text,
+        lambda text: text.replace("\n", "\n\n"),
+        lambda text: text.upper(),
+        lambda text: text.replace(",", ", "),
+        lambda text: text.replace("time,", '"time",', 1),
+        decimal_commas,
+    ],
+)
+def test_ways_of_writing_the_same(read_text, good_text, check, rewrite):
+    check(read_text(rewrite(good_text)))
+
+
+@pytest.mark.parametrize(
+    ("position", "force"),
+    [
+        ("{}", "{}.force"),
+        ("{}_position", "{}_force"),
+        ("position.{}", "effort.{}"),
+        ("position_{}", "torque_{}"),
+        ("{}.POSITION", "{}_effort"),
+    ],
+)
+def test_columns_are_found_by_joint(read_text, good_text, knee, check, position, force):
+    for joint in knee.actuated:
+        good_text = good_text.replace(f"{joint}.position", position.format(joint), 1)
+        good_text = good_text.replace(f"{joint}.force", force.format(joint), 1)
+    check(read_text(good_text))
+
+
+def test_columns_may_stand_in_any_order_beside_others(read_text, truth, knee, check):
+    joints = knee.actuated[::-1]
+    text = table(truth.time, truth.position[:, ::-1], truth.force[:, ::-1], joints)
+    header, *rows = text.splitlines()
+    check(read_text("\n".join([f"{header},remark", *(f"{row},hot" for row in rows), ""])))
+
+
+def test_columns_may_be_numbered_in_the_order_of_the_motors(read_text, good_text, knee, check):
+    for k, joint in enumerate(knee.actuated):
+        good_text = good_text.replace(f"{joint}.position", f"joint_position_{k}", 1)
+        good_text = good_text.replace(f"{joint}.force", f"control_action_{k}", 1)
+    check(read_text(good_text))
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("T", 1), ("timestamp", 1), ("time_s", 1), ("time_ms", 1e3), ("time_us", 1e6)],
+)
+def test_times_are_found_by_their_names(read_text, truth, knee, check, name, factor):
+    time = np.round(truth.time * factor, 6)
+    columns = truth.position, truth.force, knee.actuated
+    check(read_text(table(time, *columns, time_name=name)), time=1e-8)
+
+
+def test_a_last_row_that_does_not_end_is_left_out(read_text, good_text, truth):
+    log = read_text(good_text[:-5])
+    assert len(log) == len(truth.time) - 1
+    assert [str(part) for part in log.dropped] == [
+        "last row without an end: cut off?: 1 samples between 15.99 and 15.99 s"
+    ]
+
+
+def test_epoch_times_keep_every_nanosecond(write_text, write_folder, truth, knee, tmp_path):
+    stamps = EPOCH * 10**9 + 10**7 * np.arange(100) + np.arange(100) % 3
+    values = truth.position[:100], truth.force[:100]
+    lines = table(range(100), *values, knee.actuated, time_name="time_ns").splitlines()
+    rows = [f"{stamp},{row.split(',', 1)[1]}" for stamp, row in zip(stamps, lines[1:], strict=True)]
+    np.savez(tmp_path / "log.npz", time_ns=stamps, position=values[0], force=values[1])
+    written = (
+        write_text("\n".join([lines[0], *rows, ""])),
+        write_folder(position=(stamps, values[0]), force=(stamps, values[1])),
+        tmp_path / "log.npz",
+    )
+    for path in written:
+        for stream in read_streams(path, knee.actuated, LogMapping()):
+            np.testing.assert_array_equal(stream.stamps, stamps)
+
+
+def test_times_with_exponents_are_exact(write_text, truth, knee):
+    stamps = EPOCH * 10**9 + 10**7 * np.arange(100) + np.arange(100) % 3
+    text = table(range(100), truth.position[:100], truth.force[:100], knee.actuated)
+    header, *rows = text.splitlines()
+    cells = [f"{stamp}e-9,{row.split(',', 1)[1]}" for stamp, row in zip(stamps, rows, strict=True)]
+    path = write_text("\n".join([header, *cells, ""]))
+    (stream,) = read_streams(path, knee.actuated, LogMapping())
+    np.testing.assert_array_equal(stream.stamps, stamps)
+
+
+def test_npz_with_matrices(truth, knee, check, tmp_path):
+    np.savez(tmp_path / "run.npz", time=truth.time, position=truth.position, force=truth.force)
+    log = read_log(tmp_path / "run.npz", knee)
+    check(log)
+    assert log.name == "run"
+
+
+def test_npz_with_an_array_a_column(truth, knee, check, tmp_path):
+    columns = {"time": truth.time, "gain": np.array(3.0)}
+    for k, joint in enumerate(knee.actuated):
+        columns |= {joint: truth.position[:, k], f"{joint}.force": truth.force[:, k]}
+    np.savez_compressed(tmp_path / "run.npz", **columns)
+    check(read_log(tmp_path / "run.npz", knee))
+
+
+@pytest.mark.parametrize("ending", [".txt", ".csv", ".txt.gz"])
+@pytest.mark.parametrize("names", [("joint_position", "control_action"), ("position", "force")])
+def test_folders_with_a_file_a_stream(truth, knee, check, write_folder, ending, names):
+    stamps = np.round(truth.time * 1e9).astype(np.int64) + EPOCH * 10**9
+    streams = dict(zip(names, ((stamps, truth.position), (stamps, truth.force)), strict=True))
+    folder = write_folder(ending, **streams, reference=(stamps[:5], truth.force[:5]))
+    (folder / "notes.txt").write_bytes(b"")
+    (folder / "broken.csv").write_bytes(bytes(range(256)))
+    log = read_log(folder, knee)
+    check(log)
+    assert log.name == "run"
+
+
+def test_missing_logs_are_named(knee, tmp_path):
+    with pytest.raises(MissingFileError, match=r"there is no log .*nowhere\.csv"):
+        read_log(tmp_path / "nowhere.csv", knee)
+
+
+def test_unknown_formats_are_refused_with_the_known_ones(knee, write_text):
+    with pytest.raises(LogError, match=r"log\.xls is of no known format.*\.csv.*\.mcap.*folder"):
+        read_log(write_text("", "log.xls"), knee)
+
+
+FORMATS = ["npz", "parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]
+ROWS = slice(0, 900)
+
+
+@pytest.fixture(scope="session")
+def run(truth):
+    return truth.time[ROWS], truth.position[ROWS], truth.force[ROWS]
+
+
+@pytest.fixture(scope="session")
+def written(run, knee, tmp_path_factory):
+    """Paths of the run by format."""
+    return {
+        kind: write_any(kind, tmp_path_factory.mktemp("run"), knee.actuated, *run)
+        for kind in FORMATS
+    }
+
+
+@pytest.fixture(scope="session")
+def from_text(run, knee, tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "run.csv"
+    path.write_text(table(*run, knee.actuated))
+    return read_both(path, knee)
+
+
+def read_both(path, robot):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        log = read_log(path, robot)
+        return log, prepare_recording(robot, log)
+
+
+def assert_alike(one, other):
+    (log, recording), (log_there, recording_there) = one, other
+    assert (log.name, log.joints) == (log_there.name, log_there.joints)
+    for name in ("time", "position", "force", "stretches"):
+        mine, theirs = getattr(log, name), getattr(log_there, name)
+        np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(recording.used, recording_there.used)
+    np.testing.assert_allclose(recording.force, recording_there.force, 1e-9, 1e-9)
+    for field in fields(JointMotion):
+        mine, theirs = (getattr(r.motion, field.name) for r in (recording, recording_there))
+        np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-11)
+    assert log.dropped == log_there.dropped
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_every_format_is_the_same_log(knee, written, from_text, kind):
+    assert_alike(read_both(written[kind], knee), from_text)
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("size", [7, 100])
+def test_rows_in_memory_change_nothing(knee, written, set_block_rows, kind, size):
+    whole = read_log(written[kind], knee)
+    set_block_rows(size)
+    there = read_log(written[kind], knee)
+    for name in ("time", "position", "force", "stretches"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize("packed", ["BZ2", "LZ4"])
+def test_packed_bags_of_ros1(knee, run, tmp_path, from_text, packed):
+    stamps = np.round(run[0] * 1e9).astype(np.int64)
+    messages = joint_states("ros1", knee.actuated, stamps, *run[1:])
+    assert_alike(read_both(write_ros1(tmp_path / "run.bag", messages, packed), knee), from_text)
+
+
+@pytest.mark.parametrize(
+    ("storage", "packed"),
+    [
+        ("db3", "file"),
+        ("db3", "message"),
+        ("mcap", "file"),
+        ("mcap", "message"),
+        ("mcap", "storage"),
+    ],
+)
+def test_packed_bags_of_ros2(knee, run, tmp_path, from_text, storage, packed):
+    stamps = np.round(run[0] * 1e9).astype(np.int64)
+    messages = joint_states("ros2", knee.actuated, stamps, *run[1:])
+    bag = write_ros2(tmp_path / "run", messages, storage, packed)
+    assert_alike(read_both(bag, knee), from_text)
+
+
+def test_a_file_of_sqlite_without_its_folder(knee, written, from_text):
+    assert_alike(read_both(written["db3"] / "run.db3", knee), from_text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "package"),
+    [("hdf5", "h5py"), ("ros1", "rosbags"), ("mcap", "rosbags")],
+)
+def test_missing_libraries_are_named_with_their_extra(knee, written, monkeypatch, kind, package):
+    module = "rosbags.highlevel" if package == "rosbags" else package
+    monkeypatch.setitem(sys.modules, module, None)
+    message = rf"{package} is not installed: pip install 'loopid\[logs\]' brings it"
+    with pytest.raises(MissingExtraError, match=message):
+        read_log(written[kind], knee)

@@ -1,0 +1,339 @@
+"""From logs to recordings: filtered motion is the true one, and what is left out is named."""
+
+import numpy as np
+import pytest
+from logged_runs import LOGS, read_stream
+
+from loopid import platform_coordinates
+from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
+from loopid.kinematics import constraint_residual
+from loopid.logs import Log, default_lowpass, prepare_recording, read_log
+from loopid.logs import recording as preparation
+from loopid.simulation import simulate_measurement
+from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
+
+
+@pytest.fixture(scope="module")
+def log(knee, truth):
+    zeros = np.zeros(len(truth.time), dtype=int)
+    return Log("run", knee.actuated, truth.time, truth.position, truth.force, zeros)
+
+
+def altered(log, rows=slice(None), **changes):
+    fields = {name: getattr(log, name) for name in ("time", "position", "force", "stretches")}
+    fields = {name: values[rows] for name, values in (fields | changes).items()}
+    return Log("run", log.joints, **fields)
+
+
+@pytest.fixture(scope="module")
+def recording(knee, log):
+    return prepare_recording(knee, log)
+
+
+def at_times(truth, recording):
+    """Rows of the truth at the times of a recording."""
+    rows = np.round(recording.motion.time * 100).astype(int)
+    np.testing.assert_allclose(truth.time[rows], recording.motion.time, atol=1e-9)
+    return rows
+
+
+def test_the_motion_is_the_true_one(knee, truth, recording):
+    rows, motion = at_times(truth, recording), recording.motion
+    assert np.abs(motion.configurations - truth.motion.configurations[rows]).max() < 1e-5
+    for name, scale in (("velocities", 2e-3), ("accelerations", 2e-2)):
+        exact = getattr(truth.motion, name)[rows]
+        error = np.sqrt(((getattr(motion, name) - exact) ** 2).mean(axis=0))
+        assert (error < scale * np.abs(exact).max(axis=0)).all()
+    assert np.abs(constraint_residual(knee, motion.configurations)).max() < 1e-10
+
+
+def test_a_tighter_filter_is_closer(knee, truth, log):
+    errors = []
+    for cutoff in (2.0, 4.0, 8.0):
+        recording = prepare_recording(knee, log, LowPass(cutoff), decimate=False)
+        assert recording.cutoff == cutoff
+        exact = truth.motion.accelerations[at_times(truth, recording)]
+        errors.append(np.sqrt(((recording.motion.accelerations - exact) ** 2).mean()))
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.5 * errors[1]
+
+
+def test_without_a_filter_nothing_is_smoothed(knee, truth, log):
+    recording = prepare_recording(knee, log, lowpass=None)
+    assert recording.cutoff is None
+    np.testing.assert_array_equal(recording.force, truth.force)
+    np.testing.assert_array_equal(recording.motion.time, truth.time)
+    expected = differentiate(truth.position, 100.0)
+    np.testing.assert_allclose(recording.motion.velocities, expected, atol=1e-12)
+
+
+def test_positions_and_forces_are_filtered_alike(knee, log):
+    mixed = altered(log, force=100 * log.position)
+    with pytest.warns(LogWarning):
+        recording = prepare_recording(knee, mixed, decimate=False)
+    strokes = knee.velocity_indices(knee.actuated)
+    found = recording.motion.configurations[:, strokes]
+    np.testing.assert_allclose(recording.force, 100 * found, atol=1e-9)
+
+
+def test_the_default_cutoff_is_a_twentieth_of_the_rate(log, recording):
+    assert default_lowpass(log).cutoff == pytest.approx(5)
+    assert recording.cutoff == pytest.approx(5)
+
+
+def test_decimation_keeps_every_kth_sample_of_the_same(knee, log, recording):
+    whole = prepare_recording(knee, log, decimate=False)
+    rows = np.arange(0, len(whole), 4)
+    np.testing.assert_allclose(recording.motion.time, whole.motion.time[rows])
+    np.testing.assert_array_equal(recording.force, whole.force[rows])
+    for name in ("velocities", "accelerations"):
+        kept, full = getattr(recording.motion, name), getattr(whole.motion, name)
+        np.testing.assert_array_equal(kept, full[rows])
+    configurations = whole.motion.configurations[rows]
+    np.testing.assert_allclose(recording.motion.configurations, configurations, atol=1e-9)
+
+
+@pytest.mark.parametrize("cutoff", [0.7, 1.0, 3.0, 5.0, 9.0])
+def test_the_rate_stays_above_five_times_the_cutoff(knee, log, cutoff):
+    recording = prepare_recording(knee, log, LowPass(cutoff))
+    rate = 1 / np.diff(recording.motion.time).mean()
+    assert 5 * cutoff * (1 - 1e-9) <= rate < 2 * 5 * cutoff
+
+
+def test_the_ends_are_left_out_unless_they_are_asked_for(knee, log, recording):
+    (end,) = (part for part in recording.dropped if part.reason == "end of a stretch")
+    assert end.count == 40
+    assert recording.motion.time[0] == pytest.approx(0.2)
+    whole = prepare_recording(knee, log, trim=False)
+    assert whole.motion.time[0] == 0
+    assert not any(part.reason == "end of a stretch" for part in whole.dropped)
+
+
+def test_standing_motors_are_masked_and_named(knee, log):
+    recording = prepare_recording(knee, log, idle_speed=0.004)
+    idle = np.abs(recording.motion.velocities) <= 0.004
+    np.testing.assert_array_equal(recording.used, ~idle)
+    counts = {part.reason: part.count for part in recording.dropped}
+    for k, joint in enumerate(knee.actuated):
+        assert counts[f"{joint} stands still"] == idle[:, k].sum()
+
+
+def test_idle_speeds_come_from_the_call_the_mapping_or_the_motion(knee, log, recording):
+    own = 0.05 * np.percentile(np.abs(recording.motion.velocities), 99, axis=0)
+    np.testing.assert_array_equal(recording.used, np.abs(recording.motion.velocities) > own)
+    mapped = Log(
+        "run", log.joints, log.time, log.position, log.force, log.stretches, idle_speed=0.004
+    )
+    for given, expected in ((None, 0.004), (0.002, 0.002), (np.full(4, 0.001), 0.001)):
+        used = prepare_recording(knee, mapped, idle_speed=given).used
+        np.testing.assert_array_equal(used, np.abs(recording.motion.velocities) > expected)
+
+
+def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):
+    limit = 80.0
+    clipped = altered(log, force=np.clip(truth.force, -limit, limit))
+    recording = prepare_recording(knee, clipped, decimate=False, saturation=limit)
+    rows = at_times(truth, recording)
+    clean = np.abs(truth.force) < 0.99 * limit
+    for k, joint in enumerate(knee.actuated):
+        bad = np.flatnonzero(~clean[:, k])
+        near = np.array([np.abs(bad - row).min(initial=10**6) <= 20 for row in rows])
+        assert not recording.used[near, k].any()
+        assert (
+            any(part.reason == f"{joint} is saturated" for part in recording.dropped) == near.any()
+        )
+    # Where it is used, clipping a force has not changed it but by what is left after a period.
+    honest = prepare_recording(knee, log, decimate=False)
+    changed = np.abs(recording.force - honest.force)
+    assert changed[recording.used].max() < 0.02 * np.abs(truth.force - clipped.force).max()
+
+
+def test_effort_limits_saturate_unless_forces_exceed_them(knee, log, truth):
+    limits = knee.model.upperEffortLimit[knee.velocity_indices(knee.actuated)]
+    force = truth.force.copy()
+    force[800:820] = limits
+    force[900, 1] = 1.1 * limits[1]
+    recording = prepare_recording(knee, altered(log, force=force))
+    named = [part.reason for part in recording.dropped if "saturated" in part.reason]
+    assert named == [f"leg{k}_stroke is saturated" for k in (1, 3, 4)]
+
+
+def test_stretches_are_even_and_numbered(knee, log):
+    numbers = np.repeat([0, 1, 2], [600, 30, len(log) - 630])
+    recording = prepare_recording(knee, altered(log, stretches=numbers))
+    reasons = [str(part) for part in recording.dropped]
+    assert "stretch too short to filter: 30 samples between 6.00 and 6.29 s" in reasons
+    np.testing.assert_array_equal(np.unique(recording.stretches), [0, 1])
+    for number in (0, 1):
+        steps = np.diff(recording.motion.time[recording.stretches == number])
+        np.testing.assert_allclose(steps, 0.04, atol=1e-9)
+
+
+def test_a_stretch_is_not_filtered_across_its_ends(knee, log, truth):
+    # The second half is another run: joined, the jump would ring.
+    rows = np.r_[0:700, 900 : len(log)]
+    numbers = np.repeat([0, 1], [700, len(rows) - 700])
+    recording = prepare_recording(knee, altered(altered(log, rows), stretches=numbers))
+    kept = at_times(truth, recording)
+    error = np.abs(recording.motion.velocities - truth.motion.velocities[kept]).max(axis=0)
+    assert (error < 2e-3 * np.abs(truth.motion.velocities).max(axis=0)).all()
+
+
+def far_away(log, rows):
+    """The fourth leg goes where the others cannot follow, and back."""
+    position = log.position.copy()
+    position[rows, 3] += 0.1 * np.hanning(len(rows))
+    return altered(log, position=position)
+
+
+def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
+    strange = far_away(log, np.arange(700, 900))
+    message = r"run: the loops do not close in \d+ of 391 samples, between .* m\): left out"
+    with pytest.warns(LogWarning, match=message):
+        recording = prepare_recording(knee, strange)
+    (open_loops,) = (part for part in recording.dropped if part.reason == "loops do not close")
+    assert 7 < open_loops.first < open_loops.last < 9
+    assert len(recording) == 391 - open_loops.count
+    np.testing.assert_array_equal(np.unique(recording.stretches), [0, 1])
+    outside = (recording.motion.time < 6.8) | (recording.motion.time > 9.2)
+    exact = truth.motion.configurations[at_times(truth, recording)]
+    assert np.abs(recording.motion.configurations - exact)[outside].max() < 1e-4
+
+
+def test_a_log_of_another_robot_does_not_assemble(knee, log):
+    position = log.position + np.array([0.0, 0.0, 0.0, 0.1])
+    with pytest.raises(AssemblyError, match=r"run: the loops do not close in 391 of 391 samples"):
+        prepare_recording(knee, altered(log, position=position))
+
+
+def test_near_a_singularity_samples_are_left_out(knee, log, truth, monkeypatch):
+    margin = float(np.median(truth.motion.singularity))
+    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", margin)
+    with pytest.warns(LogWarning, match="run: the robot is near a singularity in .* left out"):
+        recording = prepare_recording(knee, log)
+    assert (recording.motion.singularity >= margin).all()
+    assert any(part.reason == "near a singularity" for part in recording.dropped)
+    steps = np.diff(recording.motion.time)[np.diff(recording.stretches) == 0]
+    np.testing.assert_allclose(steps, 0.04, atol=1e-9)
+    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", 1.0)
+    with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
+        prepare_recording(knee, log)
+
+
+def test_progress_ends_complete(knee, log, monkeypatch):
+    monkeypatch.setattr("loopid.logs.recording.BLOCK", 512)
+    told = []
+    prepare_recording(
+        knee, log, decimate=False, progress=lambda done, all_: told.append((done, all_))
+    )
+    assert told == [(512, 1561), (1024, 1561), (1536, 1561), (1561, 1561)]
+
+
+def test_another_start_is_another_branch(knee, log, truth):
+    recording = prepare_recording(knee, log, start=truth.motion.configurations[500])
+    rows = at_times(truth, recording)
+    assert np.abs(recording.motion.configurations - truth.motion.configurations[rows]).max() < 1e-5
+
+
+def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
+    with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of small are crank"):
+        prepare_recording(four_bars["3d"], log)
+    for name in ("idle_speed", "saturation"):
+        for value in (0.0, -1.0, np.ones(3)):
+            with pytest.raises(OptionError, match=f"{name} must be a positive number, or one for"):
+                prepare_recording(knee, log, **{name: value})
+    with pytest.raises(LogError, match="no force can be used, as all motors stand or are saturat"):
+        prepare_recording(knee, log, idle_speed=1.0)
+    with pytest.raises(LogError, match="too short to filter, the longest has 50 samples"):
+        prepare_recording(knee, altered(log, slice(50)))
+    with pytest.raises(OptionError, match="cut-off frequency must be below half"):
+        prepare_recording(knee, log, LowPass(60.0))
+
+
+def test_an_encoder_that_only_dithers_stands(knee, log):
+    generator = np.random.default_rng(3)
+    position = log.position.copy()
+    position[:, 1] = position[0, 1] + 1e-6 * generator.integers(0, 2, len(log))
+    recording = prepare_recording(knee, altered(log, position=position))
+    assert recording.used[:, 1].sum() == 0
+    assert recording.used[:, [0, 2, 3]].mean() > 0.6
+
+
+def test_a_crank_that_turns_on_and_on(four_bars):
+    robot = four_bars["3d"]
+    time = np.arange(0, 6, 0.01)
+    angle = 1.0 + 2.0 * time + 0.5 * np.sin(time)
+    motion = joint_motion(
+        robot,
+        Motion(
+            robot.actuated,
+            time,
+            angle[:, None],
+            (2 + 0.5 * np.cos(time))[:, None],
+            (-0.5 * np.sin(time))[:, None],
+        ),
+    )
+    measured = simulate_measurement(robot, motion)
+    zeros = np.zeros(len(time), dtype=int)
+    log = Log("crank", robot.actuated, time, angle[:, None], measured.force, zeros)
+    recording = prepare_recording(robot, log)
+    rows = np.round(recording.motion.time * 100).astype(int)
+    assert recording.used.all()
+    for name, tolerance in (("velocities", 1e-3), ("accelerations", 1e-2)):
+        error = getattr(recording.motion, name) - getattr(motion, name)[rows]
+        assert np.abs(error).max() < tolerance
+    # Passive hinges are known up to whole turns.
+    error = recording.motion.configurations - motion.configurations[rows]
+    assert np.abs(np.sin(0.5 * error)).max() < 1e-5
+
+
+@pytest.fixture(scope="module")
+def folder(mechanism, shared):
+    return shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
+
+
+@pytest.fixture(scope="module")
+def real_log(mechanism, folder):
+    return read_log(folder, mechanism)
+
+
+@pytest.fixture(scope="module")
+def real_recording(mechanism, real_log):
+    return prepare_recording(mechanism, real_log)
+
+
+def test_nearly_all_rows_are_read(real_log, folder):
+    stamps, positions = read_stream(folder / "joint_position.txt.gz")
+    assert len(stamps) - 5 < len(real_log) <= len(stamps)
+    assert not real_log.stretches.any()
+    assert {part.reason for part in real_log.dropped} == {"not in all streams"}
+    assert real_log.rate(slice(None)) == pytest.approx(100, abs=0.01)
+    nearest = np.searchsorted((stamps - stamps[0]) / 1e9, real_log.time - 0.005)
+    # Stamps jitter by 0.2 ms at 0.03 m/s, and drift against the even grid by less than half a row.
+    assert np.abs(real_log.position - positions[nearest]).max() < 0.03 * 0.006
+
+
+def test_strokes_give_the_logged_pose(mechanism, real_log, folder):
+    real_recording = prepare_recording(mechanism, real_log, lowpass=None, decimate=False)
+    assert len(real_recording) == len(real_log)
+    found = platform_coordinates(mechanism, real_recording.motion.configurations)
+    read_at, _ = read_stream(folder / "joint_position.txt.gz")
+    written_at, poses = read_stream(folder / "x_coord.txt.gz")
+    # Of a cycle the position comes first: its pose is the next row.
+    nearest = read_at[np.searchsorted((read_at - read_at[0]) / 1e9, real_log.time - 0.005)]
+    following = np.minimum(np.searchsorted(written_at, nearest), len(poses) - 1)
+    assert np.median(np.abs(found - poses[following])) < 2e-6
+
+
+def test_idle_motors_are_named(real_recording, mechanism):
+    reasons = {part.reason: part.count for part in real_recording.dropped}
+    for k, joint in enumerate(mechanism.actuated):
+        assert reasons[f"{joint} stands still"] == (~real_recording.used[:, k]).sum()
+    assert (real_recording.used.mean(axis=0) > 0.5).all()
+
+
+def test_few_samples_carry_the_same(real_recording, real_log):
+    rate = 1 / np.median(np.diff(real_recording.motion.time))
+    assert real_recording.cutoff == pytest.approx(5, rel=1e-3)
+    assert rate == pytest.approx(25, rel=1e-3)
+    assert len(real_recording) == pytest.approx(len(real_log) / 4, abs=25)
