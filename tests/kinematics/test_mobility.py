@@ -16,7 +16,7 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.base_parameters.structure import analyse
+from loopid.base_parameters import analyse
 from loopid.errors import MobilityError, MobilityWarning, RobotFileError, SingularityWarning
 from loopid.kinematics import independent_coordinates, nearby_configurations, random_motions
 from loopid.regressors import motion_regressor

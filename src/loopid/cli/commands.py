@@ -6,9 +6,13 @@ from typing import Annotated
 
 import typer
 
-from loopid.base_parameters import ExactSearch, ExhaustiveSearch, find_base_parameters
-from loopid.base_parameters.search import make_strategy
-from loopid.base_parameters.search.exact import TIME_LIMIT
+from loopid.base_parameters import (
+    TIME_LIMIT,
+    ExactSearch,
+    ExhaustiveSearch,
+    find_base_parameters,
+    make_strategy,
+)
 from loopid.cli.console import (
     Floating,
     FreeMimics,

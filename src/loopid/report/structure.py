@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, expression, name_coefficients
-from loopid.base_parameters.expressions import equations
+from loopid.base_parameters import BaseParameters, equations, expression, name_coefficients
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     Factorisation,

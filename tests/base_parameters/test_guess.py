@@ -1,15 +1,16 @@
 """Swaps beneath a barrier: predictions for each of them hold, and no walk ends worse."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import pytest
+from choice_problems import all_selections, block_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from loopid.base_parameters.search.block import Block, make_block
-from loopid.base_parameters.search.swaps import (
+from loopid.base_parameters.search import guess
+from loopid.base_parameters.search.block import Block
+from loopid.base_parameters.search.guess import (
     ABOVE,
     BELOW,
     SIDES,
@@ -17,6 +18,7 @@ from loopid.base_parameters.search.swaps import (
     good_selection,
     walked,
 )
+from loopid.base_parameters.search.qr import pivots
 
 
 @st.composite
@@ -27,7 +29,7 @@ def blocks(draw, most=14, decades=0.0):
     rng = np.random.default_rng(draw(st.integers(0, 10**6)))
     X = rng.normal(size=(n, k)) * 10 ** np.linspace(0, -decades, k)
     X = X @ np.linalg.qr(rng.normal(size=(k, k)))[0]
-    return make_block(X / np.linalg.norm(X, 2), np.arange(n))
+    return block_of(X / np.linalg.norm(X, 2))
 
 
 @dataclass(frozen=True)
@@ -71,12 +73,10 @@ def test_the_potential_after_every_swap_is_that_of_the_selection_it_makes(case):
     now = case.inverses(case.chosen)
     assert case.barrier.potential == pytest.approx(now.sum())
     changes = case.barrier.changes(case.chosen, case.rest)
-    volumes = case.barrier.volumes(case.chosen, case.rest)
     for place, other, chosen in case.swaps():
         fresh = case.inverses(chosen)
         # Round-off is enlarged as far as the inverse changes.
         scale = now.sum() * max(1.0, np.abs(fresh).max() / now.min())
-        assert volumes[place, other] == pytest.approx(np.prod(now / fresh), rel=1e-7, abs=1e-9)
         if np.isfinite(changes[place, other]):
             assert changes[place, other] == pytest.approx(
                 fresh.sum() - now.sum(), rel=1e-7, abs=1e-9 * scale
@@ -84,17 +84,16 @@ def test_the_potential_after_every_swap_is_that_of_the_selection_it_makes(case):
 
 
 @given(cases())
-def test_the_volume_is_positive_exactly_where_all_eigenvalues_stay_on_their_side(case):
-    volumes = case.barrier.volumes(case.chosen, case.rest)
+def test_a_finite_change_means_that_all_eigenvalues_stay_on_their_side(case):
+    changes = case.barrier.changes(case.chosen, case.rest)
     for place, other, chosen in case.swaps():
-        if abs(volumes[place, other]) > 1e-9:
-            stays = case.inverses(chosen).min() > 0
-            assert (volumes[place, other] > 0) == stays
+        if np.isfinite(changes[place, other]):
+            assert case.inverses(chosen).min() > 0
 
 
 @given(cases(), st.integers(0, 10**6))
 def test_a_swap_leaves_the_matrices_that_the_new_selection_has(case, pick):
-    allowed = np.argwhere(case.barrier.volumes(case.chosen, case.rest) > 0.01)
+    allowed = np.argwhere(case.barrier.changes(case.chosen, case.rest) < case.barrier.potential)
     assume(len(allowed) > 0)
     place, other = allowed[pick % len(allowed)]
     chosen = case.chosen.copy()
@@ -112,17 +111,17 @@ def test_a_swap_leaves_the_matrices_that_the_new_selection_has(case, pick):
 @given(data=st.data(), fraction=st.sampled_from([0.3, 0.9, 0.99]))
 def test_a_walk_never_ends_worse_than_it_began(sides, decades, data, fraction):
     block = data.draw(blocks(decades=decades))
-    start = block.start()
+    start = pivots(block.vectors, block.count)
     before, after = block.levels(start), block.levels(walked(block, start, fraction, sides))
     if ABOVE in sides:
-        assert after.ratio <= before.ratio
+        assert after.ratio <= before.ratio * (1 + 1e-6)
     else:
-        assert after.smallest >= before.smallest
+        assert after.smallest >= before.smallest * (1 - 1e-6)
 
 
 @given(blocks())
 def test_where_a_walk_ends_no_swap_raises_the_smallest_eigenvalue_much(block):
-    end = walked(block, block.start(), 0.999)
+    end = walked(block, pivots(block.vectors, block.count), 0.999)
     rest = np.setdiff1d(np.arange(block.size), end)
     best = block.levels(end).smallest
     for place in range(block.count):
@@ -133,35 +132,36 @@ def test_where_a_walk_ends_no_swap_raises_the_smallest_eigenvalue_much(block):
 
 
 @pytest.mark.parametrize("decades", [0.0, 5.0])
-@given(data=st.data(), kicks=st.integers(0, 2), floor=st.sampled_from([0.0, 0.9]))
-def test_a_good_selection_is_regular_never_worse_than_the_start_and_always_the_same(
-    decades, data, kicks, floor
+@given(data=st.data(), floor=st.sampled_from([0.0, 0.9]))
+def test_a_good_selection_is_regular_never_worse_than_the_pivots_and_always_the_same(
+    decades, data, floor
 ):
     block = data.draw(blocks(decades=decades))
-    chosen, start = good_selection(block, kicks, floor), block.levels(block.start())
+    chosen = good_selection(block, floor)
+    start = block.levels(pivots(block.vectors, block.count))
     levels = block.levels(chosen)
     assert len(set(chosen.tolist())) == block.count
     assert (np.diff(chosen) > 0).all()
     assert levels.smallest > 0
     worst = max(start.largest, floor) / start.smallest
-    assert max(levels.largest, floor) / levels.smallest <= worst * (1 + 1e-12)
-    np.testing.assert_array_equal(chosen, good_selection(block, kicks, floor))
+    assert max(levels.largest, floor) / levels.smallest <= worst * (1 + 1e-6)
+    np.testing.assert_array_equal(chosen, good_selection(block, floor))
 
 
 def test_nothing_to_choose_needs_no_swap():
     X = np.linalg.qr(np.random.default_rng(0).normal(size=(4, 4)))[0]
-    np.testing.assert_array_equal(good_selection(make_block(X, np.arange(4))), np.arange(4))
+    np.testing.assert_array_equal(good_selection(block_of(X)), np.arange(4))
 
 
-def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer():
-    found = {0: [], 8: []}
+def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer(monkeypatch):
+    found = {36: [], 0: []}
     for seed in range(20):
-        X = np.linalg.qr(np.random.default_rng(seed).normal(size=(11, 5)))[0]
-        block = make_block(X, np.arange(11))
-        rows = (np.array(rows) for rows in combinations(range(11), 5))
-        least = min(block.levels(chosen).ratio for chosen in rows)
-        for kicks, ratios in found.items():
-            ratios.append(block.levels(good_selection(block, kicks)).ratio / least)
-    assert np.median(found[0]) < 1.1
-    assert np.median(found[8]) < 1.02
-    assert np.mean(found[8]) <= np.mean(found[0])
+        block = block_of(np.linalg.qr(np.random.default_rng(seed).normal(size=(11, 5)))[0])
+        least = min(block.levels(chosen).ratio for chosen in all_selections(block))
+        for large, ratios in found.items():
+            monkeypatch.setattr(guess, "LARGE", large)
+            monkeypatch.setattr(guess, "LOOKED_AT", 0)
+            ratios.append(block.levels(good_selection(block)).ratio / least)
+    assert np.median(found[36]) < 1.1
+    assert np.median(found[0]) < 1.02
+    assert np.mean(found[0]) <= np.mean(found[36])

@@ -7,22 +7,24 @@ length, and any two lengths together, need more digits that agree than an accide
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters
-from loopid.base_parameters.candidates import EQUAL, Candidates, spacing
-from loopid.base_parameters.forms import FORMS, CoefficientName
+from loopid.base_parameters.expressions import FORMS, CoefficientName, Form
 from loopid.lengths import NamedLength
 from loopid.parameters import KINDS, Parameter
 
+# Relative difference that round-off may leave between equal numbers, and the significant digits
+# that a number is looked at for.
+EQUAL, DIGITS = 1e-9, 9
 # Ratios of small whole numbers come from counting, say three equal legs, not from lengths.
-SMALL = 3
-PLAIN = tuple({p / q for p in range(1, SMALL + 1) for q in range(1, SMALL + 1)})
+PLAIN = tuple({p / q for p in range(1, 4) for q in range(1, 4)})
 # Accidents to be expected among all the candidates tried for a coefficient, at most.
 ACCIDENTS = 0.05
 # Lengths that are looked at, the first ones, where so many are taken together.
@@ -83,13 +85,6 @@ class _Term:
         return self.power == other.power and math.isclose(self.value, other.value, rel_tol=EQUAL)
 
 
-_Known = tuple[_Term, CoefficientName]
-
-
-def _repeated(term: _Term, known: list[_Known]) -> CoefficientName | None:
-    return next((name for other, name in known if term.repeats(other)), None)
-
-
 class _Namer:
     """Finds names, and keeps the candidates of each power of length."""
 
@@ -103,28 +98,25 @@ class _Namer:
         self, base: BaseParameters, leader: int, row: FloatArray
     ) -> dict[str, CoefficientName]:
         """Names in one base parameter; what has named one term is preferred in the next."""
-        found: dict[str, CoefficientName] = {}
-        known: list[_Known] = []
+        known: list[tuple[_Term, CoefficientName]] = []
         for j in np.flatnonzero(row).tolist():
             term = _Term(float(row[j]), base.parameters[leader], base.parameters[j])
-            name = self.name(term, known)
-            if name is not None:
-                found[term.folded.label] = name
+            if term.needs_name and (name := self._name(term, known)):
                 known.append((term, name))
-        return found
+        return {term.folded.label: name for term, name in known}
 
-    def name(self, term: _Term, known: list[_Known]) -> CoefficientName | None:
+    def _name(
+        self, term: _Term, known: list[tuple[_Term, CoefficientName]]
+    ) -> CoefficientName | None:
         """Name of the coefficient of a term, in a sum of which some terms are known."""
-        if not term.needs_name:
-            return None
         shared = sum(map(self._part, term.links), np.zeros(len(self.lengths), dtype=np.int64))
-        used = np.isin(
-            np.arange(len(shared)), [self._index[x] for _, n in known for x in n.lengths]
-        )
+        indices = [self._index[x] for _, name in known for x in name.lengths]
+        used = np.isin(np.arange(len(shared)), indices)
+        repeated = (name for other, name in known if term.repeats(other))
         return (
             self._obvious(term, shared, used)
             or self._unlikely(term, shared, used)
-            or _repeated(term, known)
+            or next(repeated, None)
         )
 
     def _obvious(self, term: _Term, shared: IntArray, used: BoolArray) -> CoefficientName | None:
@@ -163,3 +155,75 @@ class _Namer:
         if link not in self._parts:
             self._parts[link] = np.array([link in x.links for x in self.lengths], dtype=np.int64)
         return self._parts[link]
+
+
+class Candidates:
+    """The numbers that forms make of lengths, in the order of their size.
+
+    Parameters
+    ----------
+    forms : sequence of Form
+    lengths : sequence of NamedLength
+        (n,), in order of preference.
+    together : int
+        1 for forms of one length, 2 for forms of two different ones.
+    """
+
+    def __init__(
+        self, forms: Sequence[Form], lengths: Sequence[NamedLength], together: int
+    ) -> None:
+        self.forms, self.lengths, self.together = forms, lengths, together
+        chosen = np.array(list(permutations(range(len(lengths)), together)), dtype=np.int64)
+        chosen = chosen.reshape(-1, together).T
+        numbers = np.array([length.value for length in lengths])[chosen]
+        values = np.array([form.value(numbers[0], numbers[-1]) for form in forms]).ravel()
+        order = np.argsort(np.abs(values))
+        self.values, self.sizes = values[order], np.abs(values)[order]
+        self.simplicity = np.array([len(form.text) for form in forms], dtype=np.int64)
+        self.form = np.repeat(np.arange(len(forms)), chosen.shape[1])[order]
+        self.chosen = np.tile(chosen, len(forms))[:, order]
+
+    def count(self, shared: IntArray, least: int) -> int:
+        """How many candidates ``find`` looks at."""
+        among = int(np.count_nonzero(shared[: len(self.lengths)] >= least))
+        return len(self.forms) * math.perm(among, self.together)
+
+    def find(
+        self, value: float, shared: IntArray, used: BoolArray, least: int
+    ) -> CoefficientName | None:
+        """Name a value by what has its size and reads shortest.
+
+        Parameters
+        ----------
+        value : float
+        shared : IntArray
+            (n,), of how many of the term's links each length is a part: many are preferred.
+        used : BoolArray
+            (n,), lengths that are preferred where nothing else decides.
+        least : int
+            Lengths that are part of fewer links are left out.
+        """
+        size = abs(value)
+        at = slice(*np.searchsorted(self.sizes, (size * (1 - EQUAL), size * (1 + EQUAL))))
+        picked, form, negated = self.chosen[:, at], self.form[at], self.values[at] * value < 0
+        links, unused = shared[picked], ~used[picked]
+        keys = (self.simplicity[form], -links.sum(axis=0), negated, unused.sum(axis=0), *picked)
+        for k in np.lexsort(keys[::-1]):
+            if links[:, k].min() >= least:
+                lengths = tuple(self.lengths[j] for j in picked[:, k])
+                return CoefficientName(self.forms[form[k]], lengths, bool(negated[k]))
+        return None
+
+
+def spacing(value: float) -> float:
+    """Relative distance between numbers with as many digits as a value, not zero, has.
+
+    1/M of the least integer M with ``value`` = ±M 10^k, at least twice ``EQUAL``.
+    """
+    size = abs(value)
+    exponent = math.floor(math.log10(size))
+    for decimals in range(DIGITS):
+        mantissa = size * 10.0 ** (decimals - exponent)
+        if abs(mantissa - round(mantissa)) <= EQUAL * mantissa:
+            return max(1.0 / round(mantissa), 2 * EQUAL)
+    return 2 * EQUAL
