@@ -28,7 +28,7 @@ from loopid.cli.console import (
 )
 from loopid.errors import LoopidError
 from loopid.files import write_files
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import DEFAULT_MARGIN
 from loopid.paper import paper_files, paper_tables, reproduce_paper
 from loopid.regressors import structural_observation
 from loopid.report import (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from loopid import structural_observation
 from loopid.errors import OptionError
@@ -91,3 +92,12 @@ def test_progress_is_told_to_the_end(knee):
 def test_absurd_arguments_are_refused(knee, arguments, problem):
     with pytest.raises(OptionError, match=problem):
         structural_observation(knee, **arguments)
+
+
+@pytest.mark.parametrize("model", ["gravity", "full"])
+def test_the_number_of_blas_threads_changes_no_bit(knee, model):
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            found.append(structural_observation(knee, model))
+    np.testing.assert_array_equal(found[0].factor, found[1].factor)

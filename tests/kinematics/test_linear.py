@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.kinematics import Factorisation
+from loopid.kinematics.linear import Solver
 
 sizes = st.integers(1, 6)
 seeds = st.integers(0, 2**32 - 1)
@@ -48,3 +49,24 @@ def test_systems_without_equations_or_unknowns_are_solved():
         np.testing.assert_array_equal(factors.rank, 0)
         solution = factors.solve(np.ones((2, rows, 1)))
         np.testing.assert_array_equal(solution, np.zeros((2, columns, 1)))
+
+
+@given(sizes, st.integers(0, 2), seeds)
+def test_regular_matrices_are_inverted_and_others_told(size, more, seed):
+    generator = np.random.default_rng(seed)
+    matrices = low_rank(generator, 6, size + more, size, size)
+    matrices[4] = low_rank(generator, 1, size + more, size, max(size - 1, 1))[0]
+    solver = Solver.of(matrices, 1e-3)
+    values = np.linalg.svd(matrices, compute_uv=False)
+    doubtful = np.flatnonzero(values[:, -1] < 1e-3 * values[:, 0])
+    assert set(doubtful) <= set(solver.doubtful)
+    assert more or not len(Solver.of(matrices[:4], 1e-3).doubtful)
+    right = generator.normal(size=(6, size + more, 2))
+    expected = np.linalg.pinv(matrices, rcond=1e-8) @ right
+    np.testing.assert_allclose(solver.solve(right), expected, atol=1e-9)
+
+
+def test_an_exactly_singular_matrix_spoils_no_other():
+    matrices = np.stack([np.eye(2), np.zeros((2, 2)), 2 * np.eye(2)])
+    found = Solver.of(matrices, 1e-3).solve(np.ones((3, 2, 1)))
+    np.testing.assert_allclose(found[:, 0, 0], [1.0, 0.0, 0.5])
