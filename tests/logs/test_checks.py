@@ -257,20 +257,6 @@ def test_glitches_are_left_out(changed, truth):
 
 
 @pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ({"time": np.arange(9.0)}, "no position of leg1_stroke"),
-        ({"x": np.float64(3)}, "holds no arrays with one or two axes"),
-        ({"time": np.array(["a", None], dtype=object)}, "is no .npz of numbers"),
-    ],
-)
-def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
-    np.savez(tmp_path / "log.npz", **arrays)
-    with pytest.raises(LogError, match=message):
-        read_log(tmp_path / "log.npz", knee)
-
-
-@pytest.mark.parametrize(
     ("name", "value", "message"),
     [
         ("force", np.ones((5, 4)), "'force_0' has 5 rows, but 'time' has 1601"),
@@ -285,7 +271,7 @@ def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
         ("force", np.arange(1601).astype("M8[s]"), "no force of leg1_stroke"),
         ("force", np.zeros((1601, 4), "m8[s]"), "column 'force_0' holds Duration.*, not num"),
         ("time", np.zeros(0), "'time' has 0 rows, but 'position_0' has 1601"),
-        ("time", np.zeros(1601), "stands still 1600 times"),
+        ("time", np.array(["a", None], dtype=object), "is no .npz of numbers"),
     ],
 )
 def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, message):
@@ -293,18 +279,6 @@ def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, m
     np.savez(tmp_path / "log.npz", **arrays)
     with pytest.raises(LogError, match=message):
         read_log(tmp_path / "log.npz", knee)
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 nonsense", b"\x93NUMPY", bytes(1000)])
-def test_damaged_npz_are_refused(knee, tmp_path, content):
-    (tmp_path / "log.npz").write_bytes(content)
-    with pytest.raises(LogError, match=r"log\.npz is"):
-        read_log(tmp_path / "log.npz", knee)
-
-
-def test_a_folder_without_streams_is_refused(knee, tmp_path):
-    with pytest.raises(LogError, match="holds no streams"):
-        read_log(tmp_path, knee)
 
 
 def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_folder, truth):
@@ -413,7 +387,7 @@ def test_a_motor_that_stands_hides_no_wrong_sign(knee, simulated):
         check_forces(knee, replace(simulated, used=used, force=force))
 
 
-@pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
+@pytest.mark.parametrize("pair", [(0, 1), (0, 3)])
 def test_exchanged_positions_of_the_real_robots(mechanism, shared, pair):
     log = read_log(shared / "data" / "upv" / "logs" / LOGS[mechanism.name], mechanism)
     order = np.arange(4)

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from recorded_logs import states as joint_states
-from recorded_logs import write_any, write_ros1, write_ros2
+from recorded_logs import write_any, write_ros2
 from simulated_logs import EPOCH, table
 
 from loopid.errors import LogError, MissingExtraError, MissingFileError
@@ -221,13 +221,6 @@ def assert_alike(one, other):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_every_format_is_the_same_log(knee, written, from_text, kind):
     assert_alike(read_both(written[kind], knee), from_text)
-
-
-@pytest.mark.parametrize("packed", ["LZ4"])
-def test_packed_bags_of_ros1(knee, run, tmp_path, from_text, packed):
-    stamps = np.round(run[0] * 1e9).astype(np.int64)
-    messages = joint_states("ros1", knee.actuated, stamps, *run[1:])
-    assert_alike(read_both(write_ros1(tmp_path / "run.bag", messages, packed), knee), from_text)
 
 
 @pytest.mark.parametrize(

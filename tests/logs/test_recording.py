@@ -47,17 +47,6 @@ def test_the_motion_is_the_true_one(knee, truth, recording):
     assert np.abs(constraint_residual(knee, motion.configurations)).max() < 1e-10
 
 
-def test_a_tighter_filter_is_closer(knee, truth, log):
-    errors = []
-    for cutoff in (2.0, 4.0, 8.0):
-        recording = prepare_recording(knee, log, LowPass(cutoff), decimate=False)
-        assert recording.cutoff == cutoff
-        exact = truth.motion.accelerations[at_times(truth, recording)]
-        errors.append(np.sqrt(((recording.motion.accelerations - exact) ** 2).mean()))
-    assert errors[1] < 0.5 * errors[0]
-    assert errors[2] < 0.5 * errors[1]
-
-
 def test_without_a_filter_nothing_is_smoothed(knee, truth, log):
     recording = prepare_recording(knee, log, lowpass=None)
     assert recording.cutoff is None
@@ -146,17 +135,6 @@ def test_effort_limits_saturate_unless_forces_exceed_them(knee, log, truth):
     recording = prepare_recording(knee, altered(log, force=force))
     named = [part.reason for part in recording.dropped if "saturated" in part.reason]
     assert named == [f"leg{k}_stroke is saturated" for k in (1, 3, 4)]
-
-
-def test_stretches_are_even_and_numbered(knee, log):
-    numbers = np.repeat([0, 1, 2], [600, 30, len(log) - 630])
-    recording = prepare_recording(knee, altered(log, stretches=numbers))
-    reasons = [str(part) for part in recording.dropped]
-    assert "stretch too short to filter: 30 samples between 6.00 and 6.29 s" in reasons
-    np.testing.assert_array_equal(np.unique(recording.stretches), [0, 1])
-    for number in (0, 1):
-        steps = np.diff(recording.motion.time[recording.stretches == number])
-        np.testing.assert_allclose(steps, 0.04, atol=1e-9)
 
 
 def test_a_stretch_is_not_filtered_across_its_ends(knee, log, truth):

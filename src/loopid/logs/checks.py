@@ -41,20 +41,20 @@ CLEARLY_BETTER = 1.5
 
 
 def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
-    """The stream without impossible rows, and with turns counted on; warns of what looks wrong.
-
-    Raises
-    ------
-    LogError
-        When the time does not increase, or bad rows are too many: the unit is another.
-    """
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
     _check_stamps(stream)
     stream = _inside_limits(mechanism, stream)
     stream = _without_glitches(stream)
     stream = _unwrapped(mechanism, stream)
     seconds = np.diff(stream.stamps) / 1e9
+
+    def limit_of(limits: FloatArray, joint: str) -> float:
+        value = float(limits[mechanism.velocity_indices([joint])[0]])
+        return value if value > 0 else np.inf  # zero stands for none, as exporters write it
+
+    model = mechanism.model
     for joint, values in stream.signals("position"):
-        limit = _limit(mechanism, mechanism.model.upperVelocityLimit, joint)
+        limit = limit_of(model.upperVelocityLimit, joint)
         speed = np.abs(np.diff(values)) / seconds
         fast = np.flatnonzero(speed > limit * (1 + EXCESS))
         if len(fast):
@@ -64,7 +64,7 @@ def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
                 LogWarning,
             )
     for joint, values in stream.signals("force"):
-        limit = _limit(mechanism, mechanism.model.upperEffortLimit, joint)
+        limit = limit_of(model.upperEffortLimit, joint)
         strong = np.abs(values) > limit * (1 + EXCESS)
         if strong.any():
             warn(
@@ -111,12 +111,6 @@ def _check_stamps(stream: Stream) -> None:
             f"from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s: give the unit of the time in a mapping"
             f"{f'; times {factors} it would fit' if factors else ''}"
         )
-
-
-def _limit(mechanism: Mechanism, limits: FloatArray, joint: str) -> float:
-    """A limit of a joint; zero stands for none, as exporters write it."""
-    value = float(limits[mechanism.velocity_indices([joint])[0]])
-    return value if value > 0 else np.inf
 
 
 def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
@@ -254,21 +248,20 @@ def _fits(
 
 def _looks_exchanged(name: str, names: Sequence[str], left: FloatArray) -> bool:
     """Whether the forces fit clearly better in another order of the motors; warns if so."""
-    # Slow to import, and only needed for logs.
-    from scipy.optimize import linear_sum_assignment
+    from scipy.optimize import linear_sum_assignment  # slow to import
 
     order = linear_sum_assignment(left)[1]
     moved = np.flatnonzero(order != np.arange(len(order)))
     best, given = left[moved, order[moved]], left[moved, moved]
-    exchanged = len(moved) > 0 and bool(
-        (best < WELL_FITTED).all() and given.sum() > CLEARLY_BETTER * best.sum()
+    better = (best < WELL_FITTED).all() and given.sum() > CLEARLY_BETTER * best.sum()
+    if not (len(moved) and better):
+        return False
+    fits = ", ".join(f"that of {names[order[k]]} fits {names[k]}" for k in moved.tolist())
+    listed = ", ".join(names[k] for k in moved.tolist())
+    warn(
+        f"{name}: the forces or positions of {listed} look exchanged: "
+        f"of the forces, {fits} ({given.mean():.0%} of their squares stay unexplained in the given "
+        f"order, {best.mean():.0%} exchanged)",
+        LogWarning,
     )
-    if exchanged:
-        fits = ", ".join(f"that of {names[order[k]]} fits {names[k]}" for k in moved.tolist())
-        warn(
-            f"{name}: the forces or positions of {', '.join(names[k] for k in moved.tolist())} "
-            f"look exchanged: of the forces, {fits} ({given.mean():.0%} of their squares stay "
-            f"unexplained in the given order, {best.mean():.0%} exchanged)",
-            LogWarning,
-        )
-    return exchanged
+    return True

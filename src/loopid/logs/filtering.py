@@ -64,19 +64,8 @@ def filter_log(
 ) -> tuple[Filtered, tuple[Dropped, ...]]:
     """Filter, differentiate twice, and then keep as many samples as the cut-off calls for.
 
-    Parameters
-    ----------
-    lowpass : LowPass or None
-        None to differentiate without a filter.
-    saturation : FloatArray
-        (m,), infinite for drives without.
-    decimate, trim : bool
-        Whether to leave out samples, and the ends of the stretches.
-
-    Raises
-    ------
-    LogError
-        When all stretches are too short.
+    The saturation (m,) is infinite for drives without; ``decimate`` leaves out samples, and
+    ``trim`` the ends of the stretches.
     """
     from scipy.ndimage import binary_dilation  # here, as it takes a while to import
 

@@ -120,10 +120,7 @@ def numbers_in(source: str, column: polars.Series) -> FloatArray:
 def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
     """A column of times as whole nanoseconds (R,), exact; ``NO_STAMP`` for other cells.
 
-    Parameters
-    ----------
-    unit : int
-        Nanoseconds of one unit of the column; dates and durations know theirs.
+    The unit is in nanoseconds; dates and durations know theirs.
     """
     import polars
 

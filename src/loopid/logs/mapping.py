@@ -131,12 +131,18 @@ class LogMapping(Section):
                 raise ValueError(f"{name} must not be 0")
         return self
 
-    def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[float]:
-        """Numbers in the order of the motors, from one for all or one each."""
+    def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
+        """What is given for all or by joint, in the order of the motors."""
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        _refuse_other_joints(source, key, given, joints)
+        unknown = [name for name in given if name not in joints]
+        missing = [name for name in joints if name not in given]
+        if unknown or missing:
+            problem = f"names {unknown[0]!r}" if unknown else f"leaves out {missing[0]}"
+            raise LogError(
+                f"{source}: {key} of the mapping {problem}: give the motors {', '.join(joints)}"
+            )
         return [given[joint] for joint in joints]
 
 
@@ -212,13 +218,7 @@ class ColumnFinder:
     mapping: LogMapping
 
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
-        """The columns of positions and forces by stream, that of the first position first.
-
-        Raises
-        ------
-        LogError
-            Naming the joint, and the columns that there are.
-        """
+        """The columns of positions and forces by stream, that of the first position first."""
         found: dict[Place, Channel] = {}
         for quantity in ("position", "force"):
             places = self._motor_columns(joints, quantity)
@@ -274,8 +274,9 @@ class ColumnFinder:
         if isinstance(given, StreamColumns):
             return self._listed(given)
         if given is not None:
-            _refuse_other_joints(self.source, quantity, given, joints)
-            return [self._find(given[joint]) for joint in joints]
+            return [
+                self._find(name) for name in self.mapping.by_joint(self.source, quantity, joints)
+            ]
         for prefix in WITH_NUMBER[quantity]:  # such as position_0
             places: list[Place] = []
             while found := self._matching([f"{prefix}_{len(places)}"]):
@@ -357,16 +358,3 @@ class ColumnFinder:
     @cached_property
     def _places(self) -> list[Place]:
         return [Place(stream, column) for stream, names in self.streams.items() for column in names]
-
-
-def _refuse_other_joints(
-    source: str, key: str, given: Mapping[str, object], joints: Sequence[str]
-) -> None:
-    """Refuse a mapping by joint that names others, or leaves some out."""
-    unknown = [name for name in given if name not in joints]
-    missing = [name for name in joints if name not in given]
-    if unknown or missing:
-        problem = f"names {unknown[0]!r}" if unknown else f"leaves out {missing[0]}"
-        raise LogError(
-            f"{source}: {key} of the mapping {problem}: give the motors {', '.join(joints)}"
-        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Literal
 
@@ -117,9 +117,8 @@ class Recording:
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""
-        motion = JointMotion(*(getattr(self.motion, f.name)[rows] for f in fields(JointMotion)))
         chosen = {name: getattr(self, name)[rows] for name in ("force", "used", "stretches")}
-        return replace(self, motion=motion, **chosen)
+        return replace(self, motion=self.motion.select(rows), **chosen)
 
 
 @checked
@@ -206,9 +205,12 @@ def prepare_recording(
         limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
     signals, ends = filter_log(log, chosen, limits, decimate, trim)
     columns = [log.joints.index(name) for name in mechanism.independent]
-    position = mapped_rows(lambda rows: signals.position[rows][:, columns], len(signals.time))
+
+    def of_independent(values: FloatArray) -> FloatArray:
+        return mapped_rows(lambda rows: values[rows][:, columns], len(values))
+
     configurations, singularity, good, lost = _assembled(
-        mechanism, log.name, signals.time, position, start, progress
+        mechanism, log.name, signals.time, of_independent(signals.position), start, progress
     )
     stretches = _renumbered(signals.stretches, good)
     signals = signals.select(good)
@@ -225,11 +227,8 @@ def prepare_recording(
         *_flagged([f"{joint} stands still" for joint in log.joints], idle, signals.time),
         *_flagged([f"{j} is saturated" for j in log.joints], signals.saturated, signals.time),
     ]
-    velocity, acceleration = (
-        mapped_rows(lambda rows, v=values: v[rows][:, columns], len(values))  # type: ignore[misc]
-        for values in (signals.velocity, signals.acceleration)
-    )
-    motion = JointMotion(signals.time, configurations, velocity, acceleration, singularity)
+    rates = of_independent(signals.velocity), of_independent(signals.acceleration)
+    motion = JointMotion(signals.time, configurations, *rates, singularity)
     force, used = on_independent(mechanism, motion, signals.force, used)
     check_forces(mechanism, log.name, motion, force, used)
     return Recording(

@@ -97,13 +97,7 @@ class Stream:
 def make_stream(
     source: str, batches: Iterable[Batch], time: TimeColumn, channels: tuple[Channel, ...]
 ) -> Stream:
-    """Turn cells into numbers, and leave out rows that are no samples.
-
-    Raises
-    ------
-    LogError
-        When there are too few rows, or too many bad ones.
-    """
+    """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     names = [*(channel.column for channel in channels), time.name]
     rows, stamps, *values = (Spool() for _ in range(2 + len(channels)))
     bad: list[IntArray] = []

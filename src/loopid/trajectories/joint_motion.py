@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from html import escape
 
 import numpy as np
@@ -21,9 +21,6 @@ from loopid.parameters import html_table
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
-
-# Of each array.
-AXES = {"time": 1, "configurations": 2, "velocities": 2, "accelerations": 2, "singularity": 1}
 
 
 @checked_fields
@@ -53,8 +50,9 @@ class JointMotion:
 
     def __post_init__(self) -> None:
         count = finite_rows(self.time, "time").shape[:1]
-        for name, axes in AXES.items():
+        for name in (field.name for field in fields(self)):
             values = finite_rows(getattr(self, name), name)
+            axes = 1 if name in ("time", "singularity") else 2
             if values.ndim != axes or values.shape[:1] != count:
                 shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
                 raise DataError(
@@ -72,9 +70,9 @@ class JointMotion:
             f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
         )
 
-    def select(self, rows: BoolArray | IntArray) -> JointMotion:
-        """Some of the samples, by a mask (N,) or by number."""
-        return JointMotion(*(getattr(self, name)[rows] for name in AXES))
+    def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
+        """Some of the samples, by a mask (N,), by number or as a slice."""
+        return JointMotion(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 @checked

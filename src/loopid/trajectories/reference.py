@@ -63,7 +63,15 @@ def read_reference(
     if not 0 < rate < np.inf:
         raise OptionError(f"the rate must be positive, not {rate} Hz")
     file, rows = Path(path), []
-    for number, line in enumerate(_lines(file), 1):
+    problem = why_no_file(file)
+    if problem:
+        raise MissingFileError(f"{file} {problem}")
+    try:
+        packed = file.read_bytes()
+        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise LogError(f"{file} cannot be read as text: {error}") from error
+    for number, line in enumerate(text.rstrip().splitlines(), 1):
         words = line.split()
         if len(words) != len(names):
             raise LogError(
@@ -87,19 +95,6 @@ def read_reference(
     velocity = differentiate(position, rate)
     time = np.arange(len(position)) / rate
     return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))
-
-
-def _lines(file: Path) -> list[str]:
-    """All lines, without empty ones at the end."""
-    problem = why_no_file(file)
-    if problem:
-        raise MissingFileError(f"{file} {problem}")
-    try:
-        packed = file.read_bytes()
-        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise LogError(f"{file} cannot be read as text: {error}") from error
-    return text.rstrip().splitlines()
 
 
 def _number(word: str) -> float:
