@@ -179,14 +179,13 @@ def fit_in_steps(
     values[held] = start.values[taken]
     fitted = _warned(second.less(second.predicted(values)).select(free), estimator)
     rest = fitted.result
-    # H = (X₂ᵀX₂)⁻¹ X₂ᵀF for the columns F of the known parameters.
-    H = fitted.response(second.select(held).regressor)
     values[free] = rest.values
-    covariance = np.zeros((len(values), len(values)))
-    covariance[np.ix_(held, held)] = spread
-    covariance[np.ix_(free, held)] = -H @ spread
-    covariance[np.ix_(held, free)] = -(H @ spread).T
-    covariance[np.ix_(free, free)] = rest.covariance + H @ spread @ H.T
+    # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.
+    moved = np.zeros((len(values), len(held)))
+    moved[held] = np.eye(len(held))
+    moved[free] = -fitted.response(second.select(held).regressor)
+    covariance = moved @ spread @ moved.T
+    covariance[np.ix_(free, free)] += rest.covariance
     return replace(
         rest,
         parameters=second.parameters,

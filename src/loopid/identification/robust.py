@@ -185,7 +185,7 @@ class Huber(RobustEstimator):
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.standard_t(3, size=(500, 1))  # heavy tails
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> loopid.fit(samples, loopid.Huber()).values.round(1).tolist()
+    >>> loopid.fit(samples, loopid.identification.Huber()).values.round(1).tolist()
     [2.0, 0.5]
     """
 
@@ -215,7 +215,7 @@ class Bisquare(RobustEstimator):
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
     >>> force[::20] += 50.0  # outliers
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> found = loopid.fit(samples, loopid.Bisquare())
+    >>> found = loopid.fit(samples, loopid.identification.Bisquare())
     >>> found.values.round(1).tolist(), bool(found.robustness.down_weighted[0] > 0.05)
     ([2.0, 0.5], True)
     """

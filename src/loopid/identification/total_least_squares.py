@@ -61,7 +61,7 @@ class TotalLeastSquares(ComparedByFields, Estimator):
     >>> force = W @ [2.0, 0.5] + 0.3 * rng.normal(size=(5000, 1))
     >>> measured = W + 0.3 * rng.normal(size=W.shape)
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
-    >>> loopid.fit(samples, loopid.TotalLeastSquares()).values.round(1).tolist()
+    >>> loopid.fit(samples, loopid.identification.TotalLeastSquares()).values.round(1).tolist()
     [2.0, 0.5]
     >>> bool(loopid.fit(samples, "ols").values[0] < 1.9)
     True
