@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
+from loopid.arrays import ComparedByFields, FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
 from loopid.consistency.semidefinite import attainable, minimise
@@ -50,7 +50,7 @@ class FitCost(ComparedByFields):
     actuators: tuple[str, ...]
     unconstrained: FloatArray
     constrained: FloatArray
-    total: float
+    total: Number
 
     def __post_init__(self) -> None:
         for name in ("unconstrained", "constrained"):
