@@ -24,7 +24,7 @@ from loopid import (
 )
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
 from loopid.export import compile_regressor, export_regressor, regressor_code
-from loopid.export.codegen.compiled import NUMBERS
+from loopid.export.codegen.source import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual
 from loopid.kinematics.nearby import nearby_configurations
 from loopid.kinematics.scaling import row_scales
