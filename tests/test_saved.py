@@ -134,20 +134,24 @@ def test_massless_bodies_come_back_too(tmp_path):
 # The robot is known again.
 
 
-def knee(folder, configuration):
-    """A configuration of the 3UPS+RPU of its own, under the same names."""
-    command = [sys.executable, ROOT / "urdf" / "generate.py", "--robot", "3ups_rpu"]
-    command += ["--configuration", str(configuration), "--out", str(folder)]
-    subprocess.run(command, check=True)
-    return load_mechanism(next(folder.glob("*.yaml")))
+@pytest.fixture(scope="module")
+def knees(tmp_path_factory):
+    """Configurations 1 and 8 of the 3UPS+RPU, generated under the same names."""
+    found = []
+    for number in (1, 8):
+        folder = tmp_path_factory.mktemp("knees") / str(number)
+        command = [sys.executable, ROOT / "urdf" / "generate.py", "--robot", "3ups_rpu"]
+        command += ["--configuration", str(number), "--out", str(folder)]
+        subprocess.run(command, check=True)
+        found.append(load_mechanism(next(folder.glob("*.yaml"))))
+    return found
 
 
 @pytest.mark.parametrize("kind", ["gravity", "full"])
-def test_fits_of_another_geometry_are_refused(tmp_path, load_once, kind):
+def test_fits_of_another_geometry_are_refused(knees, load_once, kind):
     robot = load_once("3ups_rpu")
     model = find_force_model(robot, kind, JointTerms(robot.actuated))
-    saved = SavedFit.of(model, model.prior + 1.0)
-    same, other = (knee(tmp_path / str(number), number) for number in (1, 8))
+    saved, (same, other) = SavedFit.of(model, model.prior + 1.0), knees
     assert saved.find_force_model(same).base.names == model.base.names
     words = (
         r"a fit of 3ups_rpu, not of .*8/.*\.yaml \(.*not the files of the fit\): closure .* there"

@@ -212,7 +212,7 @@ def consistent_fit(
         raise DataError("problem and fit must have the same actuators")
     if not LEAST_STRENGTH <= strength < np.inf:
         raise OptionError(f"the strength must be from {LEAST_STRENGTH:g} on, not {strength}")
-    sound, whitening = _whitened(base, prior, regions or {}, margin, repair)
+    sound, whitening = _whitened(base, prior, regions, margin, repair)
     before, weights = problem.residual_squares(fit.values), fit.weights**2
     # Of the weighted residuals; at least round-off of the weighted forces.
     freedom = max(problem.rows - len(problem.parameters), 1)
@@ -300,7 +300,7 @@ def consistent_parameters(
     target = finite(values, "base parameters")
     if target.shape != (len(base),):
         raise DataError(f"base parameters must have shape ({len(base)},), not {target.shape}")
-    sound, whitening = _whitened(base, prior, regions or {}, margin, repair)
+    sound, whitening = _whitened(base, prior, regions, margin, repair)
     with one_blas_thread():
         whitening, rows, aim = _equations(base, target, whitening)
         if not attainable(whitening, rows, aim):
@@ -317,15 +317,15 @@ def consistent_parameters(
 def _whitened(
     base: BaseParameters,
     prior: FloatArray,
-    regions: Mapping[str, Region],
+    regions: Mapping[str, Region] | None,
     margin: float,
     repair: bool,
 ) -> tuple[Prior, Whitening]:
     if not 0 <= margin < 1:
         raise OptionError(f"the margin must be from 0 on and below 1, not {margin}")
     start = repaired_prior(base.parameters, prior, regions) if repair else prior
-    sound = sound_prior(base.parameters, start, regions)
-    return sound, Whitening.about(base, sound, regions, margin)
+    sound = sound_prior(base.parameters, start, regions or {})
+    return sound, Whitening.about(base, sound, regions or {}, margin)
 
 
 def _equations(

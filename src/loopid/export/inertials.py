@@ -42,23 +42,12 @@ FAITHFUL = 1e-11
 
 @dataclass(frozen=True)
 class Inertial:
-    """An ``<inertial>``: mass, centre of mass, axes, and the tensor along them.
-
-    Attributes
-    ----------
-    mass : float
-    centre : FloatArray
-        (3,), in the frame of the link.
-    axes : FloatArray
-        (3, 3), rotation from the link's axes.
-    tensor : FloatArray
-        (3, 3), about the centre, along the axes.
-    """
+    """An ``<inertial>``: a tensor about the centre along axes that are turned from the link's."""
 
     mass: float
-    centre: FloatArray
-    axes: FloatArray
-    tensor: FloatArray
+    centre: FloatArray  # (3,)
+    axes: FloatArray  # (3, 3)
+    tensor: FloatArray  # (3, 3)
 
     @property
     def P(self) -> FloatArray:  # noqa: N802

@@ -97,7 +97,15 @@ def regressor_code(
             "the name of C functions must be letters and digits with single _ between them, not "
             f"{chosen!r}"
         )
-    fields = _fields(model, chosen) | _value_fields(model, chosen, values)
+    fields = _fields(model, chosen)
+    if values is not None:
+        phi, count = finite(values, "base parameters"), len(model.parameters)
+        if phi.shape != (count,):
+            raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
+        declared = f"const double {chosen}_values[{chosen.upper()}_PARAMETERS]"
+        listed = ",\n    ".join(map(repr, phi.tolist()))
+        fields["VALUES_DECLARATION"] = f"/* Identified values of phi. */\nextern {declared};\n"
+        fields["VALUES"] = f"{declared} = {{\n    {listed}}};\n"
     loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
     parts = (_filled(template, fields) for template in ("regressor.c", loops))
     functions = c_functions(model, f"{chosen}_casadi")
@@ -260,20 +268,8 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "VELOCITY_NAMES": _strings(mechanism.coordinates),
         "ROW_NAMES": _strings(mechanism.independent),
         "PARAMETER_NAMES": _strings(model.parameters.labels),
-    }
-
-
-def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
-    if values is None:
-        return {"VALUES": "", "VALUES_DECLARATION": ""}
-    phi, count = finite(values, "base parameters"), len(model.parameters)
-    if phi.shape != (count,):
-        raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
-    declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
-    listed = ",\n    ".join(repr(float(value)) for value in phi)
-    return {
-        "VALUES_DECLARATION": f"/* Identified values of phi. */\nextern {declared};\n",
-        "VALUES": f"{declared} = {{\n    {listed}}};\n",
+        "VALUES": "",
+        "VALUES_DECLARATION": "",
     }
 
 
