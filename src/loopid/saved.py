@@ -505,7 +505,8 @@ class SavedFit(_Record):
             for part in ("configuration", "velocity", "acceleration", "force")
         )
         residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
-        if residual.max(initial=0.0) > SAME_ROBOT * mechanism.length + 2 * mechanism.closure_gap:
+        most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
+        if residual.max(initial=0.0) > most:
             k = int(residual.argmax())
             yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
         apart = np.abs(self._forces(mechanism, q, v, a) - force).max(axis=0)

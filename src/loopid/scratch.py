@@ -15,7 +15,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loopid.arrays import BoolArray, IntArray, all_measurable, finite, frozen, samples
+from loopid.arrays import IntArray, all_measurable, finite, frozen, samples
 
 # Rows that are in memory at a time.
 BLOCK_ROWS = 4096
@@ -66,12 +66,6 @@ def spooled(blocks: Iterable[NDArray[Any]]) -> NDArray[Any]:
 def mapped_rows(function: Callable[[slice], NDArray[Any]], count: int) -> NDArray[Any]:
     """What a function makes of each block of rows, spooled."""
     return spooled(function(rows) for rows in row_blocks(count))
-
-
-def rows_where(function: Callable[[slice], BoolArray], count: int) -> IntArray:
-    """Numbers of the rows that a function of blocks of rows flags."""
-    found = [np.flatnonzero(function(rows)) + rows.start for rows in row_blocks(count)]
-    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
 
 
 def picked(array: NDArray[Any], rows: IntArray) -> NDArray[Any]:

@@ -9,10 +9,8 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import closed_motion
-from loopid.kinematics.measured_joints import JointCoordinates
-from loopid.regressors import JointTerms, motion_regressor
-from loopid.regressors.parts import standard_values
+from loopid.kinematics import JointCoordinates, closed_motion
+from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
 from loopid.seeds import random_generator

@@ -15,7 +15,6 @@ import pytest
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from loopid import (
     BaseParameters,
-    ForceModel,
     JointTerms,
     Mechanism,
     find_force_model,
@@ -23,11 +22,10 @@ from loopid import (
     random_configurations,
 )
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
+from loopid.experiment import ForceModel
 from loopid.export import compile_regressor, export_regressor, regressor_code
 from loopid.export.codegen.source import NUMBERS
-from loopid.kinematics import closed_motion, constraint_residual
-from loopid.kinematics.nearby import nearby_configurations
-from loopid.kinematics.scaling import row_scales
+from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
 from loopid.regressors import motion_parameters, motion_regressor
 from loopid.robot import Body
 
@@ -148,7 +146,7 @@ def test_every_kind_of_closure(compiled, tmp_path, kind):
     # Open closures are measured in the same units.
     mechanism = found.mechanism
     q = mechanism.reference + np.random.default_rng(0).uniform(-0.2, 0.2, (5, mechanism.model.nq))
-    gaps = np.abs(constraint_residual(mechanism, q) * row_scales(mechanism)).max(axis=1)
+    gaps = np.abs(constraint_residual(mechanism, q) * mechanism.row_scales).max(axis=1)
     np.testing.assert_allclose(compiled(found).closure_residuals(q), gaps, rtol=1e-9)
 
 

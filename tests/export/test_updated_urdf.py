@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from feasible_changes import changed, forces, forces_of_file, pseudo, relative, standard
+from feasible_changes import changed, forces, forces_of_file, pseudo, relative, solid, standard
 
 from closure_robots import body, frame, joint, urdf
 from loopid import JointTerms, bundled_robots, load_mechanism

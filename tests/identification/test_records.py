@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from loopid import Parameter, ParameterSet
+from loopid import ParameterSet
 from loopid.identification import FitSamples, WeightedLeastSquares, quiet_fit
+from loopid.parameters import Parameter
 from smooth_data import autoregressive, smooth_regressor
 
 NAMES = ParameterSet(

@@ -11,8 +11,7 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import Mobility, mobility, singularity_measure
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY, Mobility, mobility, singularity_measure
 from loopid.loading.tree import TreeSource
 from loopid.robot import Mechanism, inertia_defects, unequal_links
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from loopid.loading.closure_description import ClosureDescription, FrameKind, canonical_kind
+from loopid.loading.closure_description import ClosureDescription, FrameKind
 from loopid.loading.yaml_files import Section, read_yaml
 
 JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
@@ -47,7 +47,7 @@ class Description(Section):
     floating_base: bool = False
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[Annotated[FrameKind, BeforeValidator(canonical_kind)]] = Field(default=[])
+    type: list[FrameKind] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
     joint_type: list[Annotated[JointType, BeforeValidator(_without_cardan)]] = Field(default=[])

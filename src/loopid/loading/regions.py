@@ -21,8 +21,7 @@ from loopid.loading.files import find_files
 from loopid.loading.urdf import placement
 from loopid.loading.urdf_file import Element, label, naming, numbers, parse_xml, required
 from loopid.regions import Region, cube_directions
-from loopid.robot import Mechanism
-from loopid.robot.identical import in_groups
+from loopid.robot import Mechanism, in_groups
 
 SHAPES = ("box", "cylinder", "sphere", "capsule", "mesh")
 SIDES = 16  # of the prism that stands for a cylinder, its edges on the cylinder

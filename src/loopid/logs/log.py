@@ -28,8 +28,7 @@ from loopid.logs.formats import (
 )
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
 from loopid.logs.streams import Dropped, Stream, make_stream
-from loopid.robot import Mechanism
-from loopid.robot.locking import lock_options
+from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
 # The first that accepts a path reads it.

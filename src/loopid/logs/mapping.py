@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-import polars
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import checked
@@ -16,6 +15,9 @@ from loopid.arrays import IntArray
 from loopid.errors import LogError, MissingFileError, OptionError
 from loopid.loading import Section, first_problem, read_yaml
 from loopid.logs.formats import NO_STAMP, UNITS, LogFormat, stamps_in
+
+if TYPE_CHECKING:
+    import polars
 
 # Names that are known without a mapping, whatever their case: of the time,
 TIME_PAIRS = (("time_sec", "time_nanosec"), ("sec", "nanosec"), ("secs", "nsecs"))

@@ -10,11 +10,15 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import (
+    DEFAULT_MARGIN,
+    assemble,
+    closed_motion,
+    platform_motion,
+    singularity_measure,
+)
 from loopid.parameters import html_table
-from loopid.robot import Mechanism
-from loopid.robot.locking import lock_options
+from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
 

@@ -24,7 +24,7 @@ from loopid.arrays import FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError
 from loopid.experiment import ForceModel
 from loopid.files import write_files
-from loopid.kinematics.projected_blocks import Partition
+from loopid.kinematics import partition
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
@@ -242,7 +242,8 @@ def _filled(template: str, fields: dict[str, str]) -> str:
 
 def _fields(model: ForceModel, name: str) -> dict[str, str]:
     """Dimensions, tolerances and names that the templates are filled with."""
-    mechanism, parts = model.mechanism, Partition(model.mechanism)
+    mechanism = model.mechanism
+    chosen, dependent = partition(mechanism)
     columns = zip(model.parameters, model.base.expressions, strict=True)
     joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
     # A joint's name where it has one position, else numbered from 0.
@@ -255,10 +256,10 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "VERSION": version("loopid"),
         "NQ": str(mechanism.model.nq),
         "NV": str(mechanism.model.nv),
-        "NV_ALL": str(len(parts.dependent) + len(parts.chosen)),
-        "DOF": str(len(parts.chosen)),
+        "NV_ALL": str(len(dependent) + len(chosen)),
+        "DOF": str(len(chosen)),
         "ROWS": str(mechanism.rows),
-        "DEPENDENT": str(len(parts.dependent)),
+        "DEPENDENT": str(len(dependent)),
         "PARAMETERS": str(len(model.parameters)),
         "SINGULAR": repr(SINGULAR),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
