@@ -1,4 +1,4 @@
-"""The prior: what is refused body by body, and mended only on request."""
+"""The prior: what is refused body by body, and repaired only on request."""
 
 import numpy as np
 import pytest
