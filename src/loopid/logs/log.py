@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,9 @@ class Log:
         time = finite_rows(self.time, "time")
         if time.ndim != 1 or not len(time) or (np.diff(time) <= 0).any():
             raise DataError("the time of a log must be a row of increasing numbers")
-        numbers = finite(self.stretches, "stretches")
+        numbers: Any = self.stretches
+        if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu":
+            numbers = finite(numbers, "stretches")
         if numbers.shape != time.shape or (np.diff(numbers) < 0).any():
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
         object.__setattr__(self, "time", kept(time))
