@@ -142,7 +142,9 @@ class SavedConsistency(_Record):
     feasible: bool
     fit_cost: FitCost
     bodies: tuple[str, ...]
-    margins: Annotated[FloatArray, PlainValidator(frozen)]  # NaN of massless bodies
+    margins: Annotated[
+        FloatArray, PlainValidator(lambda given: frozen(given))
+    ]  # NaN of massless bodies
     boundary: tuple[str, ...]
     repaired: tuple[str, ...]
     regularisation: str
