@@ -123,9 +123,13 @@ class ParameterSet:
 
 
 def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
-    """A table for notebooks."""
+    """A table for notebooks, numbers with a fraction to four digits."""
+
+    def text(cell: object) -> str:
+        return escape(f"{cell:.4g}" if isinstance(cell, float) else str(cell))
+
     lines = [
-        "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+        "<tr>" + "".join(f"<{tag}>{text(cell)}</{tag}>" for cell in cells) + "</tr>"
         for tag, cells in [("th", head), *(("td", row) for row in rows)]
     ]
     return "<table>\n" + "\n".join(lines) + "\n</table>"
