@@ -124,7 +124,15 @@ def simulate_measurement(
     """
     values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
-        values.append(_joint_values(mechanism, joint_terms, joint_values))
+        if joint_terms is None or joint_values is None:
+            raise OptionError("joint_terms and joint_values go together: give both or neither")
+        names = joint_terms.parameters(mechanism)
+        values.append(finite(joint_values, "joint values"))
+        if values[-1].shape != (len(names),):
+            raise DataError(
+                f"joint values must have shape ({len(names)},), one each for "
+                f"{', '.join(names.labels)}, not {values[-1].shape}"
+            )
     force = _motor_forces(mechanism, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
@@ -161,17 +169,3 @@ def _motor_forces(
             "for forces there: take accelerations from forward_dynamics"
         )
     return np.asarray(force, dtype=np.float64)
-
-
-def _joint_values(
-    mechanism: Mechanism, terms: JointTerms | None, values: FloatArray | None
-) -> FloatArray:
-    if terms is None or values is None:
-        raise OptionError("joint_terms and joint_values go together: give both or neither")
-    phi, names = finite(values, "joint values"), terms.parameters(mechanism)
-    if phi.shape != (len(names),):
-        raise DataError(
-            f"joint values must have shape ({len(names)},), one each for "
-            f"{', '.join(names.labels)}, not {phi.shape}"
-        )
-    return phi
