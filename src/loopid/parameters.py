@@ -75,7 +75,23 @@ class Parameter:
 @checked_fields
 @dataclass(frozen=True)
 class ParameterSet:
-    """An ordered set of parameters: the names of a regressor's columns."""
+    """An ordered set of parameters: the names of a regressor's columns.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+
+    Raises
+    ------
+    OptionError
+        When a label is repeated.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.load_mechanism("five_bar").parameters("gravity").select([0, 1]).labels
+    ('left_crank.m', 'left_crank.mx')
+    """
 
     parameters: tuple[Parameter, ...]
 

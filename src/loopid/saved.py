@@ -51,6 +51,7 @@ SAME_ROBOT = 1e-6
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
+Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
 
 class _Record(BaseModel):
@@ -142,7 +143,7 @@ class SavedConsistency(_Record):
     feasible: bool
     fit_cost: FitCost
     bodies: tuple[str, ...]
-    margins: Annotated[FloatArray, PlainValidator(frozen)]  # NaN of massless bodies
+    margins: Column
     boundary: tuple[str, ...]
     repaired: tuple[str, ...]
     regularisation: str

@@ -143,6 +143,15 @@ class FitSamples(ComparedByFields):
         known to be zero; by default 0.
     instruments : FloatArray or None
         (N, dof, n), the regressor of a motion whose errors are independent of the measured one's.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(50, 1, 2))
+    >>> samples = loopid.FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> len(samples), bool(abs(samples.residual([2.0, 0.5])).max() < 1e-12)
+    (50, True)
     """
 
     parameters: ParameterSet
