@@ -19,8 +19,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import ClosureWarning, RobotFileError
-from loopid.loading.urdf import read_urdf
-from loopid.loading.urdf_file import DECIMALS, STEP, exact_angle, read_urdf_file
+from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
 
 # Its links have no names: refused by all.
 NAMELESS = "ur3.urdf"

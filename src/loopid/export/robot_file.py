@@ -9,7 +9,7 @@ from loopid.arrays import FloatArray
 from loopid.errors import OptionError, OutputError
 from loopid.export.urdf import updated_urdf
 from loopid.files import write_file
-from loopid.loading.files import MJCF, find_files
+from loopid.loading.description import MJCF, find_files
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 

@@ -15,7 +15,7 @@ from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
 from loopid.loading import read_urdf_file
-from loopid.loading.urdf_file import MOMENTS
+from loopid.loading.urdf import MOMENTS
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 

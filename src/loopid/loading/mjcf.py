@@ -94,15 +94,16 @@ class Names:
 
     Attributes
     ----------
+    taken : set of str
+        Names of links, joints and frames that are in use.
     bodies, joints : tuple of str
         Unique: unnamed bodies are called ``<parent>_body`` and unnamed joints ``<body>_hinge``,
         ``_slide``, ``_ball`` or ``_free``.
     sites, equalities, tendons, actuators, keys : tuple of str
         As in the file: empty where it names none.
-    taken : set of str
-        Names of links, joints and frames that are in use.
     """
 
+    taken: set[str]
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
     sites: tuple[str, ...]
@@ -110,7 +111,6 @@ class Names:
     tendons: tuple[str, ...]
     actuators: tuple[str, ...]
     keys: tuple[str, ...]
-    taken: set[str]
 
     def fresh(self, wanted: str) -> str:
         """Take the name that is wanted, or the first numbered one that is not in use."""
@@ -184,7 +184,7 @@ def read_names(compiled: mujoco.MjModel) -> Names:
         if joints[joint] in ("", "universe"):
             kind = JOINT_KINDS[int(compiled.jnt_type[joint])]
             joints[joint] = _fresh(taken, f"{bodies[body]}_{kind}")
-    return Names(tuple(bodies), tuple(joints), *map(tuple, others), taken)
+    return Names(taken, *map(tuple, (bodies, joints, *others)))
 
 
 def _text(compiled: mujoco.MjModel, address: int) -> str:
