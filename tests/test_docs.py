@@ -50,6 +50,7 @@ def test_the_commands_of_a_page_exist_with_their_options(page, words):
     assert given <= options, f"{page}: loopid {' '.join(words)}"
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_has_an_example_that_runs(name):
     found = [

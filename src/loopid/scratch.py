@@ -111,12 +111,11 @@ class Spool:
 
 def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """As ``frozen``, but without copying what lies in a file."""
-    if not isinstance(array, np.ndarray) or not _is_spooled(array, dtype):
+    if not _is_spooled(array, dtype):
         return frozen(array, dtype)
-    if array.flags.writeable:
-        array = array.view()
-        array.setflags(write=False)
-    return array
+    view = np.asarray(array).view()
+    view.setflags(write=False)
+    return view
 
 
 def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -135,10 +134,7 @@ def sample_rows(array: ArrayLike, width: int, name: str, count: int) -> NDArray[
     if not _is_spooled(array, np.float64):
         return samples(array, width, name, count)
     values = finite_rows(array, name)
-    samples(values[:1], width, name)
-    if len(values) != count:
-        samples(values, width, name, count)
-    return values
+    return values if values.shape == (count, width) else samples(values, width, name, count)
 
 
 def _is_spooled(array: ArrayLike, dtype: Any) -> bool:

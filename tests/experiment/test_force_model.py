@@ -20,11 +20,11 @@ from loopid.identification import (
 )
 from loopid.kinematics import random_motions
 from loopid.logs import Recording
-from loopid.regressors import JOINT_KINDS, motion_parameters
+from loopid.regressors import JOINT_TERMS, motion_parameters
 from loopid.trajectories import JointMotion
 from made_runs import record, wander
 
-KINDS = tuple(JOINT_KINDS)
+KINDS = tuple(JOINT_TERMS)
 
 
 def random_motion(robot, count, seed):

@@ -81,7 +81,7 @@ def test_mobility_is_as_counted_by_hand(name, shared):
 @pytest.mark.parametrize("name", ROWS)
 def test_all_poses_are_closed(name, shared):
     robot, _ = load(path(shared, name))
-    assert robot.closure_gap == 0.0
+    assert robot.closure_residual == 0.0
     data = robot.model.createData()
     for q in (robot.reference, *random_configurations(robot, 6, seed=5)):
         pin.framesForwardKinematics(robot.model, data, q)

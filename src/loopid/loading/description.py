@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading.closure_description import ClosureDescription, FrameKind, canonical_kind
+from loopid.loading.closure_description import ClosureDescription, FrameKind
 from loopid.loading.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")
@@ -53,7 +53,7 @@ class Description(Section):
     floating_base: bool = False
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[Annotated[FrameKind, BeforeValidator(canonical_kind)]] = Field(default=[])
+    type: list[FrameKind] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
     joint_type: list[JointType] = Field(default=[])

@@ -21,8 +21,7 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import mobility, singularity_measure
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
 from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
 from loopid.loading.description import Description, RobotFiles, find_files, merged
 from loopid.loading.reference import close_reference, joint_named, read_joint, written_reference

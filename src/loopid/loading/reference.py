@@ -18,13 +18,18 @@ from loopid.errors import (
     RobotFileError,
     warn,
 )
-from loopid.kinematics import scaled_constraint, singularity_measure
-from loopid.kinematics.closing import close_by_continuation, close_loops, constraint_gap
-from loopid.kinematics.frames import integrate
-from loopid.kinematics.independent import independent_coordinates
-from loopid.kinematics.nearby import nearby_configurations
-from loopid.kinematics.path_following import CLOSURE_TOLERANCE
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import (
+    CLOSURE_TOLERANCE,
+    NEAR_SINGULARITY,
+    close_by_continuation,
+    close_loops,
+    independent_coordinates,
+    integrate,
+    largest_residual,
+    nearby_configurations,
+    scaled_constraint,
+    singularity_measure,
+)
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
@@ -138,11 +143,11 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
-    outside, gap = _outside(chosen[0]), chosen[0].closure_gap
+    outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
-    if gap:
-        text = f"the loops close to {gap:.1e} m only: its numbers are rounded"
+    if left:
+        text = f"the loops close to {left:.1e} m only: its numbers are rounded"
         warn(f"{mechanism.path}: {text}", ClosureWarning)
     return chosen
 
@@ -193,7 +198,7 @@ def _scattered(
 
 def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
-    gap = float(constraint_gap(mechanism, q[None])[0])
+    residual = float(largest_residual(mechanism, q[None])[0])
     around = nearby_configurations(mechanism, q)
     try:
         chosen = independent_coordinates(mechanism, around)
@@ -203,7 +208,7 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     closed = replace(
         mechanism,
         reference=q,
-        closure_gap=gap if gap > CLOSURE_TOLERANCE else 0.0,
+        closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )

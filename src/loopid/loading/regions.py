@@ -28,8 +28,7 @@ from loopid.loading.urdf import (
     required,
 )
 from loopid.regions import Region, cube_directions
-from loopid.robot import Mechanism
-from loopid.robot.identical import in_groups
+from loopid.robot import Mechanism, in_groups
 
 SHAPES = ("box", "cylinder", "sphere", "capsule", "mesh")
 SIDES = 16  # of the prism that stands for a cylinder, its edges on the cylinder
