@@ -12,7 +12,7 @@ from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
-from loopid.loading.mjcf_file import compile_mjcf, read_names
+from loopid.loading.mjcf import compile_mjcf, read_names
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 

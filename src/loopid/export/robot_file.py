@@ -17,8 +17,8 @@ from loopid.export.inertials import Inertial, require_faithful, updated_inertial
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
 from loopid.files import write_file
 from loopid.loading import read_urdf_file
-from loopid.loading.files import MJCF, find_files
-from loopid.loading.urdf_file import MOMENTS
+from loopid.loading.description import MJCF, find_files
+from loopid.loading.urdf import MOMENTS
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
