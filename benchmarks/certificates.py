@@ -42,6 +42,7 @@ GROUPS = {
     "gravity": ("gravity",),
 }
 THREADS = "OPENBLAS_NUM_THREADS"
+SOON = 10.0  # s, the default time limit of exact search
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ def main() -> None:
     if not wanted:
         raise SystemExit(f"no robot is called {arguments.only}")
     rows = list(_reported(results(wanted, arguments.jobs), len(wanted)))
-    solved = [row for row in rows if "reason" not in row]
-    refused = [row for row in rows if "reason" in row]
+    solved = [row for row in rows if "refused" not in row]
+    refused = [row for row in rows if "refused" in row]
     summary = [_summary(group, solved, refused) for group in GROUPS]
     summary = [row for row in summary if row["robots"] or row["refused"]]
     title = f"exact search, {arguments.criterion}, {arguments.time_limit:g} s at most"
@@ -113,7 +114,7 @@ def solve(case: Case) -> dict[str, Any]:
         structure = analyse(structural_observation(mechanism, case.model))
     except LoopidError as error:
         reason, _, _ = str(error).removeprefix(f"{case.path}: ").partition(": choose")
-        return {"name": case.name, "group": case.group, "reason": reason}
+        return {"name": case.name, "group": case.group, "refused": reason}
     problem = ChoiceProblem(structure, case.criterion)
     result = ExactSearch(time_limit=case.time_limit).search(problem)
     return {"name": case.name, "group": case.group, **_figures(structure, result)}
@@ -130,6 +131,7 @@ def _figures(structure: Structure, result: SearchResult) -> dict[str, Any]:
         "log10_combinations": log10(result.candidates),
         "condition_number": result.condition_number,
         "certified": result.certified,
+        "reason": result.reason,
         "gap": result.gap,
         "nodes": result.nodes,
         "seconds": result.seconds,
@@ -145,7 +147,7 @@ def _blocks(structure: Structure) -> Iterator[tuple[np.ndarray, int]]:
 
 def _reported(rows: Iterable[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
     for number, row in enumerate(rows, start=1):
-        how = "refused" if "reason" in row else f"{row['seconds']:.2f} s, gap {row['gap']:.4g}"
+        how = "refused" if "refused" in row else f"{row['seconds']:.2f} s, gap {row['gap']:.4g}"
         print(f"{number}/{total} {row['name']} {row['group']}: {how}", flush=True)
         yield row
 
@@ -158,6 +160,9 @@ def _summary(
     return {
         "group": group,
         "robots": len(rows),
+        f"certified_in_{SOON:g}_s": sum(
+            row["certified"] and row["seconds"] <= SOON for row in rows
+        ),
         "certified": certified,
         "percent": 100.0 * certified / len(rows) if rows else nan,
         "worst_gap": max((row["gap"] for row in rows), default=nan),

@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 
 from example_robots import robots_folder
-from loopid import ForceModel, JointTerms, find_force_model, load_mechanism, random_configurations
+from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
+from loopid.experiment import ForceModel
 from loopid.export import CompiledRegressor, compile_regressor, regressor_code
-from loopid.export.codegen.compiled import NUMBERS
+from loopid.export.codegen.source import NUMBERS
 from loopid.kinematics import ClosedMotion, closed_motion
 from loopid.regressors import motion_regressor
 from loopid.threads import one_blas_thread

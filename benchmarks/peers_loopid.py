@@ -11,7 +11,6 @@ from loopid import (
     ExactSearch,
     Mechanism,
     Observation,
-    Parameter,
     ParameterSet,
     find_base_parameters,
     load_mechanism,
@@ -19,6 +18,7 @@ from loopid import (
 )
 from loopid.base_parameters import BaseParameters
 from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.parameters import Parameter
 from loopid.triangular import triangular_factor
 from measuring import Phases, States, answer, peak_megabytes
 

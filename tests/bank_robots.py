@@ -10,7 +10,7 @@ import numpy as np
 
 from bank_doc import table
 from loopid import load_mechanism, random_configurations
-from loopid.base_parameters.structure import analyse
+from loopid.base_parameters import analyse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor

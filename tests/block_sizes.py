@@ -3,10 +3,7 @@
 import pytest
 
 import loopid.logs.formats
-import loopid.order_statistics
 import loopid.scratch
-
-MODULES = (loopid.scratch, loopid.order_statistics)
 
 
 @pytest.fixture
@@ -14,8 +11,7 @@ def set_block_rows(monkeypatch):
     """Set how many rows a block has, and keep nothing larger in memory."""
 
     def set_them(rows):
-        for module in MODULES:
-            monkeypatch.setattr(module, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(loopid.scratch, "BLOCK_ROWS", rows)
         monkeypatch.setattr(loopid.scratch, "SPOOLED_BYTES", 0)
         monkeypatch.setattr(loopid.logs.formats, "BATCH_ROWS", rows)
         monkeypatch.setattr(loopid.logs.formats, "BATCH_BYTES", 100 * rows)

@@ -17,7 +17,6 @@ STREET = (
     "scratch",
     "files",
     "triangular",
-    "order_statistics",
     "parameters",
     "pseudo_inertia",
     "lengths",

@@ -78,12 +78,6 @@ def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
     assert contents(tmp_path) == {}
 
 
-def test_the_reason_of_a_failure_is_told(tmp_path, monkeypatch):
-    fail_at(monkeypatch, "fsync", 1, OSError(28, "No space left on device"))
-    with pytest.raises(OutputError, match=f"cannot write to {tmp_path}.*No space left on device"):
-        write_file(tmp_path / "page.md", "text")
-
-
 def test_a_folder_that_refuses_files_is_named(tmp_path, monkeypatch):
     denied = PermissionError(13, "Permission denied", str(tmp_path / "draft"))
     fail_at(monkeypatch, "open", 1, denied)
@@ -136,16 +130,6 @@ def test_permissions_are_those_that_the_umask_leaves(tmp_path, umask, mask):
     modes = {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
     assert modes == {0o666 & ~mask}
     assert umask(mask) == mask
-
-
-def test_a_single_file_is_written_into_a_new_folder(tmp_path):
-    write_file(tmp_path / "results" / "fit.json", '{"µ": 1}\n')
-    assert contents(tmp_path / "results") == {"fit.json": '{"µ": 1}\n'.encode()}
-
-
-def test_nothing_to_write_makes_the_folder_alone(tmp_path):
-    assert write_files(tmp_path / "empty", {}) == []
-    assert contents(tmp_path / "empty") == {}
 
 
 def test_a_folder_that_cannot_be_is_refused_before_the_work(tmp_path):

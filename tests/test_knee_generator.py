@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
@@ -63,6 +63,7 @@ def test_every_configuration_closes_at_its_home(robot, configuration, table, wri
     assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
 
 
+@settings(max_examples=30)
 @given(geometry=geometries, pose=poses)
 def test_closed_form_inverse_kinematics_is_assembly(generator, table, write_robot, geometry, pose):
     mechanism = load_mechanism(write_robot(geometry, table["3ups_rpu"]))

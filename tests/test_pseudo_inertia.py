@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.consistency import pseudo_inertia
-from loopid.consistency.whitening import matrix, vector
+from loopid.consistency.program import matrix, vector
 from loopid.pseudo_inertia import parameters_of, upper_factor
 
 seeds = st.integers(0, 2**32 - 1)

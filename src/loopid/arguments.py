@@ -63,4 +63,6 @@ def _sentence(error: ValidationError, names: list[str]) -> str:
 
 
 def _valid(message: str) -> str:
-    return message.partition(",")[0].removeprefix("Input should be ")
+    return (
+        message.partition(",")[0].removeprefix("Input should be ").replace("a dictionary or ", "")
+    )

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import SkipValidation
+from pydantic import BeforeValidator, Field, SkipValidation
 
 from loopid.errors import DataError
 
@@ -17,6 +17,10 @@ from loopid.errors import DataError
 FloatArray = Annotated[NDArray[np.float64], SkipValidation]
 IntArray = Annotated[NDArray[np.int64], SkipValidation]
 BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
+# A field that need not be finite; null in files where it is not.
+Number = Annotated[
+    float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)
+]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 # Of any number that is taken: no product of a few such numbers overflows.

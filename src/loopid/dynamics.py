@@ -18,8 +18,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import SingularityError
 from loopid.kinematics import ClosedMotion, Factorisation, closed_motion
-from loopid.regressors import motion_regressor, tree_regressor
-from loopid.regressors.parts import standard_values
+from loopid.regressors import motion_regressor, standard_values, tree_regressor
 from loopid.robot import Mechanism
 
 # Inertias below this fraction of the robot's largest are round-off.
@@ -60,6 +59,16 @@ def forward_dynamics(
     ------
     SingularityError
         Where the motors do not determine the motion, or a force acts where no mass resists.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> K, masses = loopid.gravity_regressor(robot, robot.reference), robot.standard_parameters
+    >>> forces = K @ masses("gravity")  # that hold it
+    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces)
+    >>> bool(np.abs(motion.accelerations).max() < 1e-9)
+    True
     """
     pi = standard_values(mechanism, standard_parameters)
     q = samples(configurations, mechanism.model.nq, "configurations")
@@ -77,12 +86,10 @@ def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -
     G, q = motion.projection.G, motion.configurations
     still = np.zeros(G.shape[:2])
     gravity = tree_regressor(mechanism, q) @ pi
-    columns = [tree_regressor(mechanism, q, still, column) @ pi - gravity for column in _last(G)]
+    columns = [
+        tree_regressor(mechanism, q, still, G[:, :, k]) @ pi - gravity for k in range(G.shape[2])
+    ]
     return motion.projected(np.stack(columns, axis=2))
-
-
-def _last(matrices: FloatArray) -> FloatArray:
-    return np.moveaxis(matrices, 2, 0)
 
 
 def _motor_forces(mechanism: Mechanism, motion: ClosedMotion, forces: FloatArray) -> FloatArray:

@@ -13,7 +13,17 @@ def one_line(text: str) -> str:
 
 
 class LoopidError(Exception):
-    """Root of every error that loopid raises on purpose."""
+    """Root of every error that loopid raises on purpose.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> try:
+    ...     loopid.load_mechanism("six_bar.urdf")
+    ... except loopid.LoopidError as error:
+    ...     print(str(error)[:28])
+    six_bar.urdf does not exist,
+    """
 
     def __str__(self) -> str:
         return one_line(super().__str__())

@@ -33,22 +33,15 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     Each is written beside its place and moved there once all are complete, so that a stop in the
     middle leaves the old files as they were.
 
-    Parameters
-    ----------
-    folder : path
-    contents : mapping
-        From file names, without folders, to what they hold.
-
-    Raises
-    ------
-    OutputError
-        When the folder or a file cannot be written.
+    Names are without folders. An OutputError says why the folder or a file cannot be written.
     """
     directory, waiting = Path(folder), dict[Path, Path]()
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for name in contents:
-            _refuse_folder(directory / name)
+            # Known beforehand, lest some files be replaced and others not.
+            if (directory / name).is_dir():
+                raise IsADirectoryError(EISDIR, "it is a folder", str(directory / name))
         for name, content in contents.items():
             waiting[directory / name] = _write_beside(directory / name, content)
         for place, draft in waiting.items():
@@ -65,15 +58,10 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
 
 
 def require_folder(folder: str | Path) -> None:
-    """Refuse a folder that cannot be written to before the work whose results it is for.
-
-    Raises
-    ------
-    OutputError
-        Naming what is in the way.
-    """
+    """Refuse a folder that cannot be written to before the work whose results it is for."""
     place = Path(folder).absolute()
-    existing = next(path for path in (place, *place.parents) if _exists(path))
+    there = ("", "is a folder", "is no regular file")
+    existing = next(path for path in (place, *place.parents) if why_no_file(path) in there)
     if not existing.is_dir():
         raise OutputError(f"cannot write to {folder}: {existing} is not a folder")
     if not os.access(existing, os.W_OK):
@@ -83,16 +71,6 @@ def require_folder(folder: str | Path) -> None:
 def write_file(path: str | Path, content: bytes | str) -> None:
     """Write one file whole or not at all; see ``write_files``."""
     write_files(Path(path).parent, {Path(path).name: content})
-
-
-def _exists(path: Path) -> bool:
-    return why_no_file(path) in ("", "is a folder", "is no regular file")
-
-
-def _refuse_folder(place: Path) -> None:
-    # Known beforehand, lest some files be replaced and others not.
-    if place.is_dir():
-        raise IsADirectoryError(EISDIR, "it is a folder", str(place))
 
 
 def _write_beside(place: Path, content: bytes | str) -> Path:

@@ -16,12 +16,12 @@ from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.scratch import row_blocks
-from loopid.triangular import RowFactors, triangular_factor
+from loopid.triangular import add_rows, triangular_factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Observation:
-    """Stacked rows of a regressor.
+    """Stacked rows of a regressor W, reduced to R of W = Q R.
 
     Attributes
     ----------
@@ -38,6 +38,14 @@ class Observation:
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> observed = loopid.Observation.from_matrix(np.eye(5, 2), names)
+    >>> observed.rows, observed.factor.shape
+    (5, (2, 2))
     """
 
     parameters: ParameterSet
@@ -52,6 +60,10 @@ class Observation:
             raise DataError(f"length must be above 0 m, not {self.length}")
         if not 0 <= self.natural_size < np.inf:
             raise DataError(f"natural_size must be a number from 0 on, not {self.natural_size}")
+
+    def __repr__(self) -> str:
+        kept = "" if self.matrix is None else ", with its matrix"
+        return f"Observation of {len(self.parameters)} parameters, {self.rows} rows{kept}"
 
     @classmethod
     @checked
@@ -93,18 +105,26 @@ class Observation:
 
         As ``from_matrix``, for an iterable of matrices.
         """
-        reduced, kept = RowFactors(len(parameters)), []
+        n, rows, kept = len(parameters), 0, []
+        # The row of a joint has columns of those bodies only that move with it: in a tree, few of
+        # all. So each of the dof rows of a sample is reduced on its own, and all at the end.
+        factors = np.zeros((0, n, n))
         for part in parts:
-            W = _samples(part, len(parameters))
+            W = _samples(part, n)
+            dof = W.shape[1]
+            if dof > len(factors):
+                factors = np.concatenate([factors, np.zeros((dof - len(factors), n, n))])
             for block in row_blocks(len(W)):
-                reduced.add(W[block])
+                add_rows(factors[:dof], W[block].swapaxes(0, 1))
+            rows += len(W) * dof
             if keep_matrix:
-                kept.append(W.reshape(-1, len(parameters)))
-        if reduced.rows == 0:
+                kept.append(W.reshape(-1, n))
+        if rows == 0:
             raise DataError("the observation matrix has no rows")
+        stacked = factors.reshape(-1, n)
+        factor = frozen(triangular_factor(stacked[stacked.any(axis=1)]))
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        factor = frozen(reduced.factor())
-        return cls(parameters, factor, reduced.rows, length, matrix, natural_size)
+        return cls(parameters, factor, rows, length, matrix, natural_size)
 
     @checked
     def merge(self, other: Observation) -> Observation:

@@ -75,7 +75,23 @@ class Parameter:
 @checked_fields
 @dataclass(frozen=True)
 class ParameterSet:
-    """An ordered set of parameters: the names of a regressor's columns."""
+    """An ordered set of parameters: the names of a regressor's columns.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+
+    Raises
+    ------
+    OptionError
+        When a label is repeated.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.load_mechanism("five_bar").parameters("gravity").select([0, 1]).labels
+    ('left_crank.m', 'left_crank.mx')
+    """
 
     parameters: tuple[Parameter, ...]
 
@@ -123,9 +139,13 @@ class ParameterSet:
 
 
 def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
-    """A table for notebooks."""
+    """A table for notebooks, numbers with a fraction to four digits."""
+
+    def text(cell: object) -> str:
+        return escape(f"{cell:.4g}" if isinstance(cell, float) else str(cell))
+
     lines = [
-        "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+        "<tr>" + "".join(f"<{tag}>{text(cell)}</{tag}>" for cell in cells) + "</tr>"
         for tag, cells in [("th", head), *(("td", row) for row in rows)]
     ]
     return "<table>\n" + "\n".join(lines) + "\n</table>"

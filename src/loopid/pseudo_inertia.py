@@ -70,11 +70,6 @@ def inertia_tensor(moments: FloatArray) -> FloatArray:
     return np.asarray(np.trace(moments) * np.eye(3) - moments, dtype=np.float64)
 
 
-def second_moments(tensor: FloatArray) -> FloatArray:
-    """Second moments Σ (3, 3) of an inertia tensor about the same point."""
-    return np.asarray(0.5 * np.trace(tensor) * np.eye(3) - tensor, dtype=np.float64)
-
-
 def upper_factor(P: FloatArray) -> FloatArray:
     """Upper triangular L (..., 4, 4) with positive diagonals and P = L Lᵀ.
 

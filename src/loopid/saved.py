@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from html import escape
 from importlib.metadata import version
@@ -20,30 +21,21 @@ from typing import Annotated, Any, Literal
 from zipfile import BadZipFile
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arrays import FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters, SearchResult, analyse, expression
 from loopid.consistency import ConsistentFit, FitCost, consistent_parameters
 from loopid.errors import DataError, MissingFileError, OptionError
 from loopid.experiment import ForceModel
 from loopid.files import why_no_file, write_file
-from loopid.identification import Estimate, FitResult, NoiseModel, Quality, Robustness
+from loopid.identification import FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics import closed_motion, constraint_residual, random_configurations
 from loopid.loading import find_files
-from loopid.parameters import Parameter, ParameterSet
+from loopid.parameters import Parameter, ParameterSet, html_table
 from loopid.regressors import (
     JointTerms,
     motion_parameters,
@@ -58,28 +50,8 @@ STATES = 3  # of the robot, by which it is known again
 SAME_ROBOT = 1e-6
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
-# Arrays are lists in the file. What is not finite, where it may be, is null.
-Array = Annotated[
-    FloatArray,
-    PlainValidator(lambda given: frozen(finite(given, "numbers"))),
-    PlainSerializer(lambda array: array.tolist()),
-]
-Column = Annotated[
-    FloatArray,
-    PlainValidator(lambda given: frozen(np.array(given, dtype=np.float64))),
-    PlainSerializer(lambda array: np.where(np.isfinite(array), array, None).tolist()),
-]
-Counts = Annotated[
-    IntArray,
-    PlainValidator(lambda given: frozen(given, np.int64)),
-    PlainSerializer(lambda array: array.tolist()),
-]
-Number = Annotated[
-    float,
-    Field(allow_inf_nan=True),
-    BeforeValidator(lambda given: math.nan if given is None else given),
-    PlainSerializer(lambda number: number if math.isfinite(number) else None),
-]
+Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
+Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
 
 class _Record(BaseModel):
@@ -89,6 +61,7 @@ class _Record(BaseModel):
         extra="forbid",
         allow_inf_nan=False,
         from_attributes=True,
+        arbitrary_types_allowed=True,  # arrays: lists in the file
         defer_build=True,  # by the first use: importing loopid does not wait for it
     )
 
@@ -150,33 +123,6 @@ class SavedState(_Record):
     force: Array
 
 
-class SavedQuality(_Record):
-    """As ``Quality``."""
-
-    residual_rms: Column
-    r_squared: Column
-    samples: Counts
-
-
-class SavedNoise(_Record):
-    """As ``NoiseModel``."""
-
-    actuators: tuple[str, ...]
-    coefficients: Column
-    innovation: Column
-    deviation: Column
-    lag_one: Column
-    samples: Counts
-    effective_samples: Column
-
-
-class SavedRobustness(_Record):
-    """As ``Robustness``."""
-
-    scale: Column
-    down_weighted: Column
-
-
 class SavedEstimate(_Record):
     """What a ``FitResult`` has beside values and covariance."""
 
@@ -184,27 +130,18 @@ class SavedEstimate(_Record):
     actuators: tuple[str, ...]
     condition_number: Number
     degrees_of_freedom: Number
-    quality: SavedQuality
+    quality: Quality
     weights: Array
     assumed: tuple[str, ...]
-    noise: SavedNoise | None = None
-    robustness: SavedRobustness | None = None
-
-
-class SavedCost(_Record):
-    """As ``FitCost``."""
-
-    actuators: tuple[str, ...]
-    unconstrained: Column
-    constrained: Column
-    total: Number
+    noise: NoiseModel | None = None
+    robustness: Robustness | None = None
 
 
 class SavedConsistency(_Record):
     """What a ``ConsistentFit`` has beside values."""
 
     feasible: bool
-    fit_cost: SavedCost
+    fit_cost: FitCost
     bodies: tuple[str, ...]
     margins: Column
     boundary: tuple[str, ...]
@@ -257,11 +194,18 @@ class SavedFit(_Record):
         """
         base, mechanism, fitted = model.base, model.mechanism, model.parameters
         covariance = None
-        estimates: Sequence[Estimate | None] = [None] * len(base)
+        errors: Sequence[dict[str, Any]] = [{}] * len(base)
         standard: Sequence[float | None] = [None] * len(base.parameters)
         if isinstance(fit, FitResult):
             fitted, values, covariance = fit.parameters, fit.values, fit.covariance
-            estimates = fit.estimates
+            errors = [
+                {
+                    "standard_error": estimate.standard_error,
+                    "relative_std_percent": estimate.relative_std,
+                    "interval_95_percent": estimate.interval,
+                }
+                for estimate in fit.estimates
+            ]
         elif isinstance(fit, ConsistentFit):
             fitted, values = fit.base_parameters, fit.values
             standard = fit.standard_parameters.tolist()
@@ -272,7 +216,12 @@ class SavedFit(_Record):
                 f"a fit of {len(fitted)} parameters with values {values.shape} is none of the "
                 f"{len(base)} base parameters of the force model"
             )
-        entries = zip(fitted, base.terms, values.tolist(), estimates, strict=True)
+        # Random states, the same for the same robot.
+        q = random_configurations(mechanism, STATES, seed=0)
+        v, a = np.random.default_rng(0).standard_normal((2, STATES, len(mechanism.independent)))
+        force = base.regressor(model.standard_regressor(q, v, a)) @ values
+        states = {"configuration": q, "velocity": v, "acceleration": a, "force": force}
+        entries = zip(fitted, base.terms, values.tolist(), errors, strict=True)
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
@@ -289,12 +238,16 @@ class SavedFit(_Record):
                     "joint_terms": model.joint_terms,
                 },
                 "standard_parameters": tuple(
-                    {"name": parameter.label, "unit": parameter.unit, "value": value}
-                    for parameter, value in zip(base.parameters, standard, strict=True)
+                    {"name": p.label, "unit": p.unit, "value": value}
+                    for p, value in zip(base.parameters, standard, strict=True)
                 ),
-                "base_parameters": tuple(_base_entry(*entry) for entry in entries),
+                "base_parameters": tuple(
+                    {"name": p.label, "unit": p.unit, "expression": expression(terms)}
+                    | {"value": value, "terms": terms, **error}
+                    for p, terms, value, error in entries
+                ),
                 "covariance": covariance,
-                "check": _states(model, values),
+                "check": tuple({k: x[i] for k, x in states.items()} for i in range(STATES)),
                 "estimate": fit if isinstance(fit, FitResult) else None,
                 "consistency": fit if isinstance(fit, ConsistentFit) else None,
             }
@@ -330,13 +283,12 @@ class SavedFit(_Record):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(base.expression)}<td>{base.value:.5g}<td>{base.standard_error:.2g}"
-            f"<td>{escape(base.unit)}"
+        rows = (
+            (base.expression, f"{base.value:.5g}", f"{base.standard_error:.2g}", base.unit)
             for base in self.base_parameters
         )
-        head = "<tr><th>base parameter<th>value<th>standard error<th>unit"
-        return f"<p>{escape(repr(self))}</p><table>{head}{rows}</table>"
+        head = ("base parameter", "value", "standard error", "unit")
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     @property
     def standard(self) -> ParameterSet:
@@ -366,29 +318,20 @@ class SavedFit(_Record):
     def result(self) -> FitResult | ConsistentFit | None:
         """The fit as it was saved; None where only values were."""
         if self.consistency is not None:
-            cost = FitCost(**dict(self.consistency.fit_cost))
             return ConsistentFit(
                 parameters=self.standard,
                 standard_parameters=self._standard_values,
                 base_parameters=self.parameters,
                 values=self.values,
-                **dict(self.consistency) | {"fit_cost": cost},
+                **dict(self.consistency),
             )
         if self.estimate is None or self.covariance is None:
             return None
-        quality, noise, robustness = (
-            None if record is None else kind(**dict(record))
-            for kind, record in (
-                (Quality, self.estimate.quality),
-                (NoiseModel, self.estimate.noise),
-                (Robustness, self.estimate.robustness),
-            )
-        )
         return FitResult(
             parameters=self.parameters,
             values=self.values,
             covariance=self.covariance,
-            **dict(self.estimate) | {"quality": quality, "noise": noise, "robustness": robustness},
+            **dict(self.estimate),
         )
 
     @property
@@ -435,8 +378,7 @@ class SavedFit(_Record):
         DataError
             Naming both robots, and the first thing that differs.
         """
-        difference = self._difference(mechanism)
-        if difference:
+        for difference in self._differences(mechanism):
             raise self._refusal(mechanism, difference)
 
     @checked
@@ -459,9 +401,9 @@ class SavedFit(_Record):
         R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
         errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
         allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
-        worst = int(np.argmax(errors / allowed))
-        if errors[worst] > allowed[worst]:
-            raise self._refusal(mechanism, f"{labels[worst]} has other coefficients there")
+        if (errors > allowed).any():
+            worst = labels[int(np.argmax(errors / allowed))]
+            raise self._refusal(mechanism, f"{worst} has other coefficients there")
         dependent = np.setdiff1d(structure.columns, base)
         chosen = tuple(np.searchsorted(structure.columns, dependent).tolist())
         found = BaseParameters(
@@ -486,7 +428,7 @@ class SavedFit(_Record):
         model : ForceModel
             From ``find_force_model``.
         repair : bool
-            Whether bodies that are not consistent as the robot file has them are repaired first.
+            Whether inconsistent bodies of the robot file are repaired first.
 
         Raises
         ------
@@ -499,26 +441,19 @@ class SavedFit(_Record):
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""
-        return self.model_dump(mode="json", exclude_none=True)
+        record: dict[str, Any] = _plain(self.model_dump())
+        return record
 
     def content(self, path: str | Path) -> bytes | str:
         """The content of a file of that name."""
         ending, record = _ending(path), self.record()
-        if ending == ".npz":
-            return self._archive(record)
         if ending == ".json":
             return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        stream = StringIO()
-        _yaml().dump(record, stream)
-        return stream.getvalue()
-
-    def save(self, path: str | Path) -> Path:
-        """Write to a file, whole or not at all; see ``save_fit``."""
-        write_file(path, self.content(path))
-        return Path(path)
-
-    def _archive(self, record: dict[str, Any]) -> bytes:
-        """Arrays for other programs, and the whole as JSON, which is what is read back."""
+        if ending != ".npz":
+            text = StringIO()
+            _yaml().dump(record, text)
+            return text.getvalue()
+        # Arrays for other programs, and the whole as JSON, which is what is read back.
         arrays: dict[str, Any] = {
             "document": json.dumps(record, allow_nan=False),
             "rows": self.force_model.rows,
@@ -536,21 +471,25 @@ class SavedFit(_Record):
         np.savez(stream, **arrays)
         return stream.getvalue()
 
+    def save(self, path: str | Path) -> Path:
+        """Write to a file, whole or not at all; see ``save_fit``."""
+        write_file(path, self.content(path))
+        return Path(path)
+
     def _forces(
         self, mechanism: Mechanism, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> FloatArray:
         kind, terms = self.force_model.model, self.force_model.joint_terms
         W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, terms)
-        labels = self.standard.labels
-        columns = [labels.index(name) for name in self.parameters.labels]
+        columns = [self.standard.labels.index(name) for name in self.parameters.labels]
         return np.asarray(W[..., columns] @ self.values, dtype=np.float64)
 
-    def _difference(self, mechanism: Mechanism) -> str:
-        """The first thing that makes a mechanism another robot; empty where there is none."""
+    def _differences(self, mechanism: Mechanism) -> Iterator[str]:
+        """What makes a mechanism another robot: only the first counts, the next build on it."""
         kind, terms = self.force_model.model, self.force_model.joint_terms
         missing = set(() if terms is None else terms.joints) - set(mechanism.joints)
         if missing:
-            return f"that has no joint {min(missing)}"
+            yield f"that has no joint {min(missing)}"
         for what, there, here in (
             ("coordinate", mechanism.coordinates, self.robot.coordinates),
             ("row", mechanism.independent, self.force_model.rows),
@@ -558,23 +497,23 @@ class SavedFit(_Record):
         ):
             for one, other in zip_longest(there, here):
                 if one != other:
-                    return f"{what} {other or 'none'} is where that has {one or 'none'}"
+                    yield f"{what} {other or 'none'} is where that has {one or 'none'}"
         gravity = mechanism.model.gravity.linear.tolist()
         if not np.allclose(gravity, self.force_model.gravity, rtol=SAME_ROBOT):
-            return f"gravity is {gravity} m/s² there, not {list(self.force_model.gravity)}"
+            yield f"gravity is {gravity} m/s² there, not {list(self.force_model.gravity)}"
         q, v, a, force = (
             np.array([getattr(state, part) for state in self.check])
             for part in ("configuration", "velocity", "acceleration", "force")
         )
         residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
-        if residual.max(initial=0.0) > SAME_ROBOT * mechanism.length + 2 * mechanism.closure_gap:
+        most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
+        if residual.max(initial=0.0) > most:
             k = int(residual.argmax())
-            return f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
+            yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
         apart = np.abs(self._forces(mechanism, q, v, a) - force).max(axis=0)
         k = int(apart.argmax())
         if apart[k] > SAME_ROBOT * np.abs(force).max():
-            return f"the force along {self.force_model.rows[k]} differs by {apart[k]:.3g} there"
-        return ""
+            yield f"the force along {self.force_model.rows[k]} differs by {apart[k]:.3g} there"
 
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
         hashes = _hashes(mechanism).items()
@@ -647,32 +586,31 @@ def read_fit(path: str | Path) -> SavedFit:
     >>> saved.forces(robot, q, 0 * q[:, :2], 0 * q[:, :2]).shape
     (4, 2)
     """
-    try:
-        return SavedFit.model_validate_json(_document(Path(path)))
-    except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        place = ".".join(str(key) for key in detail["loc"])
-        found = f"{place}: {detail['msg']}" if place else detail["msg"]
-        raise DataError(f"{path} is not a saved fit: {found}") from error
-
-
-def _document(path: Path) -> str:
-    """The JSON of a saved file, whichever its ending."""
-    ending, reason = _ending(path), why_no_file(path)
+    place = Path(path)
+    ending, reason = _ending(place), why_no_file(place)
     if reason == "does not exist":
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
     try:
         if ending == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                return str(archive["document"])
-        text = path.read_text(encoding="utf-8")
-        return text if ending == ".json" else json.dumps(_yaml().load(text))
+            with np.load(place, allow_pickle=False) as archive:
+                document = str(archive["document"])
+        else:
+            document = place.read_text(encoding="utf-8")
+            if ending != ".json":
+                document = json.dumps(_yaml().load(document))
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
             RecursionError, TypeError, ValueError, YAMLError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
+    try:
+        return SavedFit.model_validate_json(document)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        where = "".join(f"{key}." for key in detail["loc"])[:-1]
+        found = f"{where}: {detail['msg']}" if where else detail["msg"]
+        raise DataError(f"{path} is not a saved fit: {found}") from error
 
 
 def _ending(path: str | Path) -> str:
@@ -690,36 +628,24 @@ def _yaml() -> YAML:
     return yaml
 
 
+def _plain(value: Any) -> Any:
+    """Without what is None; arrays as lists; what is not finite as None, which files call null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items() if entry is not None}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _parameter_set(entries: Iterable[SavedStandard | SavedBase]) -> ParameterSet:
-    parsed = ((Parameter.parse(entry.name), entry.unit) for entry in entries)
-    return ParameterSet(tuple(Parameter(found.link, found.kind, unit) for found, unit in parsed))
-
-
-def _base_entry(
-    parameter: Parameter, terms: dict[str, float], value: float, estimate: Estimate | None
-) -> dict[str, Any]:
-    """A base parameter, with its uncertainty where an ``Estimate`` says it."""
-    entry: dict[str, Any] = {"name": parameter.label, "unit": parameter.unit}
-    entry["expression"] = expression(terms)
-    if estimate is not None:
-        entry |= {
-            "standard_error": estimate.standard_error,
-            "relative_std_percent": estimate.relative_std,
-            "interval_95_percent": estimate.interval,
-        }
-    return entry | {"value": value, "terms": terms}
+    return ParameterSet(
+        tuple(replace(Parameter.parse(entry.name), unit=entry.unit) for entry in entries)
+    )
 
 
 def _hashes(mechanism: Mechanism) -> dict[str, str]:
     """SHA-256 of the files of a robot, by name."""
     files = find_files(mechanism.path)
     return {f.name: sha256(f.read_bytes()).hexdigest() for f in (files.named, files.tree)}
-
-
-def _states(model: ForceModel, values: FloatArray) -> tuple[dict[str, FloatArray], ...]:
-    """Random states, the same for the same robot, with the forces there."""
-    q = random_configurations(model.mechanism, STATES, seed=0)
-    v, a = np.random.default_rng(0).standard_normal((2, STATES, len(model.mechanism.independent)))
-    force = model.base.regressor(model.standard_regressor(q, v, a)) @ values
-    names = "configuration", "velocity", "acceleration", "force"
-    return tuple(dict(zip(names, state, strict=True)) for state in zip(q, v, a, force, strict=True))

@@ -15,7 +15,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loopid.arrays import BoolArray, IntArray, all_measurable, finite, frozen, samples
+from loopid.arrays import IntArray, all_measurable, finite, frozen, samples
 
 # Rows that are in memory at a time.
 BLOCK_ROWS = 4096
@@ -68,12 +68,6 @@ def mapped_rows(function: Callable[[slice], NDArray[Any]], count: int) -> NDArra
     return spooled(function(rows) for rows in row_blocks(count))
 
 
-def rows_where(function: Callable[[slice], BoolArray], count: int) -> IntArray:
-    """Numbers of the rows that a function of blocks of rows flags."""
-    found = [np.flatnonzero(function(rows)) + rows.start for rows in row_blocks(count)]
-    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
-
-
 def picked(array: NDArray[Any], rows: IntArray) -> NDArray[Any]:
     """Single rows, a few at a time: the system fetches many around each."""
     return np.concatenate([array[rows[few]] for few in row_blocks(len(rows), PICKED_ROWS)])
@@ -117,12 +111,11 @@ class Spool:
 
 def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """As ``frozen``, but without copying what lies in a file."""
-    if not isinstance(array, np.ndarray) or not _is_spooled(array, dtype):
+    if not _is_spooled(array, dtype):
         return frozen(array, dtype)
-    if array.flags.writeable:
-        array = array.view()
-        array.setflags(write=False)
-    return array
+    view = np.asarray(array).view()
+    view.setflags(write=False)
+    return view
 
 
 def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -141,10 +134,7 @@ def sample_rows(array: ArrayLike, width: int, name: str, count: int) -> NDArray[
     if not _is_spooled(array, np.float64):
         return samples(array, width, name, count)
     values = finite_rows(array, name)
-    samples(values[:1], width, name)
-    if len(values) != count:
-        samples(values, width, name, count)
-    return values
+    return values if values.shape == (count, width) else samples(values, width, name, count)
 
 
 def _is_spooled(array: ArrayLike, dtype: Any) -> bool:

@@ -9,10 +9,8 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import closed_motion
-from loopid.kinematics.measured_joints import JointCoordinates
-from loopid.regressors import JointTerms, motion_regressor
-from loopid.regressors.parts import standard_values
+from loopid.kinematics import JointCoordinates, closed_motion
+from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
 from loopid.seeds import random_generator
@@ -126,7 +124,15 @@ def simulate_measurement(
     """
     values = [standard_values(mechanism, standard_parameters)]
     if joint_terms is not None or joint_values is not None:
-        values.append(_joint_values(mechanism, joint_terms, joint_values))
+        if joint_terms is None or joint_values is None:
+            raise OptionError("joint_terms and joint_values go together: give both or neither")
+        names = joint_terms.parameters(mechanism)
+        values.append(finite(joint_values, "joint values"))
+        if values[-1].shape != (len(names),):
+            raise DataError(
+                f"joint values must have shape ({len(names)},), one each for "
+                f"{', '.join(names.labels)}, not {values[-1].shape}"
+            )
     force = _motor_forces(mechanism, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
@@ -163,17 +169,3 @@ def _motor_forces(
             "for forces there: take accelerations from forward_dynamics"
         )
     return np.asarray(force, dtype=np.float64)
-
-
-def _joint_values(
-    mechanism: Mechanism, terms: JointTerms | None, values: FloatArray | None
-) -> FloatArray:
-    if terms is None or values is None:
-        raise OptionError("joint_terms and joint_values go together: give both or neither")
-    phi, names = finite(values, "joint values"), terms.parameters(mechanism)
-    if phi.shape != (len(names),):
-        raise DataError(
-            f"joint values must have shape ({len(names)},), one each for "
-            f"{', '.join(names.labels)}, not {phi.shape}"
-        )
-    return phi

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from loopid.base_parameters import independent_blocks
-from loopid.base_parameters.blocks import CONNECTED
+from loopid.base_parameters.structure import CONNECTED
 
 SIZES = st.lists(st.tuples(st.integers(2, 5), st.integers(1, 4)), min_size=1, max_size=5)
 

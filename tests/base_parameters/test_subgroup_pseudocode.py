@@ -11,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from loopid.base_parameters import CRITERIA, ChoiceProblem, SubgroupSearch
-from loopid.base_parameters.search.subgroup import VARIANTS
 
 
 def rank_and_condition(V22):
@@ -55,7 +54,7 @@ def pseudocode(V2, r, n_star, cond_limit, variant):
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", ["pseudocode", "text"])
 @given(data=st.data())
 @settings(max_examples=50)
 def test_the_same_answer_as_the_pseudocode(variant, criterion, data):

@@ -7,7 +7,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
-from loopid.base_parameters.search import block, exact
+from loopid.base_parameters.search import exact
+from loopid.base_parameters.search.block import _representatives
 
 
 def coefficients(problem, dependent):
@@ -79,11 +80,12 @@ def test_vectors_equal_to_round_off_share_a_representative():
     rng = np.random.default_rng(0)
     X = rng.normal(size=(3, 4))
     doubled = np.vstack([X, -X * (1 + 1e-14), X + 1e-15])
-    made = block.make_block(doubled, np.arange(9))
-    assert [group.tolist() for group in made.columns] == [[0, 3, 6], [1, 4, 7], [2, 5, 8]]
+    _, groups, error = _representatives(doubled)
+    assert [group.tolist() for group in groups] == [[0, 3, 6], [1, 4, 7], [2, 5, 8]]
+    assert 0 < error < 1e-13
     apart = np.vstack([X, X * (1 + 1e-9), -X + 1e-8])
-    assert block.make_block(apart, np.arange(9)).size == 9
-    assert block.make_block(np.vstack([X, 2 * X]), np.arange(6)).size == 6
+    assert len(_representatives(apart)[0]) == 9
+    assert len(_representatives(np.vstack([X, 2 * X]))[0]) == 6
 
 
 def test_too_many_ties_are_neither_listed_nor_counted(monkeypatch):
@@ -96,4 +98,6 @@ def test_too_many_ties_are_neither_listed_nor_counted(monkeypatch):
     limited = ExactSearch().search(problem)
     assert limited.ties is None
     assert limited.certified
+    # The first columns are then made dependent.
+    assert list(limited.dependent) == min(brute_force(problem).tied.tolist())
     assert limited.condition_number == pytest.approx(full.condition_number, rel=1e-9)

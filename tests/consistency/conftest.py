@@ -7,7 +7,7 @@ import pytest
 
 from loopid import JointTerms, load_mechanism
 from loopid.consistency.prior import sound_prior
-from loopid.consistency.whitening import Whitening
+from loopid.consistency.program import Whitening
 from loopid.experiment import find_force_model
 from loopid.identification import FitSamples, WeightedLeastSquares
 from made_runs import ARM, friction, wander

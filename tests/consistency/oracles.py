@@ -91,6 +91,24 @@ def fitted(case, problem, fit, prior, prior_bodies, kind, strength, margin):
     return phi.value
 
 
+def closest(case, values, prior, kind, margin):
+    """Standard parameters with the base values given, of least distance from the prior."""
+    parameters = case.base.parameters
+    own, P0 = body_columns(parameters), bodies_of(parameters, prior)
+    phi = cp.Variable(len(parameters))
+    pulls = [
+        distance(kind, margin, expression(phi, columns), P, phi[columns.tolist()] - prior[columns])
+        for columns, P in zip(own, P0, strict=True)
+    ]
+    joint = np.setdiff1d(np.arange(len(parameters)), own)
+    terms = 0.5 * cp.sum_squares(phi[joint] / prior[joint] - 1)
+    sizes = np.abs(values) + np.linalg.norm(case.base.matrix, axis=1)
+    met = cp.multiply(1 / sizes, case.base.matrix @ phi) == values / sizes
+    within = [met, *constraints(parameters, phi, P0, margin)]
+    cp.Problem(cp.Minimize(sum(pulls) + terms), within).solve("CLARABEL")
+    return phi.value
+
+
 def least_eigenvalue(case, values, prior_bodies):
     """The largest t with P >= t P0 for all bodies, of parameters with the base values given."""
     parameters = case.base.parameters

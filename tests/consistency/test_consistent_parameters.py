@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from oracles import bodies_of, body_columns, least_eigenvalue, least_relative, shaken
+from oracles import bodies_of, body_columns, closest, least_eigenvalue, least_relative, shaken
 
 from loopid import load_mechanism
 from loopid.consistency import REGULARISATIONS, consistent_parameters
-from loopid.consistency.whitening import ConvexProblem
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.experiment import find_force_model
 
@@ -21,8 +18,7 @@ def assert_reproduced(case, values, prior, found):
     assert (least_relative(case.base.parameters, found, prior) >= MARGIN).all()
 
 
-@pytest.mark.parametrize("size", [0.01, 0.1, 0.5, 1.0, 3.0])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("size", "seed"), [(0.01, 0), (0.1, 1), (0.5, 2), (1.0, 0), (3.0, 1)])
 def test_possible_base_values_are_met_exactly(knee_case, size, seed):
     other = shaken(knee_case.base.parameters, knee_case.truth, size, seed)
     # A margin that these bodies have to spare.
@@ -47,26 +43,18 @@ def test_the_prior_itself_comes_back(knee_case):
     )
 
 
-@settings(max_examples=8)
-@given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.01, 0.5))
-def test_none_that_differs_by_what_no_force_shows_is_closer(arm_case, whitened, seed, size):
-    base = arm_case.base
-    truth = shaken(base.parameters, arm_case.truth, size, seed)
-    values, w = base.values(truth), whitened(arm_case)
-    generator = np.random.default_rng(seed)
-    for regularisation in REGULARISATIONS:
-        found = consistent_parameters(base, values, arm_case.prior, regularisation=regularisation)
-        assert_reproduced(arm_case, values, arm_case.prior, found)
-        unknowns = np.linalg.lstsq(w.map, found - w.prior.values, rcond=None)[0]
-        rows = base.matrix @ w.map
-        problem = ConvexProblem.of(w, 0 * rows, 0 * values, regularisation, 1.0)
-        best = problem.objective(unknowns)
-        invisible = np.linalg.svd(rows)[2][len(values) :]
-        for length in (1e-3, 1e-2, 0.1):
-            for direction in generator.normal(size=(20, len(invisible))):
-                other = unknowns + length * direction @ invisible
-                if w.depth(other) > 0:
-                    assert problem.objective(other) >= best - 1e-8 * (1 + best)
+@pytest.mark.parametrize("regularisation", REGULARISATIONS)
+@pytest.mark.parametrize("size", [0.02, 0.4])
+def test_they_are_the_closest_that_an_independent_program_finds(arm_case, regularisation, size):
+    base, prior = arm_case.base, arm_case.prior.copy()
+    prior[-6:] = arm_case.truth[-6:]  # of joint terms: what has no prior has hardly a distance
+    values = base.values(shaken(base.parameters, arm_case.truth, size, seed=3))
+    found = consistent_parameters(base, values, prior, regularisation=regularisation)
+    assert_reproduced(arm_case, values, prior, found)
+    own = body_columns(base.parameters)
+    expected = closest(arm_case, values, prior, regularisation, MARGIN)
+    scale = np.abs(prior[own]).max()
+    np.testing.assert_allclose(found[own], expected[own], atol=1e-4 * scale)
 
 
 def test_possible_or_not_is_what_an_independent_program_says(arm_case):

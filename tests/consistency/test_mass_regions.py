@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.consistency import Region, consistent_fit, consistent_parameters
-from loopid.consistency.semidefinite import minimise
-from loopid.consistency.whitening import ConvexProblem
+from loopid.consistency.program import matrix, minimise
 from loopid.errors import DataError, FeasibilityError
 from loopid.regions import MOST_FACES, cube_directions
 
@@ -174,16 +173,18 @@ def test_second_moments_that_gravity_does_not_show_cost_nothing(
         w.prior.values[columns[1:]] / w.prior.values[columns[0]],
     )
     delta = np.array([0.5, -1.0, 0.2])  # in standard deviations of the box
-    wanted = mu * mass * np.append(1.0, centre + delta * half / np.sqrt(3))
-    problem = ConvexProblem.of(
-        w, w.map[columns], wanted - w.prior.values[columns], regularisation, 1.0
-    )
-    found = minimise(problem, exact=True)
-    np.testing.assert_allclose(w.standard_parameters(found)[columns], wanted)
-    distance = problem.distance(found)
     shift = delta @ delta
-    expected = {
-        "entropic": mu - 1 - np.log(mu) + mu * shift,
-        "riemannian": (mu - 1) ** 2 / 2 + mu**2 * shift,
+    wanted = mu * mass * np.append(1.0, centre + delta * half / np.sqrt(3))
+    target = wanted - w.prior.values[columns]
+    found = minimise(w, w.map[columns], target, regularisation, exact=True)
+    np.testing.assert_allclose(w.standard_parameters(found)[columns], wanted)
+    X = matrix(found[: w.inside].reshape(-1, 10))
+    eigenvalues = np.linalg.eigvalsh(np.eye(4) + X)
+    distance, expected = {
+        "entropic": (
+            (eigenvalues - 1 - np.log(eigenvalues)).sum(),
+            mu - 1 - np.log(mu) + mu * shift,
+        ),
+        "riemannian": ((X[:, 3] ** 2 * [1, 1, 1, 0.5]).sum(), (mu - 1) ** 2 / 2 + mu**2 * shift),
     }[regularisation]
     assert distance == pytest.approx(expected, rel=1e-3)

@@ -1,4 +1,4 @@
-"""The prior: what is refused body by body, and mended only on request."""
+"""The prior: what is refused body by body, and repaired only on request."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from loopid.consistency.prior import THICKNESS
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.parameters import KINDS, ParameterSet
 from loopid.pseudo_inertia import FLAT
-from loopid.robot.inertia import inertia_defects
+from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)
 SOUND = np.array([2.0, 0.2, 0.0, 0.4, 0.3, 0.0, 0.3, -0.04, 0.0, 0.1])

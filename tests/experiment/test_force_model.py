@@ -20,11 +20,11 @@ from loopid.identification import (
 )
 from loopid.kinematics import random_motions
 from loopid.logs import Recording
-from loopid.regressors import JOINT_KINDS
+from loopid.regressors import JOINT_TERMS
 from loopid.trajectories import JointMotion
 from made_runs import record
 
-KINDS = tuple(JOINT_KINDS)
+KINDS = tuple(JOINT_TERMS)
 
 
 def random_motion(robot, count, seed):

@@ -11,7 +11,6 @@ from loopid.identification import (
     FitSamples,
     Prior,
     WeightedLeastSquares,
-    fit_in_steps,
     quiet_fit,
 )
 from smooth_data import (
@@ -132,23 +131,11 @@ def test_intervals_cover_truths_of_the_prior(correlation, count, runs):
     assert np.mean(np.square(errors["bayes"])) < 0.8 * np.mean(np.square(errors["wls"]))
 
 
-def test_scaling_parameters_scales_the_answer():
-    samples, scale, prior = make_run(), 10.0 ** np.arange(-3, 3), prior_of()
-    data = samples.parameters, samples.actuators, samples.regressor * scale, samples.force
-    other = Prior(NAMES, MEAN / scale, prior.covariance / np.outer(scale, scale))
-    found = quiet_fit(samples, BayesianRidge(prior))
-    scaled = quiet_fit(FitSamples.of(*data), BayesianRidge(other))
-    np.testing.assert_allclose(scaled.values * scale, found.values, rtol=1e-7)
-    np.testing.assert_allclose(scaled.standard_errors * scale, found.standard_errors, rtol=1e-6)
-
-
 def test_some_of_the_parameters_take_their_part_of_the_prior():
     samples, prior = make_run(), prior_of()
     part = prior.of(samples.parameters.select([4, 1]))
     np.testing.assert_array_equal(part.values, MEAN[[4, 1]])
     np.testing.assert_array_equal(part.covariance, prior.covariance[np.ix_([4, 1], [4, 1])])
-    found = fit_in_steps(make_run(1), make_run(2), ["link1.m", "link4.m"], BayesianRidge(prior))
-    assert (np.abs(found.values - MEAN) < 5 * found.standard_errors).all()
 
 
 def test_what_neither_data_nor_prior_tell_is_refused():

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.errors import OptionError, RankError
-from loopid.identification import FitSamples, InstrumentalVariables, fit_in_steps, quiet_fit
+from loopid.identification import FitSamples, InstrumentalVariables, quiet_fit
 from smooth_data import (
     TRUTH,
     assert_coverage,
@@ -66,14 +66,6 @@ def test_the_regressor_as_its_own_instrument_is_least_squares(weighted, name):
     )
 
 
-def test_combinations_of_instruments_are_the_same_instruments():
-    samples, turn = make_run(), np.random.default_rng(1).normal(size=(6, 6))
-    other = samples.with_instruments(samples.instruments @ turn)
-    one, two = quiet_fit(samples, "iv"), quiet_fit(other, "iv")
-    np.testing.assert_allclose(two.values, one.values, rtol=1e-6)
-    np.testing.assert_allclose(two.standard_errors, one.standard_errors, rtol=1e-6)
-
-
 @runs(12, 60)
 @pytest.mark.parametrize("correlation", [0.0, 0.8])
 def test_it_is_unbiased_and_covers_where_least_squares_does_not(correlation, runs):
@@ -87,26 +79,11 @@ def test_it_is_unbiased_and_covers_where_least_squares_does_not(correlation, run
     assert_coverage([covered(fit) for fit in fits["iv"]])
 
 
-def test_two_steps_with_instruments_are_near_the_truth():
-    found = fit_in_steps(make_run(1), make_run(2), ["link1.m", "link4.m"], "iv")
-    assert (np.abs(found.values - TRUTH) < 5 * found.standard_errors).all()
-
-
-def test_the_size_of_blocks_does_not_count(set_block_rows):
-    whole = quiet_fit(make_run(count=60), "iv")
-    set_block_rows(13)
-    found = quiet_fit(make_run(count=60), "iv")
-    np.testing.assert_allclose(found.values, whole.values, rtol=1e-8)
-    np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
-
-
 def test_what_is_no_instrument_is_refused():
     samples = make_run()
     data = samples.parameters, samples.actuators, samples.regressor, samples.force
     with pytest.raises(OptionError, match=r"iv needs instruments.*with_instruments"):
         quiet_fit(FitSamples.of(*data), "iv")
-    with pytest.raises(OptionError, match="iv needs the samples"):
-        InstrumentalVariables().fit(samples.problem)
     unrelated = np.random.default_rng(0).normal(size=samples.regressor.shape)
     with pytest.raises(RankError, match="instruments are too weak"):
         quiet_fit(samples.with_instruments(unrelated), "iv")

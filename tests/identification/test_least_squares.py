@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from loopid.errors import DataError, RankError
 from loopid.identification import (
-    FitProblem,
     FitSamples,
     OrdinaryLeastSquares,
     WeightedLeastSquares,
@@ -87,20 +86,6 @@ def test_quality_is_that_of_the_samples_that_take_part(estimator):
             assert quality.r_squared[i] == pytest.approx(expected)
 
 
-@each
-def test_an_actuator_without_samples_changes_nothing(estimator):
-    samples = made(4)
-    used = samples.used & [True, False]
-    found = estimator.fit(named_samples(samples.regressor, samples.force, used).problem)
-    alone = named_samples(samples.regressor[:, :1], samples.force[:, :1], used[:, :1])
-    expected = estimator.fit(alone.problem)
-    np.testing.assert_allclose(found.values, expected.values, rtol=1e-9)
-    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-8, atol=1e-15)
-    assert found.weights[1] == 0
-    assert found.quality.samples[1] == 0
-    assert np.isnan([found.quality.residual_rms[1], found.quality.r_squared[1]]).all()
-
-
 def test_a_constant_force_has_no_share_to_explain():
     rng, W = np.random.default_rng(0), np.ones((50, 2, 1))
     force = np.stack([np.full(50, 1 / 3), 1 + rng.normal(size=50)], axis=1)
@@ -127,7 +112,7 @@ def nearly_exact_weights():
     size, noise = np.sqrt((force**2).mean(axis=0)), rng.normal(size=force.shape)
     found = []
     for level in NOISES:
-        problem = FitProblem.from_samples(W, force + level * size * noise, named(30), tuple("abcd"))
+        problem = named_samples(W, force + level * size * noise).problem
         found.append(1 / WeightedLeastSquares().fit(problem).weights / size)
     return np.array(found)
 

@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from loopid.errors import DataError, OptionError
 from loopid.identification import (
     Bisquare,
-    FitSamples,
     Huber,
     WeightedLeastSquares,
-    fit_in_steps,
     quiet_fit,
     working_fit,
 )
@@ -126,79 +124,11 @@ def test_bisquare_forgets_outliers_that_huber_still_feels():
     assert moved["bisquare"] < 0.5 * moved["huber"]
 
 
-@each
-def test_scaling_forces_or_columns_scales_the_answer(estimator):
-    samples = make_run()
-    found = quiet_fit(samples, estimator)
-    louder = quiet_fit(samples.with_force(1e3 * samples.force), estimator)
-    np.testing.assert_allclose(louder.values, 1e3 * found.values, rtol=1e-7)
-    np.testing.assert_allclose(louder.covariance, 1e6 * found.covariance, rtol=1e-6)
-    sizes = 10.0 ** np.arange(-3, 3)
-    data = samples.parameters, samples.actuators, samples.regressor * sizes, samples.force
-    scaled = quiet_fit(FitSamples.of(*data, samples.used), estimator)
-    np.testing.assert_allclose(scaled.values * sizes, found.values, rtol=1e-7)
-    np.testing.assert_allclose(scaled.standard_errors * sizes, found.standard_errors, rtol=1e-6)
-
-
-@each
-def test_shifting_the_truth_shifts_the_answer(estimator):
-    samples, shift = make_run(), np.arange(6.0)
-    moved = samples.with_force(samples.force + samples.regressor @ shift)
-    found = quiet_fit(samples, estimator)
-    np.testing.assert_allclose(quiet_fit(moved, estimator).values, found.values + shift, rtol=1e-7)
-
-
-@each
-def test_the_order_of_independent_rows_does_not_count(estimator):
-    samples, order = make_run(), np.random.default_rng(3).permutation(300)
-    parts = (samples.regressor, samples.force, samples.used)
-    mixed = FitSamples.of(samples.parameters, samples.actuators, *(part[order] for part in parts))
-    one, other = (estimator.fit_samples(data).result for data in (samples, mixed))
-    np.testing.assert_allclose(other.values, one.values, rtol=1e-7)
-    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
-
-
-@each
-def test_the_size_of_blocks_does_not_count(set_block_rows, estimator):
-    whole = quiet_fit(make_run(count=50), estimator)
-    set_block_rows(13)
-    found = quiet_fit(make_run(count=50), estimator)
-    np.testing.assert_allclose(found.values, whole.values, rtol=1e-7)
-    np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
-    assert found.robustness.down_weighted.tolist() == whole.robustness.down_weighted.tolist()
-
-
-@each
-def test_an_actuator_without_samples_takes_no_part(estimator):
-    samples = make_run()
-    used = samples.used & [True, False]
-    data = samples.parameters, samples.actuators, samples.regressor, samples.force
-    found = quiet_fit(FitSamples.of(*data, used), estimator)
-    alone = FitSamples.of(
-        samples.parameters, ("a",), samples.regressor[:, :1], samples.force[:, :1], used[:, :1]
-    )
-    np.testing.assert_allclose(found.values, quiet_fit(alone, estimator).values, rtol=1e-7)
-    assert np.isnan(found.robustness.scale[1])
-    assert np.isnan(found.robustness.down_weighted[1])
-
-
-def test_two_steps_are_robust_too():
-    first, second = make_run(1), make_run(2)
-    found = fit_in_steps(first, second, ["link1.m", "link4.m"], "bisquare")
-    assert (np.abs(found.values - TRUTH) < 5 * found.standard_errors).all()
-    assert found.robustness is not None
-
-
 @pytest.mark.parametrize("kind", [Huber, Bisquare])
 @pytest.mark.parametrize("tuning", [0.0, -1.0, np.nan, np.inf])
 def test_tuning_constants_that_are_none_are_refused(kind, tuning):
     with pytest.raises(OptionError, match="tuning"):
         kind(tuning)
-
-
-def test_factors_alone_are_refused():
-    with pytest.raises(OptionError, match="huber needs the samples"):
-        Huber().fit(make_run().problem)
 
 
 def test_samples_without_errors_are_refused():

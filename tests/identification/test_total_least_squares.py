@@ -72,27 +72,10 @@ def test_force_errors_weigh_the_actuators():
     np.testing.assert_allclose(found.values, by_definition(scaled, np.ones(6)), rtol=1e-8)
 
 
-def test_scaling_columns_with_their_errors_scales_the_answer():
-    samples, scale = make_run(), 10.0 ** np.arange(-3, 3)
-    data = samples.parameters, samples.actuators, samples.regressor * scale, samples.force
-    found = quiet_fit(samples, "tls")
-    scaled = quiet_fit(FitSamples.of(*data), TotalLeastSquares(scale))
-    np.testing.assert_allclose(scaled.values * scale, found.values, rtol=1e-7)
-    np.testing.assert_allclose(scaled.standard_errors * scale, found.standard_errors, rtol=1e-5)
-
-
 def test_without_errors_the_truth_comes_out():
     W = smooth_regressor()
     found = TotalLeastSquares().fit(named_samples(W, W @ TRUTH).problem)
     np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9)
-
-
-def test_the_size_of_blocks_does_not_count(set_block_rows):
-    whole = quiet_fit(make_run(count=60), "tls")
-    set_block_rows(13)
-    found = quiet_fit(make_run(count=60), "tls")
-    np.testing.assert_allclose(found.values, whole.values, rtol=1e-8)
-    np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-6, atol=1e-12)
 
 
 @runs(25, 100)

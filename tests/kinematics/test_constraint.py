@@ -1,85 +1,51 @@
-"""The closures' Jacobian and drift are the derivatives of their residual, open or closed."""
+"""Closures of every kind: derivatives, freedoms, units, and the motions they allow."""
 
 from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from hypothesis import assume, given
+from free_pair import (
+    KINDS,
+    ROD,
+    allowed,
+    at_random,
+    at_relative,
+    free_pair,
+    relative_pose,
+    violation,
+)
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from loopid import random_configurations
-from loopid.errors import DataError
-from loopid.kinematics import constraint_drift, constraint_jacobian, constraint_residual
-from loopid.kinematics.frames import frame_kinematics
-from loopid.kinematics.pairs import relative_quaternion
-
-KINDS = [("3d",), ("6d",), ("6d", "3d")]
-seeds = st.integers(0, 2**32 - 1)
+import pinocchio_loops
+from closure_robots import ROWS, in_millimetres
+from linkages import LINKAGES, PLANAR
+from loopid import (
+    find_base_parameters,
+    mobility,
+    project,
+    random_configurations,
+    structural_observation,
+)
+from loopid.errors import DataError, OptionError
+from loopid.kinematics import (
+    close_loops,
+    constraint_drift,
+    constraint_jacobian,
+    constraint_residual,
+    null_space,
+    singularity_measure,
+)
+from loopid.robot import CLOSURE_KINDS
+from loopid.robot.closures import ClosureKind, Square
 
 
 def with_kinds(mechanism, kinds):
     """The mechanism with other kinds of closures, which its loops need not obey."""
     pairs = zip(mechanism.closures, cycle(kinds), strict=False)
     return replace(mechanism, closures=tuple(replace(c, kind=kind) for c, kind in pairs))
-
-
-def least_scalar(mechanism, q):
-    """Cosine of half the turn between the frames of the closures that is nearest half a turn."""
-    frames = [frame for closure in mechanism.closures for frame in closure.frame_ids]
-    rotation = frame_kinematics(mechanism, q, frames).rotation
-    pairs = range(0, len(frames), 2)
-    return min(relative_quaternion(rotation[:, k], rotation[:, k + 1])[1].min() for k in pairs)
-
-
-def open_configuration(mechanism, move, generator):
-    steps = generator.uniform(-0.5, 0.5, size=(1, mechanism.model.nv))
-    return move(mechanism, mechanism.reference[None], steps)
-
-
-@pytest.mark.parametrize("kinds", KINDS, ids=" ".join)
-@given(seed=seeds)
-def test_the_jacobian_differentiates_the_residual_at_open_configurations(
-    mechanism, kinds, move, rate, seed
-):
-    generator = np.random.default_rng(seed)
-    robot = with_kinds(mechanism, kinds)
-    q = open_configuration(robot, move, generator)
-    assume(least_scalar(robot, q) > 0.1)  # twice the quaternion is smooth up to half a turn
-    v = generator.uniform(-1, 1, size=(1, robot.model.nv))
-    expected = rate(lambda t: constraint_residual(robot, move(robot, q, t * v)))
-    found = np.einsum("nij,nj->ni", constraint_jacobian(robot, q), v)
-    np.testing.assert_allclose(found, expected, atol=1e-10)
-
-
-@pytest.mark.parametrize("kinds", KINDS, ids=" ".join)
-@given(seed=seeds)
-def test_the_drift_differentiates_the_jacobian_at_open_configurations(
-    mechanism, kinds, move, rate, seed
-):
-    generator = np.random.default_rng(seed)
-    robot = with_kinds(mechanism, kinds)
-    q = open_configuration(robot, move, generator)
-    assume(least_scalar(robot, q) > 0.1)
-    v = generator.uniform(-1, 1, size=(1, robot.model.nv))
-    expected = rate(
-        lambda t: np.einsum("nij,nj->ni", constraint_jacobian(robot, move(robot, q, t * v)), v)
-    )
-    np.testing.assert_allclose(constraint_drift(robot, q, v), expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["3d", "6d"])
-def test_both_hold_where_the_loops_are_closed(four_bars, kind, move, rate):
-    bar = four_bars[kind]
-    q = random_configurations(bar, 5, seed=1)
-    assert np.abs(constraint_residual(bar, q)).max() < 1e-12
-    v = np.random.default_rng(2).uniform(-1, 1, size=(5, bar.model.nv))
-    speed = rate(lambda t: constraint_residual(bar, move(bar, q, t * v)))
-    A = constraint_jacobian(bar, q)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", A, v), speed, atol=1e-10)
-    turned = rate(lambda t: constraint_jacobian(bar, move(bar, q, t * v)))
-    expected = np.einsum("nij,nj->ni", turned, v)
-    np.testing.assert_allclose(constraint_drift(bar, q, v), expected, atol=1e-9)
 
 
 def test_a_weld_reads_as_a_pin_and_an_orientation(mechanism, poses):
@@ -122,3 +88,218 @@ def test_bad_configurations_are_refused(mechanism, rows):
 def test_bad_velocities_are_refused(mechanism, velocities):
     with pytest.raises(DataError, match="velocities"):
         constraint_drift(mechanism, np.tile(mechanism.reference, (2, 1)), velocities)
+
+
+# Coordinates, equations, independent ones, of linkages that are not loops of rows + 1 joints.
+COUNTS = {
+    "3d four-bar": (3, 3, 2),
+    "6d four-bar": (4, 6, 3),
+    "hinge four-bar": (3, 5, 2),
+    "universal four-bar": (3, 4, 2),
+    "cylindrical four-bar": (3, 4, 2),
+    "2d four-bar": (3, 2, 2),
+    "distance four-bar": (2, 1, 1),
+    "prismatic slider-crank": (3, 5, 2),
+    "cylindrical slider-crank": (3, 4, 2),
+    "bennett": (3, 5, 2),
+    "rod rssr": (2, 1, 1),
+    "ball rssr": (5, 3, 3),
+    "cross rssr": (4, 3, 3),
+    "five-bar": (4, 3, 2),
+    "redundant five-bar": (4, 3, 2),
+    "geared five-bar": (4, 4, 3),
+    "rack and pinion": (3, 1, 1),
+}
+SHARED = ("crank_joint", "coupler_joint", "rocker_joint")
+
+
+@pytest.fixture(scope="module", params=LINKAGES)
+def robot(request, linkage):
+    return linkage(request.param)
+
+
+@pytest.fixture(scope="module")
+def closed(robot):
+    return random_configurations(robot, 4, seed=1)
+
+
+def test_every_linkage_has_its_rank(robot, request):
+    name = request.node.callspec.params["robot"]
+    rows = ROWS.get(name.split()[0], 0)
+    coordinates, rows, rank = COUNTS.get(name, (rows + 1, rows, rows))
+    found = mobility(robot)
+    assert (robot.model.nv, found.rows, found.rank) == (coordinates, rows, rank)
+    assert found.degrees_of_freedom == found.generic_degrees_of_freedom == coordinates - rank
+    assert found.rank_gap > 1e12
+
+
+def test_the_velocity_map_spans_what_the_closures_allow(robot, closed):
+    A, G = constraint_jacobian(robot, closed), project(robot, closed).G
+    assert np.abs(A @ G).max() < 1e-12
+    for jacobian, motions in zip(A, G, strict=True):
+        assert null_space(jacobian).shape == motions.shape
+
+
+def test_a_robot_in_millimetres_is_the_same(robot, closed, request, load_files):
+    name = request.node.callspec.params["robot"]
+    other = load_files(*in_millimetres(*LINKAGES[name]))
+    scales = np.ones(robot.model.nq)
+    scales[robot.prismatic] = 1000.0
+    assert other.independent == robot.independent
+    assert np.abs(constraint_residual(other, closed * scales)).max() < 1e-10
+    measures = [singularity_measure(*pair) for pair in ((robot, closed), (other, closed * scales))]
+    np.testing.assert_allclose(*measures, rtol=1e-9)
+    assert mobility(other).rank == mobility(robot).rank
+
+
+@pytest.mark.parametrize("kind", [kind for kind in PLANAR if kind not in ("hinge", "distance")])
+def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
+    hinged, other = linkage("hinge four-bar"), linkage(f"{kind} four-bar")
+    q = random_configurations(hinged, 20, seed=3)
+    again = random_configurations(other, 20, seed=3)
+    np.testing.assert_allclose(again[:, :3], q, atol=1e-9)
+    G, same = project(hinged, q).G, project(other, again).G
+    np.testing.assert_allclose(same[:, :3], G, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in PLANAR if kind != "distance"])
+def test_a_four_bar_has_its_base_parameters_however_its_pin_is_written(kind, linkage):
+    # Planar: 4 of each body, less a mass carried by each pivot and one a pin; see mechanisms.md.
+    observation = structural_observation(linkage(f"{kind} four-bar"), "full")
+    assert len(find_base_parameters(observation)) == 8
+
+
+AXES = {
+    "z": ((0, 0, 1), (0, 0, 1)),
+    "minus x": ((-1, 0, 0), (0, 1, 0)),
+    "skew": ((0.3, -0.8, 0.5), (-0.6, 0.2, 0.9)),
+}
+SKEW = AXES["skew"]
+seeds = st.integers(0, 2**32 - 1)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+every_axis = pytest.mark.parametrize("axes", AXES.values(), ids=list(AXES))
+on_the_ground = pytest.mark.parametrize("fixed", [False, True], ids=["bodies", "ground"])
+
+
+def moved(mechanism, q, v, a=0.0):
+    """Configurations (1, nq) after a time t at a velocity and an acceleration."""
+    return lambda t: pin.integrate(mechanism.model, q[0], v * t + a * t**2 / 2)[None]
+
+
+def at_closed(mechanism, kind, axes, generator):
+    return at_relative(mechanism, allowed(kind, axes, generator), generator)
+
+
+def near(mechanism, kind, axes, generator):
+    """A configuration well within half a turn from at_closed, where rows of turns are smooth."""
+    step = generator.uniform(-0.9, 0.9, size=(2, 3))
+    relative = allowed(kind, axes, generator) * pin.SE3(pin.exp3(step[0]), step[1])
+    return at_relative(mechanism, relative, generator)
+
+
+def drawn(mechanism, generator, count):
+    return generator.uniform(-1, 1, size=(count, mechanism.model.nv))
+
+
+@pytest.mark.parametrize("place", [at_closed, near])
+@on_the_ground
+@every_axis
+@every_kind
+@settings(max_examples=8)
+@given(seed=seeds)
+def test_derivatives_are_those_of_the_residual(kind, axes, fixed, place, rate, seed):
+    generator, pair = np.random.default_rng(seed), free_pair(kind, axes, fixed)
+    q = place(pair, kind, axes, generator)
+    v, a = drawn(pair, generator, 2)
+    A = constraint_jacobian(pair, q)[0]
+    speed = rate(lambda t: constraint_residual(pair, moved(pair, q, v)(t))[0])
+    np.testing.assert_allclose(A @ v, speed, atol=1e-9)
+
+    def turning(t):
+        return rate(lambda s: constraint_residual(pair, moved(pair, q, v, a)(t + s))[0])
+
+    drift = constraint_drift(pair, q, v[None])[0]
+    np.testing.assert_allclose(A @ a + drift, rate(turning), atol=1e-6)
+
+
+@on_the_ground
+@every_axis
+@every_kind
+@settings(max_examples=5)
+@given(seed=seeds)
+def test_a_closure_allows_the_motions_of_its_joint_and_no_others(kind, axes, fixed, seed):
+    generator, pair = np.random.default_rng(seed), free_pair(kind, axes, fixed)
+    q = at_closed(pair, kind, axes, generator)
+    assert np.abs(constraint_residual(pair, q)).max() < 1e-14
+    # As many equations as freedoms lost, all independent: around here there is nothing else.
+    assert np.linalg.matrix_rank(constraint_jacobian(pair, q)[0]) == ROWS[kind]
+
+
+@every_axis
+@every_kind
+def test_wherever_the_rows_vanish_the_joint_is_closed(kind, axes):
+    generator, pair = np.random.default_rng(3), free_pair(kind, axes)
+    starts = np.concatenate([at_random(pair, generator) for _ in range(30)])
+    q, gap = close_loops(pair, starts)
+    assert (gap < 1e-12).sum() > 25
+    found = [violation(kind, axes, relative_pose(pair, one)) for one in q[gap < 1e-12]]
+    assert max(found) < 1e-10
+
+
+@pytest.mark.parametrize("kind", ["hinge", "cylindrical"])
+def test_axes_that_point_against_each_other_are_no_solution(kind):
+    pair = free_pair(kind, SKEW)
+    generator = np.random.default_rng(0)
+    away = allowed(kind, (SKEW[0], tuple(-x for x in SKEW[1])), generator)
+    tilt = pin.SE3(pin.exp3(np.array([1e-3, 0, 0])), np.zeros(3))
+    residual = constraint_residual(pair, at_relative(pair, away * tilt, generator))
+    assert np.linalg.norm(residual) > 100
+
+
+@pytest.mark.parametrize("kind", ["hinge", "cylindrical"])
+@given(angle=st.floats(0, 3))
+def test_the_residual_of_an_axis_grows_with_its_angle(kind, angle):
+    generator, pair = np.random.default_rng(1), free_pair(kind, (SKEW[0], SKEW[0]))
+    across = np.cross(SKEW[0], [1.0, 0, 0])
+    relative = pin.SE3(pin.exp3(angle * across / np.linalg.norm(across)), np.zeros(3))
+    residual = constraint_residual(pair, at_relative(pair, relative, generator))
+    assert np.linalg.norm(residual) == pytest.approx(2 * np.tan(angle / 2), abs=1e-12)
+
+
+def test_the_row_of_a_rod_is_its_elongation_in_metres():
+    pair, generator = free_pair("distance"), np.random.default_rng(2)
+    longer = pin.SE3(np.eye(3), (ROD + 1e-6) * np.array([0.6, 0, 0.8]))
+    residual = constraint_residual(pair, at_relative(pair, longer, generator))
+    assert residual[0, 0] == pytest.approx(1e-6, rel=1e-5)
+
+
+@on_the_ground
+@pytest.mark.parametrize("kind", ["3d", "6d"])
+@given(seed=seeds)
+def test_pinocchios_own_closures_allow_the_same_motions(kind, fixed, seed):
+    generator, pair = np.random.default_rng(seed), free_pair(kind, fixed=fixed)
+    q = at_closed(pair, kind, AXES["z"], generator)
+    motions = null_space(constraint_jacobian(pair, q)[0])
+    theirs = pinocchio_loops.jacobian(pair, q[0])
+    assert motions.shape[1] == 12 - np.linalg.matrix_rank(theirs)
+    assert np.abs(theirs @ motions).max() < 1e-13
+
+
+def test_an_unknown_kind_of_closure_is_refused_with_the_valid_ones(knee):
+    with pytest.raises(OptionError, match=r"unknown kind of closure 'slot'.*3d, 6d, hinge"):
+        replace(knee.closures[0], kind="slot")
+
+
+def test_a_new_kind_of_closure_is_one_entry(monkeypatch):
+    # A ball that slides along an axis of one frame, and keeps its own axis across it.
+    kind = ClosureKind(
+        lambda closure: (*CLOSURE_KINDS["2d"].equations(closure), Square(*closure.axes))
+    )
+    monkeypatch.setitem(CLOSURE_KINDS, "slot", kind)
+    pair, generator = free_pair("slot", AXES["skew"]), np.random.default_rng(4)
+    q, v = at_random(pair, generator), generator.uniform(-1, 1, size=12)
+    assert pair.rows == 3
+    residual = constraint_residual(pair, q)
+    ahead = constraint_residual(pair, moved(pair, q, v)(1e-6))
+    speed = constraint_jacobian(pair, q)[0] @ v
+    np.testing.assert_allclose((ahead - residual)[0] / 1e-6, speed, atol=1e-4)

@@ -1,5 +1,7 @@
 """What can move, what the motors leave free, and any choice of coordinates that says it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,17 @@ from closure_robots import loop
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import (
     find_base_parameters,
+    forward_dynamics,
     load_mechanism,
     mobility,
+    project,
     random_configurations,
     structural_observation,
 )
+from loopid.base_parameters import analyse
 from loopid.errors import MobilityError, MobilityWarning, RobotFileError, SingularityWarning
-from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics import independent_coordinates, nearby_configurations, random_motions
+from loopid.regressors import motion_regressor
 
 BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))
 # Bars that can lie on one line, and how they do.
@@ -129,3 +135,67 @@ def test_couplings_that_contradict_each_other_are_refused(load_files):
             continue
         with pytest.raises(RobotFileError, match=r"coupling .*pinion_joint.* contradicts"):
             load_files(parts, description | {"closures": closures})
+
+
+CHOICES = {
+    "cross rssr": [{"actuated": ("rocker_joint",)}, {"actuated": ("ball_Y",)}],
+    "ball rssr": [
+        {"actuated": ("rocker_joint",)},
+        {"actuated": (), "free": ("ball.wx", "ball.wy")},
+    ],
+    "five-bar": [
+        {"actuated": ("left_elbow", "right_elbow")},
+        {"actuated": ("right_joint",), "free": ("left_elbow",)},
+    ],
+    "redundant five-bar": [{"redundant": ("left_joint",)}, {"redundant": ("right_joint",)}],
+}
+
+
+@pytest.mark.parametrize("motors", [("right_joint", "left_joint"), ("left_elbow", "right_joint")])
+def test_motors_keep_their_order(motors, load_files):
+    assert load_files(*five_bar(motors)).independent == motors
+
+
+@pytest.mark.parametrize("first", [("left_joint", "right_joint"), ("right_joint", "left_elbow")])
+def test_of_too_many_motors_the_first_ones_count_in_their_order(first, linkage):
+    robot = linkage("redundant five-bar")
+    others = (name for name in robot.actuated if name not in first)
+    robot = replace(robot, actuated=(*first, *others))
+    assert independent_coordinates(robot, robot.reference[None]) == first
+
+
+def test_a_motor_that_cannot_move_is_no_coordinate(load_files):
+    # The weld of the knuckle to the ground stops its hinge: rows, but no motion.
+    robot = load_files(*four_bar("6d"))
+    stuck = replace(robot, actuated=("crank_joint", "end_joint"))
+    assert independent_coordinates(stuck, robot.reference[None]) == ("crank_joint",)
+
+
+def rank(robot):
+    return analyse(structural_observation(robot, "full", samples=60)).rank
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_any_independent_coordinates_describe_the_same_motions(name, linkage):
+    robot = linkage(name)
+    q = random_configurations(robot, 5, seed=3)
+    G = project(robot, q).G
+    for choice in CHOICES[name]:
+        other = replace(robot, **choice)
+        assert other.independent != robot.independent
+        again = project(other, q)
+        np.testing.assert_allclose(again.G @ G[:, again.independent], G, atol=1e-9)
+        assert rank(other) == rank(robot)
+
+
+@pytest.mark.parametrize("name", ["ball rssr", "flying"])
+def test_no_force_acts_on_what_is_free(name, linkage, load_files):
+    flying = name == "flying"
+    robot = load_files(*five_bar(), floating_base=True) if flying else linkage(name)
+    q, (rates, _) = random_configurations(robot, 5), random_motions(robot, 5)
+    motors = len(robot.actuated)
+    forces = np.random.default_rng(1).uniform(-5, 5, size=(5, motors))
+    motion = forward_dynamics(robot, q, rates, forces)
+    felt = motion_regressor(robot, motion) @ robot.standard_parameters()
+    np.testing.assert_allclose(felt[:, motors:], 0, atol=1e-9)
+    np.testing.assert_allclose(felt[:, :motors], forces, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Joint velocities and accelerations from platform ones, against assembled motion."""
+"""Platform coordinates of closed configurations, and motions given by them."""
 
 import numpy as np
 import pytest
@@ -50,3 +50,16 @@ def test_wrong_input_is_refused(mechanism, poses, four_bars):
     bar = four_bars["3d"]
     with pytest.raises(OptionError, match="declares no platform"):
         platform_motion(bar, bar.reference[None], np.zeros((1, 1)), np.zeros((1, 1)))
+
+
+def test_strokes_lead_to_the_oracles_poses(mechanism, oracle):
+    home = assemble(mechanism, oracle["home"], "platform")
+    for start in (mechanism.reference, home):
+        q = assemble(mechanism, oracle["strokes"], start=start)
+        np.testing.assert_allclose(platform_coordinates(mechanism, q), oracle["pose"], atol=1e-10)
+
+
+def test_poses_lead_to_the_oracles_strokes(mechanism, oracle):
+    q = assemble(mechanism, oracle["pose"], "platform")
+    strokes = q[:, mechanism.velocity_indices(mechanism.actuated)]
+    np.testing.assert_allclose(strokes, oracle["strokes"], atol=1e-13)

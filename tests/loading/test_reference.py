@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from closure_robots import tie
-from loopid import load_mechanism, mobility, random_configurations, singularity_measure
+from loopid import load_mechanism, mobility, random_configurations
 from loopid.errors import MobilityWarning, ReferenceWarning
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import NEAR_SINGULARITY, singularity_measure
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"

@@ -1,55 +1,431 @@
-"""What a URDF says: bodies, motors, and closures in three ways of writing them."""
+"""URDF files: sound ones as yourdfpy and Pinocchio read them, damaged ones refused by name."""
+
+import math
+import warnings
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from small_urdf import BRANCHES, body, frame, joint, robot
+import yourdfpy
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from loopid import gravity_regressor, load_mechanism, random_configurations
-from loopid.errors import RobotFileError
-from loopid.loading.urdf import read_urdf
+from broken_robots import FAMILY, KNEE, mutilated
+from loopid import (
+    LoopidError,
+    find_base_parameters,
+    gravity_regressor,
+    load_mechanism,
+    mobility,
+    random_configurations,
+    structural_observation,
+)
+from loopid.errors import ClosureWarning, RobotFileError
+from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
 
+# Small URDFs, put together from links and joints.
+
+LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
 AXIS = '<axis xyz="0 0 2"/>'
 
 
-@pytest.fixture
-def read(tmp_path):
-    def written(*parts, floating_base=False, space=""):
-        (tmp_path / "robot.urdf").write_text(robot(*parts, space=space))
-        return read_urdf(tmp_path / "robot.urdf", floating_base)
+def body(name, mass=1, moment=0.1):
+    inertia = " ".join(f'{key}="{moment}"' for key in ("ixx", "iyy", "izz"))
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/>'
+        f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
 
-    return written
+
+def joint(name, parent, child, *, kind="revolute", inside="", attributes=""):
+    return (
+        f'<joint name="{name}" type="{kind}" {attributes}><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="0 0 1"/>{LIMIT}{inside}</joint>'
+    )
+
+
+def frame(name, parent):
+    return f'<link name="{name}"/>' + joint(f"{name}_mount", parent, name, kind="fixed")
 
 
 def mimicking(leader, numbers="", **options):
     return joint("finger", "base", "tip", inside=f'<mimic joint="{leader}" {numbers}/>', **options)
 
 
+def ends(one, other, first="", second=""):
+    sides = (("predecessor", one, first), ("successor", other, second))
+    return "".join(f'<{side} link="{link}">{inside}</{side}>' for side, link, inside in sides)
+
+
+def loop(kind="revolute", inside=AXIS, one="hand", other="wheel", name="pin"):
+    return f'<loop name="{name}" type="{kind}">{ends(one, other)}{inside}</loop>'
+
+
+def coupling(one="hand", other="wheel", inside='<ratio value="3"/>'):
+    return f'<coupling name="belt" type="rolling">{ends(one, other)}{inside}</coupling>'
+
+
+def drive(name):
+    return f'<transmission name="drive"><joint name="{name}"/></transmission>'
+
+
+# Two branches on the base: arm and hand, wheel.
+BRANCHES = (
+    body("arm"),
+    body("hand"),
+    body("wheel"),
+    joint("shoulder", "base", "arm"),
+    joint("wrist", "arm", "hand"),
+    joint("hub", "base", "wheel", kind="continuous"),
+)
+TIP = body("tip")
+NAIL = (body("nail"), joint("last", "tip", "nail", inside='<mimic joint="finger"/>'))
+FLIGHT = (body("drone"), joint("flight", "base", "drone", kind="floating"))
+PAIR = (frame("closing_pin_2", "wheel"), frame("closing_pin_1", "hand"))
+
+
+@pytest.fixture
+def read(tmp_path):
+    def written(*parts, floating_base=False, space=""):
+        text = f'<robot name="small" {space}><link name="base"/>{"".join(parts)}</robot>'
+        (tmp_path / "robot.urdf").write_text(text)
+        return read_urdf(tmp_path / "robot.urdf", floating_base)
+
+    return written
+
+
+# Whole files.
+
+
+def content(robot):
+    """Links and joints as yourdfpy has them, for comparison."""
+    joints = {
+        joint.name: (joint.type, joint.parent, joint.child, joint.mimic) for joint in robot.joints
+    }
+    inertials = {link.name: link.inertial for link in robot.links}
+    numbers = {
+        name: [inertial.mass, *inertial.inertia.ravel()]
+        for name, inertial in inertials.items()
+        if inertial is not None
+    }
+    return joints, set(inertials), numbers
+
+
+def test_both_readers_see_what_is_in_the_files(urdf_folder, robot_data, shared):
+    folders = (urdf_folder, robot_data, shared / "models")
+    files = [file for folder in folders for file in folder.rglob("*.urdf")]
+    assert len(files) > 70
+    for file in files:
+        if file.name == "ur3.urdf":  # its links have no names: refused by all
+            continue
+        whole = yourdfpy.URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
+        robot = read_urdf_file(file).robot
+        assert content(robot) == content(whole), file.name
+        assert_built(robot, read_urdf(file, free_mimics=True).model, file.name)
+
+
+def assert_built(robot, model, name):
+    """Places of all links, and the mass with its first moment, are the file's."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    carriers = {joint.child: joint for joint in robot.joints}
+    moment = np.zeros(4)  # mass, and mass times centre in the root's axes
+    for link in robot.links:
+        place, carried = np.eye(4), link.name
+        while carried in carriers:
+            joint = carriers[carried]
+            place = (np.eye(4) if joint.origin is None else joint.origin) @ place
+            carried = joint.parent
+        found = data.oMf[model.getFrameId(link.name, pin.FrameType.BODY)]
+        np.testing.assert_allclose(found.homogeneous, place, atol=1e-12, err_msg=name)
+        if link.inertial is not None:
+            origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+            moment += link.inertial.mass * np.append(1.0, (place @ origin)[:3, 3])
+    masses = np.array([inertia.mass for inertia in model.inertias])
+    pairs = zip(data.oMi, model.inertias, strict=True)
+    centres = np.array([oMi.act(inertia.lever) for oMi, inertia in pairs])
+    expected = [masses.sum(), *(masses @ centres)]
+    np.testing.assert_allclose(expected, moment, atol=1e-9, err_msg=name)
+
+
+# Contradictions and damage.
+
+JOINT = '<joint name="leg1_universal_1" type="revolute">'
+STROKE = r'(<joint name="leg1_stroke".*?)<limit [^>]*/>'
+BROKEN = {
+    # Physics: the pattern, what takes its place, and what the refusal must say.
+    "negative mass": ('mass value="9.82033"', 'mass value="-2"', ("platform", "-2 kg")),
+    "mass too large": ('mass value="9.82033"', 'mass value="1e300"', ("platform", "1e300")),
+    "mass NaN": ('mass value="9.82033"', 'mass value="nan"', ("platform", "mass", "finite")),
+    "mass infinite": ('mass value="9.82033"', 'mass value="inf"', ("platform", "mass", "finite")),
+    "inertia NaN": ('ixx="0.26398"', 'ixx="nan"', ("platform", "<inertia>", "finite")),
+    "centre of mass NaN": ('xyz="0.00393 ', 'xyz="nan ', ("platform", "<origin>", "finite")),
+    "joint origin NaN": (
+        JOINT + r'\s*<origin xyz="-0.4 ',
+        JOINT + '<origin xyz="nan ',
+        ("leg1_universal_1", "<origin>", "finite"),
+    ),
+    "axis NaN": (
+        r'(<child link="leg1_cross"/>\s*<axis xyz=)"0 -1 0"',
+        r'\1"0 nan 0"',
+        ("leg1_universal_1", "<axis>", "finite"),
+    ),
+    "axis zero": (
+        r'(<child link="leg1_cross"/>\s*<axis xyz=)"0 -1 0"',
+        r'\1"0 0 0"',
+        ("leg1_universal_1", "<axis>", "zero"),
+    ),
+    "limit NaN": ('lower="0.6537"', 'lower="nan"', ("leg1_stroke", "<limit>", "finite")),
+    "limits crossed": ('lower="0.6537"', 'lower="2"', ("leg1_stroke", "lower 2", "0.9337")),
+    "limit missing": (STROKE, r"\1", ("leg1_stroke", "prismatic", "<limit>")),
+    "no effort": ('effort="0" velocity', "velocity", ("leg1_universal_1", "<limit>", "effort")),
+    "effort negative": ('effort="0"', 'effort="-1"', ("leg1_universal_1", "effort", "-1")),
+    "no mass": ('<mass value="9.82033"/>', "", ("platform", "<mass>")),
+    "no inertia": ("<inertia ixx=.0.26398[^>]*/>", "", ("platform", "no <inertia>")),
+    "no moment": ('ixx="0.26398"', "", ("platform", "<inertia>", "ixx")),
+    "no inertials": ("<inertial>.*?</inertial>", "", ("<inertial>", "nothing to identify")),
+    # Structure.
+    "link twice": (
+        '<link name="leg1_cross"/>',
+        '<link name="leg1_cross"/><link name="leg1_cross"/>',
+        ("link", "leg1_cross", "2 times"),
+    ),
+    "joint twice": ('joint name="leg2_stroke"', 'joint name="leg1_stroke"', ("leg1_stroke",)),
+    "cycle": (
+        f'({JOINT}.*?)parent link="base"',
+        r'\1parent link="leg1_stem"',
+        ("leg1_cross", "leg1_cylinder", "leg1_stem", "cycle"),
+    ),
+    "two roots": (f"{JOINT}.*?</joint>", "", ("one root", "base", "leg1_cross")),
+    "no root": (
+        "</robot>",
+        '<joint name="back" type="fixed"><parent link="platform"/><child link="base"/></joint>'
+        "</robot>",
+        ("one root", "none"),
+    ),
+    "two parents": (
+        'child link="leg1_cross"',
+        'child link="leg2_cross"',
+        ("leg2_cross", "2 joints", "not a tree"),
+    ),
+    "unknown parent": (
+        'parent link="leg1_cylinder"',
+        'parent link="leg9_cylinder"',
+        ("leg1_stroke", "leg9_cylinder"),
+    ),
+    "unknown child": (
+        'child link="leg1_stem"',
+        'child link="leg9_stem"',
+        ("leg1_stroke", "leg9_stem"),
+    ),
+    "joint of the ground": (
+        'joint name="leg1_stroke"',
+        'joint name="universe"',
+        ("universe", "rename it"),
+    ),
+    "link without a name": ('<link name="leg1_cross"/>', "<link/>", ("<link>", "name")),
+    "joint without a name": ('joint name="leg1_stroke"', "joint", ("<joint>", "name")),
+    "no links": (r"\A.+", '<robot name="nothing"/>', ("<link>",)),
+    # Grammar.
+    "XML cut off": ("</robot>.*", "", ("not a valid URDF", "line")),
+    "not a robot": (r"\A.+", "<sdf/>", ("not a valid URDF", "<sdf>", "<robot>")),
+    "not XML": (r"\A.+", "solid robot", ("not a valid URDF",)),
+    "empty file": (r"\A.+", "", ("not a valid URDF",)),
+    "mass not a number": ('mass value="9.82033"', 'mass value="heavy"', ("heavy",)),
+    "axis of two numbers": (
+        r'(<child link="leg1_cross"/>\s*<axis xyz=)"0 -1 0"',
+        r'\1"0 -1"',
+        ("leg1_universal_1",),
+    ),
+    "mass without value": ('mass value="9.82033"', "mass", ("platform", "<mass>", "no value")),
+    "joint without parent": (
+        '<parent link="leg1_cylinder"/>',
+        "",
+        ("leg1_stroke", "no <parent>"),
+    ),
+    "unknown joint type": (
+        'name="leg1_stroke" type="prismatic"',
+        'name="leg1_stroke" type="screw"',
+        ("leg1_stroke", "'screw'", "prismatic", "planar"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_urdf_is_refused_by_name(case, edited, refusal):
+    pattern, replacement, fragments = BROKEN[case]
+    file = edited("urdf", pattern, replacement)
+    with pytest.raises(RobotFileError) as failure:
+        load_mechanism(file)
+    assert isinstance(failure.value, LoopidError)
+    refusal(failure, str(file.with_suffix(".urdf")), *fragments)
+
+
+def test_a_prefix_without_a_namespace_is_harmless(edited):
+    file = edited("urdf", "</robot>", "<gazebo:plugin/></robot>")
+    assert load_mechanism(file).name == "3ups_rpu"
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """What is read of a text; none where it is refused, which must be in one sentence."""
+    file = tmp_path_factory.mktemp("fuzzed") / "robot.urdf"
+
+    def read(text, floating_base=False):
+        file.write_text(text, encoding="utf-8")
+        source, refusal = None, f"{file}: "
+        try:
+            source = read_urdf(file, floating_base)
+        except LoopidError as error:
+            refusal = str(error)
+        assert refusal.startswith(f"{file}: ")
+        assert "\n" not in refusal
+        if source is None:
+            return None
+        model, description = source.model, source.description
+        bodies = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+        assert set(source.inertial_links) <= bodies
+        assert set(list(model.names)[1:]) <= set(source.child_links)
+        assert set(description.name_mot or ()) <= set(model.names)
+        for closure in description.closures:
+            assert all(model.existFrame(frame) for frame in closure.frames or ())
+            assert all(model.existJointName(joint) for joint in closure.joints or ())
+        return source
+
+    return read
+
+
+def test_the_whole_family_is_read(outcome):
+    source = outcome(FAMILY)
+    kinds = [closure.type for closure in source.description.closures]
+    assert kinds == ["3d", "hinge", "coupling", "coupling"]
+    assert source.description.name_mot == ["motor"]
+
+
+@settings(max_examples=80)
+@given(text=mutilated(FAMILY) | mutilated(KNEE), floating_base=st.booleans())
+def test_a_mutilated_robot_is_read_or_refused(outcome, text, floating_base):
+    outcome(text, floating_base)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, len(FAMILY)), st.integers(0, 8), st.text(max_size=4))
+def test_a_cut_or_patched_text_is_read_or_refused(outcome, at, length, patch):
+    text = FAMILY[:at] + patch + FAMILY[at + length :]
+    outcome(text.encode("utf-8", "ignore").decode())
+
+
+# Angles printed with a few digits mean the multiples of 5 degrees that print alike.
+
+
+@given(st.integers(-72, 72).filter(bool), st.sampled_from(DECIMALS), st.sampled_from([-1, 1]))
+def test_a_multiple_is_found_from_its_digits(k, decimals, sign):
+    exact, digit = k * STEP, 10.0**-decimals
+    assert exact_angle(f"{exact:.{decimals}f}") == exact
+    cut = math.trunc(exact / digit) * digit
+    assert exact_angle(f"{cut:.{decimals}f}") == exact
+    text = f"{exact + sign * 2 * digit:.{decimals}f}"
+    assert exact_angle(text) == float(text)  # two digits off is meant as written
+
+
+def test_half_a_turn_may_be_twice_a_quarter_that_was_cut_off():
+    assert exact_angle("3.14158") == math.pi
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1.57", "1.571", "0", "-0", "0.0000", "1e-17", "2.11941", "1.57080e0", "1.5707963267948966"],
+)
+def test_other_angles_stay(text):
+    assert exact_angle(text) == float(text)
+
+
+PENDULUMS = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper">{body}</link><link name="fore">{body}</link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <origin rpy="{quarter} 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.3 0 0" rpy="{turn} 0 0"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+BODY = """<inertial><origin xyz="0.1 0.02 0.03"/><mass value="1"/>
+  <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>"""
+
+
+@pytest.mark.parametrize("decimals", [4, 6, 16])
+def test_rounding_invents_no_parameters(tmp_path, decimals):
+    angles = {"quarter": f"{math.pi / 2:.{decimals}f}", "turn": f"{math.pi:.{decimals}f}"}
+    (tmp_path / "arm.urdf").write_text(PENDULUMS.format(body=BODY, **angles))
+    robot = load_mechanism(tmp_path / "arm.urdf")
+    for model, count in (("gravity", 4), ("full", 6)):
+        found = find_base_parameters(structural_observation(robot, model))
+        assert len(found) == count
+        assert found.structure.rank_gap > 1e9
+
+
+@pytest.fixture
+def tilted_bar(tmp_path, urdf_folder):
+    """Copy the five-bar, pinned at a point, with an axis tilted by some angle in rad."""
+
+    def tilt(angle):
+        text = (urdf_folder / "five_bar.urdf").read_text()
+        upright = f'rpy="{math.pi / 2!r} 0 0"'
+        assert text.count(upright) > 1
+        (tmp_path / "bar.urdf").write_text(
+            text.replace(upright, f'rpy="{math.pi / 2 + angle!r} 0 0"', 1)
+        )
+        yaml = (urdf_folder / "five_bar.yaml").read_text()
+        (tmp_path / "bar.yaml").write_text(yaml.replace("five_bar.urdf", "bar.urdf"))
+        return tmp_path / "bar.yaml"
+
+    return tilt
+
+
+def test_redundant_equations_that_rounding_sets_against_each_other_are_refused(tilted_bar):
+    with pytest.raises(RobotFileError, match=r"stays open by .*: the numbers .* seem rounded"):
+        load_mechanism(tilted_bar(5e-6))
+    assert mobility(load_mechanism(tilted_bar(0.0))).least > 1e-3
+
+
+@pytest.mark.parametrize(("other", "told"), [(-1.000001, True), (-1.0, False), (-1.01, False)])
+def test_equations_that_nearly_follow_from_each_other_are_told(tmp_path, urdf_folder, other, told):
+    # As a tree; a second gear between the same joints holds both, unless it is the first again.
+    (tmp_path / "bar.urdf").write_text((urdf_folder / "five_bar.urdf").read_text())
+    first = {"right_crank_joint": 1.0, "right_coupler_joint": -1.0}
+    gears = [
+        {"type": "coupling", "joints": first | {"right_coupler_joint": ratio}}
+        for ratio in (-1.0, other)
+    ]
+    (tmp_path / "bar.yaml").write_text(f"closures: {gears}\nname_mot: [left_crank_joint]\n")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot = load_mechanism(tmp_path / "bar.yaml")
+    texts = [str(w.message) for w in caught if w.category is ClosureWarning]
+    assert any("rank of the closures is not clear" in text for text in texts) == told
+    assert mobility(robot).rank == (1 if other == -1.0 else 2)
+
+
+# What a file says: bodies, motors, and closures in three ways of writing them.
+
+
 def test_a_serial_robot_says_nothing_of_closures_and_motors(read):
-    source = read(*BRANCHES)
+    source = read(*BRANCHES, frame("grip", "hand"), drive("wrist"))
     assert source.name == "small"
-    assert source.file.name == "robot.urdf"
     assert source.inertial_links == ("arm", "hand", "wheel")
-    assert source.child_links == {"shoulder": "arm", "wrist": "hand", "hub": "wheel"}
-    assert source.description.all_closures == ()
+    carried = {"shoulder": "arm", "wrist": "hand", "hub": "wheel", "grip_mount": "grip"}
+    assert source.child_links == carried
+    names = {frame.name for frame in source.model.frames if frame.type == pin.FrameType.BODY}
+    assert names == {"base", "arm", "hand", "wheel", "grip"}
+    assert source.description.all_closures == source.notes == ()
     assert source.description.name_mot is None
-    assert source.notes == ()
 
 
-# Inertia.
-
-
-def test_an_inertial_of_zeros_is_none_on_any_link(read):
-    source = read(body("cross", 0, 0), body("arm"), joint("a", "base", "cross"),
-                  joint("b", "cross", "arm"))  # fmt: skip
-    assert source.inertial_links == ("arm",)
-
-
-def test_inertia_without_mass_and_tiny_masses_are_bodies(read):
-    source = read(body("rotor", 0, 1e-4), body("dust", 1e-9, 0), joint("a", "base", "rotor"),
-                  joint("b", "base", "dust"))  # fmt: skip
+def test_an_inertial_of_zeros_is_none_and_a_tiny_one_a_body(read):
+    links = body("cross", 0, 0), body("rotor", 0, 1e-4), body("dust", 1e-9, 0)
+    joints = (joint(name[0], "base", name) for name in ("cross", "rotor", "dust"))
+    source = read(*links, *joints)
     assert source.inertial_links == ("rotor", "dust")
-    inertias = [source.model.inertias[source.model.getJointId(name)] for name in "ab"]
+    inertias = [source.model.inertias[source.model.getJointId(name)] for name in "rd"]
     np.testing.assert_allclose(inertias[0].inertia, 1e-4 * np.eye(3), atol=1e-18)
     assert [inertia.mass for inertia in inertias] == [0, 1e-9]
 
@@ -60,14 +436,15 @@ def test_numbers_mean_to_pinocchio_what_they_mean_to_python(read, mass):
     assert source.model.inertias[1].mass == 10
 
 
-# Joints with several coordinates.
-
-
-def test_a_floating_base_is_a_joint_that_carries_the_root(read):
+def test_a_floating_base_is_a_joint_that_carries_the_root_and_keeps_its_name(read):
     source = read(*BRANCHES, floating_base=True)
     assert source.model.names[1] == "root_joint"
     assert source.model.joints[1].nv == 6
     assert source.child_links["root_joint"] == "base"
+    parts = (body("arm"), joint("root_joint", "base", "arm"))
+    assert read(*parts).model.nv == 1
+    with pytest.raises(RobotFileError, match=r"robot\.urdf: joint root_joint .* rename it"):
+        read(*parts, floating_base=True)
 
 
 @pytest.mark.parametrize(("kind", "freedom"), [("floating", 6), ("planar", 3)])
@@ -76,119 +453,52 @@ def test_joints_of_several_coordinates_are_read(read, kind, freedom):
     assert source.model.joints[1].nv == freedom
 
 
-def test_a_floating_joint_has_no_motor_among_joints_that_follow(read):
-    source = read(*BRANCHES, body("tip"), mimicking("wrist"), body("drone"),
-                  joint("flight", "base", "drone", kind="floating"))  # fmt: skip
-    assert source.description.name_mot == ["shoulder", "wrist", "hub"]
-
-
-def test_the_joint_of_a_floating_base_keeps_its_name_to_itself(read):
-    parts = (body("arm"), joint("root_joint", "base", "arm"))
-    assert read(*parts).model.nv == 1
-    with pytest.raises(RobotFileError, match=r"robot\.urdf: joint root_joint .* rename it"):
-        read(*parts, floating_base=True)
-
-
-# Joints that follow others.
-
-
-def test_a_mimic_is_a_coupling_and_has_no_motor(read):
-    source = read(*BRANCHES, body("tip"), mimicking("wrist", 'multiplier="-2" offset="0.5"'))
-    (coupling,) = source.description.all_closures
-    assert coupling.type == "coupling"
-    assert coupling.joints == {"finger": 1, "wrist": 2}
-    assert coupling.offset == 0.5
-    assert source.description.name_mot == ["shoulder", "wrist", "hub"]
-    assert source.model.existJointName("finger")
-
-
-def test_a_mimic_of_nothing_stands_still(read):
-    source = read(*BRANCHES, body("tip"), mimicking("wrist", 'multiplier="0" offset="0.5"'))
-    (coupling,) = source.description.all_closures
-    assert (coupling.joints, coupling.offset) == ({"finger": 1}, 0.5)
-
-
-def test_a_joint_may_follow_one_that_follows(read):
-    source = read(*BRANCHES, body("tip"), mimicking("wrist"), body("nail"),
-                  joint("last", "tip", "nail", inside='<mimic joint="finger"/>'))  # fmt: skip
-    joints = [coupling.joints for coupling in source.description.all_closures]
-    assert joints == [{"finger": 1, "wrist": -1}, {"last": 1, "finger": -1}]
-    assert source.description.name_mot == ["shoulder", "wrist", "hub"]
-
-
-def test_a_fixed_joint_follows_nothing(read):
-    source = read(*BRANCHES, body("tip"), mimicking("wrist", kind="fixed"))
-    assert source.description.all_closures == ()
-    assert source.description.name_mot is None
-
-
-WRONG_MIMICS = {
-    "unknown": ([mimicking("elbow")], ("finger mimics 'elbow'", "shoulder, wrist, hub, finger")),
-    "itself": ([mimicking("finger")], ("finger mimics finger", "circle")),
-    "circle": (
-        [
-            mimicking("last"),
-            body("nail"),
-            joint("last", "tip", "nail", inside='<mimic joint="finger"/>'),
-        ],
-        ("finger mimics last mimics finger", "circle"),
+FREE = ["shoulder", "wrist", "hub"]
+NUMBERS = 'multiplier="-2" offset="0.5"'
+STILL = 'multiplier="0" offset="0.5"'
+FINGER = ({"finger": 1, "wrist": -1}, 0)
+DEPENDENT = joint("hub", "base", "wheel", attributes='independent="False"')
+# Parts, joints and offsets of the couplings, and the motors.
+FOLLOWING = {
+    "mimic": ([TIP, mimicking("wrist", NUMBERS)], [({"finger": 1, "wrist": 2}, 0.5)], FREE),
+    "of nothing": ([TIP, mimicking("wrist", STILL)], [({"finger": 1}, 0.5)], FREE),
+    "of a follower": (
+        [TIP, mimicking("wrist"), *NAIL],
+        [FINGER, ({"last": 1, "finger": -1}, 0)],
+        FREE,
     ),
-    "fixed": ([mimicking("peg_mount"), frame("peg", "hand")], ("'peg_mount'", "fixed")),
-    "floating": (
-        [mimicking("flight"), body("drone"), joint("flight", "base", "drone", kind="floating")],
-        ("'flight'", "floating", "several coordinates"),
+    "fixed": ([TIP, mimicking("wrist", kind="fixed")], [], None),
+    "beside a floating joint": ([TIP, mimicking("wrist"), *FLIGHT], [FINGER], FREE),
+    "transmission without loop": ([TIP, mimicking("wrist"), drive("wrist")], [FINGER], FREE),
+    "transmissions and a loop": (
+        [TIP, mimicking("wrist"), *PAIR, drive("wrist"), drive("finger"), drive("shoulder")],
+        [FINGER],
+        ["shoulder", "wrist"],
     ),
-    "multiplier": ([mimicking("hub", 'multiplier="nan"')], ("finger", "<mimic> multiplier")),
-    "offset": ([mimicking("hub", 'offset="inf"')], ("finger", "<mimic> offset", "finite")),
-    "nameless": (
-        [joint("finger", "base", "tip", inside="<mimic/>")],
-        ("finger", "<mimic> has no joint"),
+    "coupling": ([coupling()], [({"hub": 1, "shoulder": -3, "wrist": -3}, 0)], FREE[:2]),
+    "coupling where branches part": (
+        [body("rotor"), frame("spindle", "arm"), joint("spin", "spindle", "rotor"),
+         coupling("hand", "rotor")],
+        [({"spin": 1, "wrist": -3}, 0)],
+        FREE,
     ),
-}
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("case", WRONG_MIMICS)
-def test_a_wrong_mimic_is_refused_by_name(read, refusal, case):
-    parts, fragments = WRONG_MIMICS[case]
-    with pytest.raises(RobotFileError) as failure:
-        read(*BRANCHES, body("tip"), *parts)
-    refusal(failure, "robot.urdf: ", *fragments)
+@pytest.mark.parametrize("case", FOLLOWING)
+def test_joints_that_follow_are_coupled_and_have_no_motors(read, case):
+    parts, couplings, motors = FOLLOWING[case]
+    description = read(*BRANCHES, *parts).description
+    found = [(c.joints, c.offset) for c in description.all_closures if c.type == "coupling"]
+    assert found == couplings
+    assert description.name_mot == motors
 
 
-# Motors.
-
-
-def drive(name):
-    return f'<transmission name="drive"><joint name="{name}"/></transmission>'
-
-
-FOLLOWER = (body("tip"), mimicking("wrist"))
-LOOP = (
-    body("closing_pin_1"),
-    body("closing_pin_2"),
-    joint("pin_1", "tip", "closing_pin_1", kind="fixed"),
-    joint("pin_2", "base", "closing_pin_2", kind="fixed"),
-)
-
-
-def test_transmissions_name_the_motors_of_a_robot_with_loops(read):
-    drives = drive("wrist"), drive("finger"), drive("shoulder")
-    source = read(*BRANCHES, *FOLLOWER, *LOOP, *drives)
+def test_the_declaration_of_dependent_joints_decides(read):
+    source = read(*BRANCHES[:-1], DEPENDENT, coupling("arm", "wheel"))
     assert source.description.name_mot == ["shoulder", "wrist"]
-
-
-def test_without_loops_every_joint_that_follows_none_has_a_motor(read):
-    source = read(*BRANCHES, *FOLLOWER, drive("wrist"))
-    assert source.description.name_mot == ["shoulder", "wrist", "hub"]
-    assert read(*BRANCHES, drive("wrist")).description.name_mot is None
-
-
-def test_a_transmission_of_an_unknown_joint_is_refused(read):
-    with pytest.raises(RobotFileError, match=r"<transmission name='drive'>: unknown joint 'elbow'"):
-        read(*BRANCHES, *FOLLOWER, *LOOP, drive("elbow"))
-
-
-# What is left out.
+    parts = [part.replace('"shoulder"', '"shoulder" independent="false"') for part in BRANCHES]
+    assert read(*parts, coupling("arm", "wheel")).description.name_mot == ["wrist", "hub"]
 
 
 def test_closures_of_other_formats_are_noted(read):
@@ -203,155 +513,49 @@ def test_what_is_not_of_the_tree_may_be_broken(read):
     rubbish = '<link name="x"><visual><geometry/></visual></link><gazebo:plugin/><material/>'
     source = read(*BRANCHES, rubbish, joint("y", "base", "x", inside='<dynamics damping="?"/>'))
     assert source.model.nv == 4
-
-
-def test_a_default_namespace_is_harmless(read):
     assert read(*BRANCHES, space='xmlns="http://drake.mit.edu"').model.nv == 3
 
 
-def test_every_link_has_a_frame(read):
-    source = read(*BRANCHES, frame("grip", "hand"))
-    names = {frame.name for frame in source.model.frames if frame.type == pin.FrameType.BODY}
-    assert names == {"base", "arm", "hand", "wheel", "grip"}
+Z2 = ((0, 0, 2), (0, 0, 2))
+HINGE = [frame(f"closing_pin_{k}_z", link) for k, link in (("1", "hand"), ("2", "wheel"))]
+NUMBERED = [frame(f"closing_{k}_1_{side}", "hand") for k in (1, 2) for side in (1, 2)]
+OTHERS = ("closing", "closing_1", "closing__1", "closing_pin_3", "closing_pin", "my_closing_x_1")
+PIN, ENDS = ("closing_pin_1", "closing_pin_2"), ("pin_predecessor", "pin_successor")
+CLOSED = {
+    "a pair of frames": (PAIR, [("3d", PIN, None)]),
+    "a second pair": ([*PAIR, *HINGE], [("hinge", PIN, ((0, 0, 1), (0, 0, 1)))]),
+    "numbers in names": (
+        NUMBERED,
+        [("3d", (f"closing_{k}_1_1", f"closing_{k}_1_2"), None) for k in (1, 2)],
+    ),
+    "other frames": ([frame(name, "hand") for name in OTHERS], []),
+    "revolute": ([loop("revolute")], [("hinge", ENDS, Z2)]),
+    "continuous": ([loop("continuous")], [("hinge", ENDS, Z2)]),
+    "prismatic": ([loop("prismatic")], [("prismatic", ENDS, Z2)]),
+    "cylindrical": ([loop("cylindrical")], [("cylindrical", ENDS, Z2)]),
+    "spherical": ([loop("spherical", "")], [("3d", ENDS, None)]),
+    "fixed": ([loop("fixed", "")], [("6d", ENDS, None)]),
+}
 
 
-# Pairs of frames that close loops by their names.
-
-
-def closures_of(read, *frames):
-    return read(*BRANCHES, *frames).description.all_closures
-
-
-def test_two_frames_of_one_name_meet(read):
-    (closure,) = closures_of(read, frame("closing_pin_2", "wheel"), frame("closing_pin_1", "hand"))
-    assert closure.type == "3d"
-    assert closure.frames == ("closing_pin_1", "closing_pin_2")
-
-
-def test_a_second_pair_along_the_axis_makes_a_hinge(read):
-    ends = (("1", "hand"), ("2", "wheel"))
-    pairs = [frame(f"closing_pin_{k}{z}", link) for k, link in ends for z in ("", "_z")]
-    (closure,) = closures_of(read, *pairs)
-    assert closure.type == "hinge"
-    assert closure.frames == ("closing_pin_1", "closing_pin_2")
-    assert closure.axes == ((0, 0, 1), (0, 0, 1))
-
-
-def test_names_may_hold_numbers_of_their_own(read):
-    pairs = [frame(f"closing_{k}_1_{side}", "hand") for k in (1, 2) for side in (1, 2)]
-    assert [closure.frames[0] for closure in closures_of(read, *pairs)] == [
-        "closing_1_1_1",
-        "closing_2_1_1",
-    ]
-
-
-def test_other_frames_close_nothing(read):
-    names = ("closing", "closing_1", "closing__1", "closing_pin_3", "closing_pin", "my_closing_x_1")
-    assert closures_of(read, *(frame(name, "hand") for name in names)) == ()
-
-
-@pytest.mark.parametrize(("there", "missing"), [(1, 2), (2, 1)])
-def test_a_frame_without_its_partner_is_refused(read, refusal, there, missing):
-    with pytest.raises(RobotFileError) as failure:
-        closures_of(read, frame(f"closing_pin_{there}", "hand"))
-    refusal(failure, "robot.urdf: ", f"link closing_pin_{there}", f"'closing_pin_{missing}'")
-
-
-# Loops, couplings and independent joints of URDF+.
-
-
-def end(side, link, inside=""):
-    return f'<{side} link="{link}">{inside}</{side}>'
-
-
-def loop(kind="revolute", inside=AXIS, one="hand", other="wheel", name="pin"):
-    ends = end("predecessor", one) + end("successor", other)
-    return f'<loop name="{name}" type="{kind}">{ends}{inside}</loop>'
-
-
-def coupling(one="hand", other="wheel", inside='<ratio value="3"/>', name="belt"):
-    ends = end("predecessor", one) + end("successor", other)
-    return f'<coupling name="{name}" type="rolling">{ends}{inside}</coupling>'
-
-
-# Loops.
-
-
-@pytest.mark.parametrize(
-    ("kind", "closure"),
-    [("revolute", "hinge"), ("continuous", "hinge"), ("prismatic", "prismatic"),
-     ("cylindrical", "cylindrical")],
-)  # fmt: skip
-def test_a_loop_about_an_axis(read, kind, closure):
-    (found,) = read(*BRANCHES, loop(kind)).description.all_closures
-    assert found.type == closure
-    assert found.frames == ("pin_predecessor", "pin_successor")
-    assert found.axes == ((0, 0, 2), (0, 0, 2))
-
-
-@pytest.mark.parametrize(("kind", "closure"), [("spherical", "3d"), ("fixed", "6d")])
-def test_a_loop_without_an_axis(read, kind, closure):
-    (found,) = read(*BRANCHES, loop(kind, "")).description.all_closures
-    assert (found.type, found.axes) == (closure, None)
+@pytest.mark.parametrize("case", CLOSED)
+def test_frames_are_closed_by_names_and_by_loops(read, case):
+    parts, expected = CLOSED[case]
+    found = read(*BRANCHES, *parts).description.all_closures
+    assert [(closure.type, closure.frames, closure.axes) for closure in found] == expected
 
 
 def test_the_frames_of_a_loop_are_at_its_origins(read):
     origin = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
-    ends = end("predecessor", "peg", origin) + end("successor", "wheel", '<origin xyz="1 0 0"/>')
-    tag = f'<loop name="pin" type="fixed">{ends}</loop>'
+    sides = ends("peg", "wheel", origin, '<origin xyz="1 0 0"/>')
+    tag = f'<loop name="pin" type="fixed">{sides}</loop>'
     model = read(*BRANCHES, frame("peg", "hand"), tag).model
-    one, other = (model.frames[model.getFrameId(f"pin_{side}")]
-                  for side in ("predecessor", "successor"))  # fmt: skip
+    one, other = (model.frames[model.getFrameId(name)] for name in ENDS)
     assert model.names[one.parentJoint] == "wrist"
     np.testing.assert_allclose(one.placement.translation, [0.1, 0.2, 0.3])
     np.testing.assert_allclose(one.placement.rotation, pin.rpy.rpyToMatrix(0.4, 0.5, 0.6))
     np.testing.assert_allclose(other.placement.homogeneous[:3, 3], [1, 0, 0])
     np.testing.assert_allclose(other.placement.rotation, np.eye(3))
-
-
-# Couplings.
-
-
-def test_a_coupling_sums_the_joints_of_both_branches(read):
-    source = read(*BRANCHES, coupling())
-    (found,) = source.description.all_closures
-    assert found.joints == {"hub": 1, "shoulder": -3, "wrist": -3}
-    assert found.offset == 0
-    assert source.description.name_mot == ["shoulder", "wrist"]
-
-
-def test_a_coupling_starts_where_the_branches_part(read):
-    rotor = (body("rotor"), frame("spindle", "arm"), joint("spin", "spindle", "rotor"))
-    (found,) = read(*BRANCHES, *rotor, coupling("hand", "rotor")).description.all_closures
-    assert found.joints == {"spin": 1, "wrist": -3}
-
-
-# Motors.
-
-
-def test_joints_declared_dependent_have_no_motors(read):
-    parts = [*BRANCHES[:-1], joint("hub", "base", "wheel", attributes='independent="False"')]
-    source = read(*parts, coupling("arm", "wheel"))
-    assert source.description.name_mot == ["shoulder", "wrist"]
-
-
-def test_the_declaration_overrules_the_direction_of_a_coupling(read):
-    parts = [part.replace('"shoulder"', '"shoulder" independent="false"') for part in BRANCHES]
-    source = read(*parts, coupling("arm", "wheel"))
-    assert source.description.name_mot == ["wrist", "hub"]
-
-
-# Whole robots.
-
-
-def test_samples_of_the_format_load(shared):
-    folder = shared / "models" / "urdf_plus"
-    six_bar = load_mechanism(folder / "six_bar.urdf")
-    assert six_bar.actuated == ("joint1", "joint2", "joint3")
-    with pytest.warns(UserWarning, match="no body has these inertias"):
-        leg = load_mechanism(folder / "mini_cheetah_leg.urdf")
-    assert leg.actuated == ("base_to_abduct", "abduct_to_thigh_j", "thigh_to_knee_j")
-    assert leg.model.nv == 6
 
 
 def test_a_loop_closes_what_a_pair_of_frames_closes(four_bars, write_files):
@@ -373,8 +577,7 @@ def test_a_loop_closes_what_a_pair_of_frames_closes(four_bars, write_files):
 
 NO_END = '<loop name="pin" type="revolute"><successor link="arm"/></loop>'
 HALF = '<coupling name="belt"><predecessor link="arm"/><ratio value="1"/></coupling>'
-DEPENDENT = joint("hub", "base", "wheel", attributes='independent="fasle"')
-FLIGHT = (body("drone"), joint("flight", "base", "drone", kind="floating"))
+WRONG_DEPENDENT = joint("hub", "base", "wheel", attributes='independent="fasle"')
 WRONG = {
     "loop without predecessor": ([NO_END], ("<loop name='pin'>", "no <predecessor>")),
     "unknown link": ([loop(one="leg")], ("pin", "'leg'", "<predecessor>", "base, wheel, arm")),
@@ -397,14 +600,39 @@ WRONG = {
     "ratio zero": ([coupling(inside='<ratio value="0"/>')], ("belt", "<ratio> is zero")),
     "nothing between": ([coupling("arm", "hand")], ("belt", "no joint moves", "predecessor 'arm'")),
     "floating": ([*FLIGHT, coupling("drone", "wheel")], ("belt", "flight", "floating")),
-    "neither true nor false": ([DEPENDENT], ("hub", "independent", "'fasle'")),
+    "neither true nor false": ([WRONG_DEPENDENT], ("hub", "independent", "'fasle'")),
+    "mimic: unknown": ([TIP, mimicking("elbow")], ("finger mimics 'elbow'", "wrist, hub, finger")),
+    "mimic: itself": ([TIP, mimicking("finger")], ("finger mimics finger", "circle")),
+    "mimic: circle": (
+        [
+            TIP, mimicking("last"), *NAIL,
+        ],
+        ("finger mimics last mimics finger", "circle"),
+    ),
+    "mimic: fixed": ([TIP, mimicking("peg_mount"), frame("peg", "hand")], ("'peg_mount'", "fixed")),
+    "mimic: floating": (
+        [TIP, mimicking("flight"), *FLIGHT],
+        ("'flight'", "floating", "several coordinates"),
+    ),
+    "mimic: multiplier": ([TIP, mimicking("hub", 'multiplier="nan"')], ("<mimic> multiplier",)),
+    "mimic: offset": ([TIP, mimicking("hub", 'offset="inf"')], ("<mimic> offset", "finite")),
+    "mimic: nameless": (
+        [TIP, joint("finger", "base", "tip", inside="<mimic/>")],
+        ("finger", "<mimic> has no joint"),
+    ),
+    "frame 1 alone": ([PAIR[1]], ("link closing_pin_1", "'closing_pin_2'")),
+    "frame 2 alone": ([PAIR[0]], ("link closing_pin_2", "'closing_pin_1'")),
+    "transmission": (
+        [TIP, mimicking("wrist"), *PAIR, drive("elbow")],
+        ("<transmission name='drive'>: unknown joint 'elbow'",),
+    ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_tag_is_refused_by_name(read, refusal, case):
     parts, fragments = WRONG[case]
-    branches = BRANCHES[:-1] if DEPENDENT in parts else BRANCHES
+    branches = BRANCHES[:-1] if WRONG_DEPENDENT in parts else BRANCHES
     with pytest.raises(RobotFileError) as failure:
         read(*branches, *parts)
     refusal(failure, "robot.urdf: ", *fragments)

@@ -1,5 +1,7 @@
 """One simulated run in every format that is read by an extra library."""
 
+import gzip
+
 import h5py
 import numpy as np
 import polars
@@ -7,6 +9,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
+from simulated_logs import table
 
 STATE = "sensor_msgs/msg/JointState"
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
@@ -86,6 +89,10 @@ def write_any(kind, folder, joints, time, position, force):
     """The run in a format; gives its path."""
     stamps = np.round(np.asarray(time) * 1e9).astype(np.int64)
     columns = columns_of(time, position, force, joints)
+    if kind == "csv.gz":
+        path = folder / "run.csv.gz"
+        path.write_bytes(gzip.compress(table(time, position, force, joints).encode()))
+        return path
     if kind == "npz":
         np.savez(folder / "run.npz", **columns)
         return folder / "run.npz"

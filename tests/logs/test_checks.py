@@ -96,13 +96,6 @@ def test_unordered_and_repeated_times_are_named(read_text, good_text):
         read_text(joined(header, rows))
 
 
-def test_shuffled_rows(read_text, good_text):
-    header, rows = lines_of(good_text)
-    order = np.random.default_rng(1).permutation(len(rows))
-    with pytest.raises(LogError, match=r"time must increase .* and \d+ more"):
-        read_text(joined(header, [rows[k] for k in order]))
-
-
 @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.7x", "1e300", "null", "x" * 1000])
 def test_bad_cells_are_left_out(read_text, good_text, truth, cell):
     header, rows = lines_of(good_text)
@@ -146,26 +139,6 @@ def test_too_many_bad_rows_are_refused(read_text, good_text):
         read_text(joined(header, rows))
 
 
-def test_a_truncated_pack_is_refused(knee, good_text, write_text):
-    path = write_text(good_text, "log.csv.gz")
-    path.write_bytes(path.read_bytes()[:-1000])
-    with pytest.raises(LogError, match=r"log\.csv\.gz cannot be read"):
-        read_log(path, knee)
-
-
-@pytest.mark.parametrize(
-    ("factor", "advice"),
-    [(1e3, r"times 0\.001 \(mm to m\)"), (1e-3, "times 1000"), (1e6, r"times 1e-6 \(um to m\)")],
-)
-def test_positions_in_another_unit(changed, factor, advice):
-    def scale(arrays):
-        arrays["position"] *= factor
-
-    message = rf"leg1_stroke is outside its limits \[0.6537, 0.9337\] in rows 2, 3.*{advice}.*posit"
-    with pytest.raises(LogError, match=message):
-        changed(scale)
-
-
 PENDULUM = """<robot name="arm"><link name="base"/>
 <link name="bob"><inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
@@ -198,24 +171,75 @@ def test_turns_are_counted_on(swings, write_text):
     np.testing.assert_allclose(log.position, angle, atol=1e-12)
 
 
-def test_positions_from_another_origin(changed):
-    def shift(arrays):
-        arrays["position"] -= 0.69
+def multiply(name, factor):
+    def change(arrays):
+        arrays[name] *= factor
 
-    with pytest.raises(LogError, match="with position_offset in a mapping they would fit"):
-        changed(shift)
+    return change
 
 
-def test_positions_just_outside_the_limits_are_warned_of(changed, truth):
-    def shift(arrays):
-        arrays["position"][:, 1] -= 0.103
+def shift(name, by, at=np.s_[:]):
+    def change(arrays):
+        arrays[name][at] += by
 
-    message = (
-        r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows 2, .* at worst 0.642.*: kept"
-    )
+    return change
+
+
+def stop(name, columns=np.s_[:]):
+    def change(arrays):
+        arrays[name][:, columns] = arrays[name][0, columns]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            multiply("position", 1e3),
+            r"leg1_stroke is outside its limits \[0.6537, 0.9337\] in rows 2, 3.* times 0\.001 "
+            r"\(mm to m\) they would fit: give position_scale",
+        ),
+        (multiply("position", 1e-3), "times 1000"),
+        (multiply("position", 1e6), r"times 1e-6 \(um to m\)"),
+        (shift("position", -0.69), "with position_offset in a mapping they would fit"),
+        (multiply("time", 1e3), r"median step between time stamps is .* 0\.001.*fit"),
+        (multiply("time", 1e6), "median step between time stamps is .* 1e-06.*fit"),
+        (multiply("time", 1e-6), "median step between time stamps is .* 1000.*fit"),
+        (stop("position"), "no position ever changes, so nothing moves"),
+    ],
+)
+def test_wrong_units_and_robots_at_rest_are_refused(changed, change, message):
+    with pytest.raises(LogError, match=message):
+        changed(change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            shift("position", -0.103, np.s_[:, 1]),
+            r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows 2, .* at worst 0.642.*"
+            ": kept",
+        ),
+        (
+            shift("position", 0.05, np.s_[700, 2]),
+            "leg3_stroke moves faster than its limit of 1 per s before rows 702, 703, at worst 5",
+        ),
+        (
+            shift("force", -3000 + 60, np.s_[700, 3]),
+            "force of leg4_stroke exceeds its effort limit of 2343.44 in row 702, at worst",
+        ),
+        (
+            stop("position", [0, 2]),
+            "the position of leg1_stroke, leg3_stroke never changes: a dead sensor",
+        ),
+        (stop("force", [0, 2]), "the force of leg1_stroke, leg3_stroke never changes: a dead"),
+    ],
+)
+def test_what_looks_wrong_is_warned_of_and_kept(changed, truth, change, message):
     with pytest.warns(LogWarning, match=message):
-        log = changed(shift)
-    assert len(log) == len(truth.time)
+        assert len(changed(change)) == len(truth.time)
 
 
 def test_glitches_are_left_out(changed, truth):
@@ -230,65 +254,6 @@ def test_glitches_are_left_out(changed, truth):
     assert "forces more than 100 times their 99th percentile in row 902 of 1600" in messages[1]
     assert np.abs(log.position - truth.position).max() < 1e-5
     assert np.abs(log.force - truth.force).max() < 25  # Coulomb friction jumps by 2 * 22 N
-
-
-def test_speeds_beyond_the_limit_are_warned_of(changed):
-    def jump(arrays):
-        arrays["position"][700, 2] += 0.05
-
-    message = "leg3_stroke moves faster than its limit of 1 per s before rows 702, 703, at worst 5"
-    with pytest.warns(LogWarning, match=message):
-        changed(jump)
-
-
-def test_forces_beyond_the_limit_are_warned_of(changed):
-    def strain(arrays):
-        arrays["force"][700, 3] = -3000
-
-    message = "force of leg4_stroke exceeds its effort limit of 2343.44 in row 702, at worst 3000"
-    with pytest.warns(LogWarning, match=message):
-        changed(strain)
-
-
-@pytest.mark.parametrize("quantity", ["position", "force"])
-def test_dead_sensors_are_named(changed, quantity):
-    def kill(arrays):
-        arrays[quantity][:, [0, 2]] = arrays[quantity][0, [0, 2]]
-
-    message = f"the {quantity} of leg1_stroke, leg3_stroke never changes: a dead sensor"
-    with pytest.warns(LogWarning, match=message):
-        changed(kill)
-
-
-def test_a_robot_at_rest_is_refused(changed):
-    def rest(arrays):
-        arrays["position"][:] = arrays["position"][0]
-
-    with pytest.raises(LogError, match="no position ever changes, so nothing moves"):
-        changed(rest)
-
-
-@pytest.mark.parametrize(("factor", "advice"), [(1e3, "0.001"), (1e6, "1e-06"), (1e-6, "1000")])
-def test_times_in_another_unit(changed, factor, advice):
-    def scale(arrays):
-        arrays["time"] *= factor
-
-    with pytest.raises(LogError, match=rf"median step between time stamps is .* {advice}.*fit"):
-        changed(scale)
-
-
-@pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ({"time": np.arange(9.0)}, "no position of leg1_stroke"),
-        ({"x": np.float64(3)}, "holds no arrays with one or two axes"),
-        ({"time": np.array(["a", None], dtype=object)}, "is no .npz of numbers"),
-    ],
-)
-def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
-    np.savez(tmp_path / "log.npz", **arrays)
-    with pytest.raises(LogError, match=message):
-        read_log(tmp_path / "log.npz", knee)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +271,7 @@ def test_strange_npz_are_refused(knee, tmp_path, arrays, message):
         ("force", np.arange(1601).astype("M8[s]"), "no force of leg1_stroke"),
         ("force", np.zeros((1601, 4), "m8[s]"), "column 'force_0' holds Duration.*, not num"),
         ("time", np.zeros(0), "'time' has 0 rows, but 'position_0' has 1601"),
-        ("time", np.zeros(1601), "stands still 1600 times"),
+        ("time", np.array(["a", None], dtype=object), "is no .npz of numbers"),
     ],
 )
 def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, message):
@@ -316,30 +281,12 @@ def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, m
         read_log(tmp_path / "log.npz", knee)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 nonsense", b"\x93NUMPY", bytes(1000)])
-def test_damaged_npz_are_refused(knee, tmp_path, content):
-    (tmp_path / "log.npz").write_bytes(content)
-    with pytest.raises(LogError, match=r"log\.npz is"):
-        read_log(tmp_path / "log.npz", knee)
-
-
-def test_a_folder_without_streams_is_refused(knee, tmp_path):
-    with pytest.raises(LogError, match="holds no streams"):
-        read_log(tmp_path, knee)
-
-
 def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_folder, truth):
     stamps = np.round(truth.time * 1e9).astype(np.int64)
     folder = write_folder(joint_position=(stamps, truth.position))
     (folder / "control_action.txt").write_text("")
     with pytest.raises(LogError, match=r"no force of leg1.*\(no header in control_action\)"):
         read_log(folder, knee)
-
-
-def test_the_good_log_gives_no_warning(read_text, good_text):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert read_text(good_text).dropped == ()
 
 
 @pytest.mark.parametrize("nanoseconds", [10**9, -1])
@@ -376,7 +323,7 @@ def exchanged(recording, pair):
     return replace(recording, force=recording.force[:, order])
 
 
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize("pair", [(0, 1), (1, 3)])
 def test_exchanged_forces_of_a_simulation(knee, simulated, pair):
     names = ", ".join(knee.actuated[k] for k in pair)
     with pytest.warns(LogWarning, match=f"run: the forces or positions of {names} look exchanged"):
@@ -440,7 +387,7 @@ def test_a_motor_that_stands_hides_no_wrong_sign(knee, simulated):
         check_forces(knee, replace(simulated, used=used, force=force))
 
 
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize("pair", [(0, 1), (0, 3)])
 def test_exchanged_positions_of_the_real_robots(mechanism, shared, pair):
     log = read_log(shared / "data" / "upv" / "logs" / LOGS[mechanism.name], mechanism)
     order = np.arange(4)

@@ -1,7 +1,5 @@
 """However a log is spoilt: one sentence, a warning, or all of it; never a part in silence."""
 
-import gzip
-import io
 import re
 import shutil
 import sqlite3
@@ -100,32 +98,30 @@ class Case:
 
     def __init__(self, robot, truth, text, folder):
         self.robot, self.truth, self.text, self.folder = robot, truth, text, folder
-        packed = io.BytesIO()
-        np.savez_compressed(packed, time=truth.time, position=truth.position, force=truth.force)
-        self.packs = {"log.npz": packed.getvalue(), "log.csv.gz": gzip.compress(text.encode())}
 
     def __repr__(self):
         return "case"
 
-    def read(self, name, data):
+    def read(self, data):
         """The log and its recording; None when there was an error or a warning."""
-        (self.folder / name).write_bytes(data)
+        path = self.folder / "log.csv"
+        path.write_bytes(data)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
-                log = read_log(self.folder / name, self.robot)
+                log = read_log(path, self.robot)
                 recording = prepare_recording(self.robot, log)
             except LoopidError:
                 return None
         return None if caught else (log, recording)
 
-    def check(self, name, data):
+    def check(self, data):
         """Of a log that is read without a word, all that is read is right.
 
         Over a few lost rows it is a straight line, where friction can jump. The log's time
         starts with its own first sample, which may be another one than the truth's.
         """
-        result, truth = self.read(name, data), self.truth
+        result, truth = self.read(data), self.truth
         if result is None:
             return
         log, recording = result
@@ -148,7 +144,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
 @example(spoil=[(lose, 0.0, 1)])
@@ -162,32 +158,11 @@ def test_spoilt_tables(case, spoil):
             change(lines, *arguments)
         except (ValueError, IndexError):
             continue  # an earlier one left nothing to spoil
-    case.check("log.csv", "\n".join(lines).encode())
-
-
-@settings(max_examples=100)
-@given(
-    name=st.sampled_from(["log.npz", "log.csv.gz"]),
-    flips=st.lists(st.tuples(places, st.integers(1, 255)), max_size=4),
-    end=st.floats(0, 1),
-)
-def test_damaged_packs(case, name, flips, end):
-    data = bytearray(case.packs[name])
-    for place, change in flips:
-        data[at(place, data)] ^= change
-    if not flips:
-        del data[at(end, data) :]
-    case.check(name, bytes(data))
-
-
-@settings(max_examples=150)
-@given(data=st.binary(max_size=300), name=st.sampled_from(["log.csv", "log.txt.gz", "log.npz"]))
-def test_random_bytes_are_no_log(case, data, name):
-    assert case.read(name, data) is None
+    case.check("\n".join(lines).encode())
 
 
 COUNT = 120
-FORMATS = ["parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]
+FORMATS = ["csv.gz", "npz", "parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]
 CASES = 40
 
 
@@ -261,7 +236,7 @@ def test_spoilt_bytes(knee, copy, kind):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("part", [0.0, 0.01, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("part", [0.01, 0.5, 0.999])
 def test_files_without_an_end_are_refused(knee, copy, kind, part):
     path = copy(kind)
     file = max(files_of(path), key=lambda file: file.stat().st_size)
@@ -271,9 +246,10 @@ def test_files_without_an_end_are_refused(knee, copy, kind, part):
         read_log(path, knee)
 
 
-@pytest.mark.parametrize("name", ["run.parquet", "run.h5", "run.bag", "run.mcap", "run.db3"])
+@pytest.mark.parametrize("ending", ["npz", "parquet", "h5", "bag", "mcap", "db3"])
 @pytest.mark.parametrize("content", [b"time,position\n0,1\n", bytes(1000), b"PK\x03\x04" * 99])
-def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
+def test_files_of_another_kind_are_refused(knee, tmp_path, ending, content):
+    name = f"run.{ending}"
     (tmp_path / name).write_bytes(content)
     with pytest.raises(LogError, match=rf"{name} is no .*, or is damaged: "):
         read_log(tmp_path / name, knee)
@@ -284,26 +260,8 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
 @pytest.mark.parametrize(
     ("kind", "old", "new", "message"),
     [
-        (
-            "ros1",
-            rb"index_pos=.{8}",
-            b"index_pos=" + bytes(8),
-            "Bag is not indexed, reindex before reading",
-        ),
         ("ros1", rb"V2\.0", b"V1.2", "Bag version 102 is not supported"),
-        (
-            "ros1",
-            rb"compression=none",
-            b"compression=blosc"[:16],
-            "Compression 'blos' is not supported",
-        ),
         ("ros1", rb"md5sum=3066", b"md5sum=3067", "JointState' hash mismatch"),
-        (
-            "mcap",
-            rb"\x04\x00\x00\x00ros2",
-            b"\x04\x00\x00\x00ros1",
-            "Profile is not ros2",
-        ),
         (
             "mcap",
             rb"message_count: 120",
@@ -312,13 +270,6 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, name, content):
         ),
         ("db3", rb"message_count: 120", b"message_count: 119", "has 120 messages, but .* says 119"),
         ("db3", rb"RIHS01_a", b"RIHS01_b", "JointState' hash mismatch"),
-        ("db3", rb"serialization_format: cdr", b"serialization_format: xdr", "'xdr'} is not supp"),
-        (
-            "db3",
-            rb"storage_identifier: sqlite3",
-            b"storage_identifier: tape",
-            "'tape' not supported",
-        ),
     ],
 )
 def test_what_is_wrong_with_a_bag_is_said(knee, copy, kind, old, new, message):
@@ -332,20 +283,12 @@ def test_what_is_wrong_with_a_bag_is_said(knee, copy, kind, old, new, message):
         read_log(path, knee)
 
 
-def test_encrypted_bags_are_refused(knee, copy):
-    path = copy("ros1")
-    data = path.read_bytes()
-    # A field more in the first header, of 16 bytes, for 16 fewer of the padding behind.
-    field = (12).to_bytes(4, "little") + b"encryptor=ab"
-    start = len(b"#ROSBAG V2.0\n")
-    length = int.from_bytes(data[start : start + 4], "little")
-    body = start + 4 + length
-    padding = int.from_bytes(data[body : body + 4], "little")
-    header = (length + 16).to_bytes(4, "little") + data[start + 4 : body] + field
-    rest = (padding - 16).to_bytes(4, "little") + data[body + 20 :]
-    path.write_bytes(data[:start] + header + rest)
-    with pytest.raises(LogError, match="Bag encryption 'ab' is not supported"):
-        read_log(path, knee)
+def test_empty_folders_and_arrays_are_refused(knee, tmp_path):
+    with pytest.raises(LogError, match="holds no streams"):
+        read_log(tmp_path, knee)
+    np.savez(tmp_path / "log.npz", x=np.float64(3))
+    with pytest.raises(LogError, match="holds no arrays with one or two axes"):
+        read_log(tmp_path / "log.npz", knee)
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])

@@ -6,12 +6,11 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from recorded_logs import write_any
 from simulated_logs import stream_text, table
 
 from block_sizes import set_block_rows
-from loopid.errors import LogWarning
 from loopid.logs import prepare_recording, read_log
-from loopid.logs.streams import Stream
 from loopid.trajectories import JointMotion
 
 __all__ = ["set_block_rows"]
@@ -38,6 +37,16 @@ def assert_same(one, other):
         np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-12)
     assert (log.dropped, recording.dropped) == (log_there.dropped, recording_there.dropped)
     assert said == said_there
+
+
+@pytest.mark.parametrize("kind", ["npz", "parquet", "hdf5", "ros1", "mcap"])
+def test_whole_runs_in_any_format(knee, truth, tmp_path, set_block_rows, kind):
+    rows = slice(0, 400)
+    run = truth.time[rows], truth.position[rows], truth.force[rows]
+    path = write_any(kind, tmp_path, knee.actuated, *run)
+    whole = found(path, knee)
+    set_block_rows(37)
+    assert_same(found(path, knee), whole)
 
 
 def spoilt(truth, robot):
@@ -81,17 +90,3 @@ def test_folders_whose_streams_have_other_stamps(knee, truth, tmp_path, set_bloc
     whole = found(tmp_path, knee)
     set_block_rows(37)
     assert_same(found(tmp_path, knee), whole)
-
-
-@pytest.mark.parametrize("size", [5, 64])
-def test_rows_are_left_out_of_streams(set_block_rows, size):
-    rows, flags = np.arange(1, 201), np.zeros(200, dtype=bool)
-    stream = Stream("log", (), rows, 10**7 * rows, (rows, -rows))
-    assert stream.without(flags, "nothing") is stream
-    flags[[0, 4, 5, 63, 64, 120, 199]] = True
-    set_block_rows(size)
-    with pytest.warns(LogWarning, match=r"spoilt in rows 1, 5, 6, 64, 65 and 2 more of 200: left"):
-        left = stream.without(flags, "spoilt")
-    np.testing.assert_array_equal(left.rows, rows[~flags])
-    np.testing.assert_array_equal(left.stamps, 10**7 * rows[~flags])
-    np.testing.assert_array_equal(left.values, (rows[~flags], -rows[~flags]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_logs import table
 
-from loopid.errors import LogError, LogWarning, MissingFileError
+from loopid.errors import LogError, MissingFileError
 from loopid.logs import LogMapping, read_log, read_mapping
 
 MAPPING = """
@@ -52,12 +52,6 @@ def test_a_mapping_says_it_all(knee, truth, foreign, write_mapping):
     np.testing.assert_allclose(log.force, truth.force, atol=1e-4)
     np.testing.assert_array_equal(log.saturation, [270, 271, 272, 2343])
     assert log.idle_speed == 0.002
-
-
-def test_one_number_may_stand_for_all_joints(knee, foreign, write_mapping):
-    text = MAPPING.replace(MAPPING.splitlines()[-2], "saturation: 3000")
-    log = read_log(foreign, knee, write_mapping(text))
-    np.testing.assert_array_equal(log.saturation, [3000] * 4)
 
 
 @pytest.mark.parametrize(
@@ -170,16 +164,6 @@ def test_a_column_called_alike_in_two_streams_needs_its_stream(
     mapping = write_mapping("position: {columns: [a_0, a_1, a_2, a_3]}\n")
     with pytest.raises(LogError, match="several columns 'a_0': write a:a_0, b:a_0"):
         read_log(folder, knee, mapping)
-
-
-def test_a_negative_scale_turns_the_force_round(knee, truth, foreign, write_mapping):
-    with pytest.warns(LogWarning, match="exceeds its effort limit"):
-        log = read_log(
-            foreign,
-            knee,
-            write_mapping(MAPPING.replace("leg1_stroke: 28.4628", "leg1_stroke: -2846.28")),
-        )
-    np.testing.assert_allclose(log.force[:, 0], -100 * truth.force[:, 0], atol=1e-2)
 
 
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"

@@ -109,8 +109,6 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
     ("cells", "kind"),
     [
         ([[1.0]] * COUNT, "List"),
-        ([{"x": 1.0}] * COUNT, "Struct"),
-        ([b"1"] * COUNT, "Binary"),
         ([True] * COUNT, "Boolean"),
         ([datetime.date(2020, 1, 1)] * COUNT, "Date"),
     ],
@@ -119,16 +117,6 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
 def test_columns_of_other_kinds_are_refused_by_name(knee, columns, parquet, cells, kind, name):
     with pytest.raises(LogError, match=rf"column '{name}' holds {kind}.*, not (numbers|times)"):
         read_log(parquet(columns | {name: cells}), knee)
-
-
-def test_columns_of_other_kinds_do_no_harm_beside(knee, truth, columns, parquet):
-    check(read_log(parquet(columns | {"note": ["x"] * COUNT, "all": [[1]] * COUNT}), knee), truth)
-
-
-@pytest.mark.parametrize("rows", [50, COUNT])
-@pytest.mark.parametrize("packed", ["uncompressed", "snappy", "gzip", "lz4", "zstd", "brotli"])
-def test_packings_and_row_groups(knee, truth, columns, parquet, rows, packed):
-    check(read_log(parquet(columns, row_group_size=rows, compression=packed), knee), truth)
 
 
 def test_names_of_files_are_no_patterns(knee, truth, columns, tmp_path):
@@ -177,18 +165,6 @@ def fields(file, columns):
 )
 def test_ways_of_laying_columns_out(knee, truth, columns, hdf5, fill):
     check(read_log(hdf5(lambda file: fill(file, columns)), knee), truth)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"chunks": (COUNT,)}, {"chunks": (7,), "compression": "gzip"}, {"fletcher32": True}],
-)
-def test_chunks_and_packings(knee, truth, columns, hdf5, options):
-    def fill(file):
-        for name, column in columns.items():
-            file.create_dataset(name, data=column, **options)
-
-    check(read_log(hdf5(fill), knee), truth)
 
 
 def test_groups_are_chosen_by_the_mapping(knee, truth, columns, hdf5):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from simulated_logs import table
 
 from linkages import PLATE, five_bar, four_bar, rssr
 from loopid import closed_motion, load_mechanism, random_configurations
@@ -71,18 +70,6 @@ def test_power_is_that_of_all_motors(pair, run):
     np.testing.assert_allclose(found[5:-5], power[5:-5], atol=2e-3 * np.abs(power).max())
 
 
-def test_a_filtered_log_on_disk_gives_the_same(pair, run, tmp_path):
-    paths = []
-    for robot, (position, force) in zip(
-        pair, ((run[1].position, run[1].force), run[2:]), strict=True
-    ):
-        paths.append(tmp_path / f"{len(robot.actuated)}.csv")
-        paths[-1].write_text(table(run[0].time, position, force, robot.actuated))
-    pairs = zip(pair, paths, strict=True)
-    alone, shared = (prepare_recording(robot, read_log(path, robot)) for robot, path in pairs)
-    np.testing.assert_allclose(shared.force, alone.force, atol=0.01 * np.abs(run[3]).max())
-
-
 def test_a_saturated_third_motor_spoils_both_coordinates(pair, run):
     _, three = pair
     log, limit = logs(pair, run)[1], 0.3
@@ -134,13 +121,6 @@ def test_a_motor_spoils_the_coordinates_that_it_acts_on(machines, motor, spoilt)
     used[odd, machines.actuated.index(motor)] = False
     _, rows = on_independent(machines, motion, np.ones(used.shape), used)
     np.testing.assert_array_equal(rows, ~(odd[:, None] & np.array(spoilt)))
-
-
-def test_without_redundant_motors_forces_stay_as_they_are(pair, run):
-    force, used = run[1].force, np.random.default_rng(0).random(run[1].force.shape) < 0.5
-    found = on_independent(pair[0], run[0], force, used)
-    assert found[0] is force
-    assert found[1] is used
 
 
 FREE = {

@@ -13,7 +13,7 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_KINDS
+from loopid.regressors import JOINT_TERMS, JointTerm
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def motion(moving):
 
 
 def all_terms(robot, **options):
-    return JointTerms(robot.joints, tuple(JOINT_KINDS), **options)
+    return JointTerms(robot.joints, tuple(JOINT_TERMS), **options)
 
 
 def signals(motion):
@@ -36,7 +36,7 @@ def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion):
     terms = all_terms(robot)
     phi = np.random.default_rng(1).normal(size=len(terms.parameters(robot)))
     forces = terms.columns(robot, motion) @ phi
-    in_joints = np.einsum("njk,jk->nj", signals(motion), phi.reshape(-1, len(JOINT_KINDS)))
+    in_joints = np.einsum("njk,jk->nj", signals(motion), phi.reshape(-1, len(JOINT_TERMS)))
     lost = np.einsum("nj,nj->n", in_joints, motion.velocities)
     np.testing.assert_allclose(np.einsum("ni,ni->n", forces, rates), lost, rtol=1e-9)
 
@@ -44,7 +44,7 @@ def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion):
 def test_an_actuated_joint_feels_its_own_terms_only(moving, motion):
     robot = moving[0]
     for row, joint in enumerate(robot.actuated):
-        columns = JointTerms((joint,), tuple(JOINT_KINDS)).columns(robot, motion)
+        columns = JointTerms((joint,), tuple(JOINT_TERMS)).columns(robot, motion)
         own = signals(motion)[:, robot.velocity_indices([joint])[0]]
         np.testing.assert_allclose(columns[:, row], own, atol=1e-12)
         np.testing.assert_allclose(np.delete(columns, row, axis=1), 0, atol=1e-12)
@@ -109,3 +109,22 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
 def test_wrong_terms_are_refused(knee, arguments, word):
     with pytest.raises(OptionError, match=word):
         JointTerms(**({"joints": knee.actuated} | arguments)).parameters(knee)
+
+
+def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
+    class Spring(JointTerm):
+        units = ("N/m", "N m/rad")
+
+        @staticmethod
+        def signal(joint, terms, math):
+            return joint.position
+
+    monkeypatch.setitem(JOINT_TERMS, "Ks", Spring)
+    q = random_configurations(knee, 5)
+    motion = closed_motion(knee, q, *random_motions(knee, 5))
+    terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Ks",))
+    assert [p.unit for p in terms.parameters(knee)] == ["N/m", "N m/rad"]
+    columns = terms.columns(knee, motion)
+    for k, index in enumerate(knee.velocity_indices(terms.joints)):
+        expected = motion.projection.G[:, index] * q[:, index, None]
+        np.testing.assert_allclose(columns[:, :, k], expected, rtol=1e-14)

@@ -55,19 +55,17 @@ def test_the_platform_goes_where_it_was_sent(mechanism, platform_ways):
     np.testing.assert_allclose(found, platform_ways.position, atol=1e-10)
 
 
-def test_a_motion_out_of_the_workspace_is_refused(mechanism):
-    # One limb twice as long as the others together cannot meet them.
+def test_what_cannot_be_followed_is_refused(mechanism):
     start = measured_coordinates(mechanism).read(mechanism.reference[None].copy())[0]
-    far = start + np.array([10.0, 0, 0, 0])
-    away = point_to_point(mechanism.actuated, start, [Waypoint(far, 1.0)], 20.0)
+    # One limb twice as long as the others together cannot meet them.
+    far = Waypoint(start + np.array([10.0, 0, 0, 0]), 1.0)
     with pytest.raises(AssemblyError, match="cannot be assembled"):
-        joint_motion(mechanism, away)
-
-
-def test_unknown_coordinates_are_refused(mechanism):
-    motion = point_to_point(("elbow",), [0.0], [Waypoint([1.0], 1.0)])
+        joint_motion(mechanism, point_to_point(mechanism.actuated, start, [far], 20.0))
+    unknown = point_to_point(("elbow",), [0.0], [Waypoint([1.0], 1.0)])
     with pytest.raises(OptionError, match=r"elbow fits neither .*x_m.* nor joints"):
-        joint_motion(mechanism, motion)
+        joint_motion(mechanism, unknown)
+    with pytest.raises(OptionError, match="margin"):
+        review_motion(mechanism, lifted(mechanism, 0.02), -1.0)
 
 
 def lifted(mechanism, height):
@@ -107,8 +105,3 @@ def test_the_margin_decides_about_the_singularity(mechanism):
     assert "singularity" in problem
     when = review_motion(mechanism, motion).singular_time
     assert motion.singularity[np.flatnonzero(motion.time == when)] == least
-
-
-def test_a_negative_margin_is_refused(mechanism):
-    with pytest.raises(OptionError, match="margin"):
-        review_motion(mechanism, lifted(mechanism, 0.02), -1.0)

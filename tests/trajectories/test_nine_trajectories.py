@@ -104,18 +104,6 @@ def test_arcs_follow_their_formula(motion, name):
         np.testing.assert_allclose(way, straight, atol=1e-12)
 
 
-def test_position_velocity_and_acceleration_are_continuous(program, name):
-    jumps = []
-    for rate in (50.0, 500.0):
-        motion = program.motion(name, rate)
-        values = motion.position, motion.velocity, motion.acceleration
-        jumps.append([np.abs(np.diff(value, axis=0)).max() for value in values])
-        slope = np.gradient(motion.position, 1 / rate, axis=0)
-        np.testing.assert_allclose(slope[1:-1], motion.velocity[1:-1], atol=20 / rate**2)
-    # Ten times as many samples, steps ten times smaller.
-    np.testing.assert_allclose(jumps[1], np.divide(jumps[0], 10), rtol=0.15)
-
-
 def test_speeds_stay_within_those_of_therapy(motion, name):
     peak = np.abs(motion.velocity).max(axis=0)
     if name in FAST:

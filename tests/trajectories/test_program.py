@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ruamel.yaml import YAML
 
 from loopid import load_mechanism
 from loopid.errors import DataError, MissingFileError, OptionError, RobotFileError
@@ -43,14 +44,71 @@ trees = st.recursive(
 )
 
 
+VALID = """
+coordinates: [a, b]
+rate: 50
+speeds: {a: 0.1}
+motions:
+  first:
+    description: some words
+    start: {a: 0, b: 1}
+    steps:
+      - hold: 2
+      - repeat: 3
+        steps:
+          - to: {a: 1}
+          - there_and_back:
+              - to: {b: 2}
+                seconds: 3
+                arcs: {a: {height: 0.1, flatness: 0.5}}
+            between:
+              - hold: 1
+          - to: {a: 0}
+            speed: 0.5
+  2:
+    start: {a: 0, b: 1}
+    steps: [hold: 1]
+"""
+
+
+@pytest.fixture(scope="session")
+def program_of(tmp_path_factory):
+    """Read a program of some motions, each given by its steps, or a program given as text."""
+    file = tmp_path_factory.mktemp("program") / "motions.yaml"
+
+    def read(text=None, **motions):
+        if text is None:
+            described = {
+                name: {"start": {"a": 0.0, "b": 1.0}, "steps": s} for name, s in motions.items()
+            }
+            content = {"coordinates": ["a", "b"], "motions": described}
+            content["speeds"] = {"a": 0.1, "b": 0.4}
+            with file.open("w") as stream:
+                YAML(typ="safe").dump(content, stream)
+        else:
+            file.write_text(text)
+        return read_motion_program(file)
+
+    return read
+
+
+def check_sentence(failure, *fragments):
+    """A refusal is one sentence that says all it must."""
+    text = str(failure.value)
+    assert "\n" not in text
+    assert len(text) < 500
+    missing = [fragment for fragment in fragments if fragment not in text]
+    assert not missing, f"{text!r} does not say {missing}"
+
+
 def assert_same(ways, others):
     for way, other in zip(ways, others, strict=True):
         np.testing.assert_array_equal(way.position, other.position)
         assert (way.seconds, way.arcs) == (other.seconds, other.arcs)
 
 
-def test_a_file_says_what_its_motions_are(program_of, valid_program):
-    program = program_of(valid_program)
+def test_a_file_says_what_its_motions_are(program_of):
+    program = program_of(VALID)
     assert program.coordinates == NAMES
     assert list(program.motions) == ["first", "2"]
     first = program.motions["first"]
@@ -130,8 +188,8 @@ def test_a_motion_of_joints_moves_a_robot(program_of):
     np.testing.assert_allclose(stroke[[0, -1]], [0.707, 0.717], atol=1e-12)
 
 
-def test_moves_at_a_speed_take_at_least_the_shortest_time(program_of, valid_program):
-    text = valid_program.replace("rate: 50", "rate: 50\nshortest: 12")
+def test_moves_at_a_speed_take_at_least_the_shortest_time(program_of):
+    text = VALID.replace("rate: 50", "rate: 50\nshortest: 12")
     ways = program_of(text).motions["first"].waypoints
     # The first move of each round is at the file's speed; given times and speeds stay.
     assert [way.seconds for way in ways] == [2, *(12, 3, 1, 3, 2) * 3]
@@ -189,12 +247,12 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_a_broken_file_is_refused_by_name(program_of, valid_program, refusal, case):
+def test_a_broken_file_is_refused_by_name(program_of, case):
     old, new, fragments = BROKEN[case]
-    assert old in valid_program
+    assert old in VALID
     with pytest.raises(RobotFileError) as failure:
-        program_of(valid_program.replace(old, new, 1))
-    refusal(failure, "motions.yaml", *fragments)
+        program_of(VALID.replace(old, new, 1))
+    check_sentence(failure, "motions.yaml", *fragments)
 
 
 @pytest.mark.parametrize(
@@ -207,36 +265,30 @@ def test_a_broken_file_is_refused_by_name(program_of, valid_program, refusal, ca
         ("urdf: robot.urdf", ("'urdf'", "coordinates, rate, speeds, shortest, motions")),
     ],
 )
-def test_what_is_no_motion_file_is_refused(program_of, refusal, text, fragments):
+def test_what_is_no_motion_file_is_refused(program_of, text, fragments):
     with pytest.raises(RobotFileError) as failure:
         program_of(text)
-    refusal(failure, "motions.yaml", *fragments)
-
-
-def test_bytes_that_are_no_text_are_refused(tmp_path):
-    (tmp_path / "x.yaml").write_bytes(b"rate: \xff\xfe")
-    with pytest.raises(RobotFileError, match="not YAML"):
-        read_motion_program(tmp_path / "x.yaml")
+    check_sentence(failure, "motions.yaml", *fragments)
 
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "4ups", "5p"])
-def test_a_missing_file_is_refused_with_the_robots_that_have_motions(refusal, name):
+def test_a_missing_file_is_refused_with_the_robots_that_have_motions(name):
     with pytest.raises(MissingFileError) as failure:
         read_motion_program(name)
-    refusal(failure, name, "3ups_rpu")
+    check_sentence(failure, name, "3ups_rpu")
 
 
-def test_an_unknown_motion_and_a_wrong_rate_are_refused(program_of, valid_program, refusal):
-    program = program_of(valid_program)
+def test_an_unknown_motion_and_a_wrong_rate_are_refused(program_of):
+    program = program_of(VALID)
     with pytest.raises(OptionError) as failure:
         program.motion("third")
-    refusal(failure, "'third'", "first, 2")
+    check_sentence(failure, "'third'", "first, 2")
     with pytest.raises(DataError, match="rate"):
         program.motion("first", -1.0)
 
 
-def test_a_program_cannot_be_changed(program_of, valid_program):
-    program = program_of(valid_program)
+def test_a_program_cannot_be_changed(program_of):
+    program = program_of(VALID)
     with pytest.raises(TypeError):
         program.motions["third"] = program.motions["first"]
     with pytest.raises(ValueError, match="read-only"):

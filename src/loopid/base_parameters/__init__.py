@@ -1,30 +1,35 @@
 """What can be known: rank, independent blocks, regrouping and the searches for the best choice."""
 
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
-from loopid.base_parameters.blocks import independent_blocks
-from loopid.base_parameters.coefficients import name_coefficients
-from loopid.base_parameters.expressions import expression
-from loopid.base_parameters.forms import CoefficientName
+from loopid.base_parameters.expressions import CoefficientName, equations, expression
+from loopid.base_parameters.naming import name_coefficients
 from loopid.base_parameters.search import (
     CRITERIA,
     STRATEGIES,
+    TIE_TOLERANCE,
+    TIME_LIMIT,
     ChoiceProblem,
     ExactSearch,
+    Exclusion,
     ExhaustiveSearch,
     PivotedQR,
     SearchResult,
     SearchStrategy,
     SubgroupSearch,
+    make_strategy,
 )
-from loopid.base_parameters.structure import Structure, analyse
+from loopid.base_parameters.structure import Structure, analyse, independent_blocks
 
 __all__ = [
     "CRITERIA",
     "STRATEGIES",
+    "TIE_TOLERANCE",
+    "TIME_LIMIT",
     "BaseParameters",
     "ChoiceProblem",
     "CoefficientName",
     "ExactSearch",
+    "Exclusion",
     "ExhaustiveSearch",
     "PivotedQR",
     "SearchResult",
@@ -32,8 +37,10 @@ __all__ = [
     "Structure",
     "SubgroupSearch",
     "analyse",
+    "equations",
     "expression",
     "find_base_parameters",
     "independent_blocks",
+    "make_strategy",
     "name_coefficients",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BaseParameters:
-    """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ.
+    """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 
     Attributes
     ----------
@@ -33,6 +34,14 @@ class BaseParameters:
         (r, d), β of Φ_base = Φ_B + β Φ_D.
     search : SearchResult
         How the choice was made, and whether it is certified.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> base = loopid.find_base_parameters(loopid.structural_observation(robot))
+    >>> base.matrix.shape == (len(base), len(base.parameters))
+    True
     """
 
     parameters: ParameterSet
@@ -44,6 +53,19 @@ class BaseParameters:
 
     def __len__(self) -> int:
         return len(self.base)
+
+    def __repr__(self) -> str:
+        return (
+            f"BaseParameters({len(self)} of {len(self.parameters)} parameters, "
+            f"{len(self.dependent)} dependent, rank gap {self.structure.rank_gap:.1e})\n"
+            f"  {self.search!r}\n  {', '.join(self.names[:6])}{', ...' if len(self) > 6 else ''}"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = (
+            f"<tr><td>{i}</td><td>{escape(x)}</td></tr>" for i, x in enumerate(self.expressions, 1)
+        )
+        return f"<table><tr><th></th><th>base parameter</th></tr>{''.join(rows)}</table>"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,19 +97,16 @@ class BaseParameters:
     @property
     def condition_number(self) -> float:
         """cond(W_B): how much the regressor amplifies relative noise."""
-        return self._problem("regressor").condition_number(self._dependent_with_effect)
+        return self._criterion("regressor")
 
     @property
     def nullspace_condition_number(self) -> float:
         """cond(V22): how much the regrouping amplifies round-off."""
-        return self._problem("nullspace").condition_number(self._dependent_with_effect)
+        return self._criterion("nullspace")
 
-    def _problem(self, criterion: str) -> ChoiceProblem:
-        return ChoiceProblem(self.structure, criterion)
-
-    @property
-    def _dependent_with_effect(self) -> IntArray:
-        return np.searchsorted(self.structure.columns, self.dependent)
+    def _criterion(self, criterion: str) -> float:
+        dependent = np.searchsorted(self.structure.columns, self.dependent)
+        return ChoiceProblem(self.structure, criterion).condition_number(dependent)
 
     def values(self, standard_parameters: FloatArray) -> FloatArray:
         """Base parameters (r,) of standard ones (p,)."""
@@ -145,6 +164,14 @@ def find_base_parameters(
     SearchError
         When the search is refused or finds nothing.
     OptionError
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("3ups_rpu"))
+    >>> base = loopid.find_base_parameters(observation)
+    >>> len(base), base.search.certified, round(base.nullspace_condition_number, 4)
+    (15, True, 2.237)
     """
     strategy = make_strategy(search)
     structure = analyse(observation)

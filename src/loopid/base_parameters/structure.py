@@ -9,12 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, frozen
-from loopid.errors import RankError
+from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.errors import DataError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
+from loopid.threads import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12
@@ -24,6 +27,8 @@ UNTOUCHED = 1e-9
 MINIMUM_RANK_GAP = 1e3
 # ... and the next one is small enough, relative to the largest, to be round-off.
 ROUND_OFF_CEILING = 1e-7
+# Entries of the null-space projector below this are round-off; entries are at most 1.
+CONNECTED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,8 @@ def analyse(observation: Observation) -> Structure:
     R = observation.factor[:, columns]
     # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them.
     norms = np.linalg.norm(R, axis=0)
-    _, values, right = np.linalg.svd(R / norms)
+    with one_blas_thread():
+        _, values, right = np.linalg.svd(R / norms)
     rank, gap = decide_rank(values)
     if rank == observation.rows < len(columns):
         raise RankError(
@@ -150,3 +156,28 @@ def _nonzero_columns(observation: Observation) -> IntArray:
             f"{MINIMUM_RANK_GAP * ZERO_COLUMN:g})"
         )
     return np.flatnonzero(relative > ZERO_COLUMN)
+
+
+def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
+    """Groups of parameters that no null vector connects: components of the projector N = V2 V2ᵀ.
+
+    Regrouping never mixes parameters of different blocks, so a choice is made block by block.
+
+    Parameters
+    ----------
+    null_basis : FloatArray
+        (n, d), orthonormal.
+
+    Returns
+    -------
+    tuple of IntArray
+        Ascending columns of each block, blocks in the order of their first columns. Columns
+        that no null vector touches are blocks of their own.
+    """
+    basis = finite(null_basis, "null_basis")
+    if basis.ndim != 2:
+        raise DataError(f"null_basis must have shape (n, d), not {basis.shape}")
+    projector = basis @ basis.T
+    graph = csr_array(np.abs(projector) > CONNECTED)
+    count, labels = connected_components(graph, directed=False)
+    return tuple(np.flatnonzero(labels == block) for block in range(count))

@@ -6,9 +6,13 @@ from typing import Annotated
 
 import typer
 
-from loopid.base_parameters import ExactSearch, ExhaustiveSearch, find_base_parameters
-from loopid.base_parameters.search import make_strategy
-from loopid.base_parameters.search.exact import TIME_LIMIT
+from loopid.base_parameters import (
+    TIME_LIMIT,
+    ExactSearch,
+    ExhaustiveSearch,
+    find_base_parameters,
+    make_strategy,
+)
 from loopid.cli.console import (
     Floating,
     FreeMimics,
@@ -25,7 +29,7 @@ from loopid.cli.console import (
 from loopid.errors import LoopidError, OptionError
 from loopid.export import export_robot_file, regressor_code
 from loopid.files import write_files
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import DEFAULT_MARGIN
 from loopid.loading import load_mechanism
 from loopid.paper import paper_files, paper_tables, reproduce_paper
 from loopid.regressors import structural_observation

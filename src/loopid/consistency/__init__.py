@@ -2,7 +2,7 @@
 
 from loopid.consistency.fit import ConsistentFit, FitCost, consistent_fit, consistent_parameters
 from loopid.consistency.prior import PriorDefect, prior_defects, repaired_prior
-from loopid.consistency.whitening import REGULARISATIONS
+from loopid.consistency.program import REGULARISATIONS
 from loopid.pseudo_inertia import pseudo_inertia
 from loopid.regions import Region
 

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
+from loopid.arrays import ComparedByFields, FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
-from loopid.consistency.semidefinite import attainable, minimise
-from loopid.consistency.whitening import ConvexProblem, Whitening
+from loopid.consistency.program import Whitening, attainable, minimise
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.identification import FitProblem, FitResult
-from loopid.parameters import ParameterSet
+from loopid.parameters import ParameterSet, html_table
 from loopid.regions import Region
 from loopid.threads import one_blas_thread
 
@@ -50,19 +49,11 @@ class FitCost(ComparedByFields):
     actuators: tuple[str, ...]
     unconstrained: FloatArray
     constrained: FloatArray
-    total: float
+    total: Number
 
     def __post_init__(self) -> None:
         for name in ("unconstrained", "constrained"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
-
-    @property
-    def ratios(self) -> FloatArray:
-        """Constrained over unconstrained (dof,); 1 where both are zero."""
-        both = (self.unconstrained == 0) & (self.constrained == 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = self.constrained / self.unconstrained
-        return np.asarray(np.where(both, 1.0, ratios), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,13 +137,9 @@ class ConsistentFit(ComparedByFields):
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        head = "<tr><th>body<th>mass (kg)<th>x (m)<th>y (m)<th>z (m)<th>margin"
-        rows = (
-            f"<tr><td>{escape(row['body'])}"
-            + "".join(f"<td>{row[name]:.4g}" for name in ("mass", "x", "y", "z", "margin"))
-            for row in self.rows
-        )
-        return f"<p>{escape(self._summary())}</p><table>{head}{''.join(rows)}</table>"
+        head = ("body", "mass (kg)", "x (m)", "y (m)", "z (m)", "margin")
+        rows = ([body, *(f"{x:.4g}" for x in rest)] for body, *rest in map(dict.values, self.rows))
+        return f"<p>{escape(self._summary())}</p>{html_table(head, rows)}"
 
 
 @checked
@@ -225,16 +212,25 @@ def consistent_fit(
         raise DataError("problem and fit must have the same actuators")
     if not LEAST_STRENGTH <= strength < np.inf:
         raise OptionError(f"the strength must be from {LEAST_STRENGTH:g} on, not {strength}")
-    sound, whitening = _whitened(base, prior, regions or {}, margin, repair)
+    sound, whitening = _whitened(base, prior, regions, margin, repair)
+    before, weights = problem.residual_squares(fit.values), fit.weights**2
+    # Of the weighted residuals; at least round-off of the weighted forces.
+    freedom = max(problem.rows - len(problem.parameters), 1)
+    round_off = EXACT_DATA**2 * (weights @ problem.force_squares()) / problem.rows
+    variance = float(max(weights @ before / freedom, round_off)) or 1.0
     with one_blas_thread():
         # The fit is the distance from the unconstrained values as the data weigh it.
-        R = problem.weighted(fit.weights)[:-1, :-1] / np.sqrt(_variance(problem, fit))
+        R = problem.weighted(fit.weights)[:-1, :-1] / np.sqrt(variance)
         data = R @ base.matrix @ whitening.map
         target = R @ (fit.values - base.values(sound.values))
-        convex = ConvexProblem.of(whitening, data, target, regularisation, strength)
-        unknowns = minimise(convex)
+        unknowns = minimise(whitening, data, target, regularisation, strength)
         feasible = attainable(*_equations(base, fit.values, whitening))
     standard = whitening.standard_parameters(unknowns)
+    after = problem.residual_squares(base.values(standard))
+    counts = np.where(problem.samples > 0, problem.samples, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unconstrained, constrained = np.sqrt(before / counts), np.sqrt(after / counts)
+        total = np.sqrt(weights @ after / (weights @ before)) if weights @ after > 0 else 1.0
     changed = np.flatnonzero(sound.values != np.asarray(prior))
     return ConsistentFit(
         parameters=base.parameters,
@@ -242,7 +238,7 @@ def consistent_fit(
         base_parameters=problem.parameters,
         values=base.values(standard),
         feasible=feasible,
-        fit_cost=_cost(problem, fit, base.values(standard)),
+        fit_cost=FitCost(problem.actuators, unconstrained, constrained, float(total)),
         bodies=sound.layout.bodies,
         margins=whitening.margins(unknowns),
         boundary=whitening.boundary(unknowns),
@@ -304,16 +300,15 @@ def consistent_parameters(
     target = finite(values, "base parameters")
     if target.shape != (len(base),):
         raise DataError(f"base parameters must have shape ({len(base)},), not {target.shape}")
-    sound, whitening = _whitened(base, prior, regions or {}, margin, repair)
+    sound, whitening = _whitened(base, prior, regions, margin, repair)
     with one_blas_thread():
         whitening, rows, aim = _equations(base, target, whitening)
         if not attainable(whitening, rows, aim):
-            stiff = STIFFNESS * rows, STIFFNESS * aim
-            convex = ConvexProblem.of(whitening, *stiff, "riemannian", 1.0)
-            near = minimise(convex, refuse=False)
+            near = minimise(
+                whitening, STIFFNESS * rows, STIFFNESS * aim, "riemannian", refuse=False
+            )
             raise FeasibilityError(_conflict(base, target, whitening, near))
-        convex = ConvexProblem.of(whitening, rows, aim, regularisation, 1.0)
-        unknowns = minimise(convex, exact=True)
+        unknowns = minimise(whitening, rows, aim, regularisation, exact=True)
     standard, positive = whitening.standard_parameters(unknowns), sound.layout.positive
     standard[positive] = np.maximum(standard[positive], 0.0)  # by no more than round-off
     return standard
@@ -322,15 +317,15 @@ def consistent_parameters(
 def _whitened(
     base: BaseParameters,
     prior: FloatArray,
-    regions: Mapping[str, Region],
+    regions: Mapping[str, Region] | None,
     margin: float,
     repair: bool,
 ) -> tuple[Prior, Whitening]:
     if not 0 <= margin < 1:
         raise OptionError(f"the margin must be from 0 on and below 1, not {margin}")
     start = repaired_prior(base.parameters, prior, regions) if repair else prior
-    sound = sound_prior(base.parameters, start, regions)
-    return sound, Whitening.about(base, sound, regions, margin)
+    sound = sound_prior(base.parameters, start, regions or {})
+    return sound, Whitening.about(base, sound, regions or {}, margin)
 
 
 def _equations(
@@ -353,25 +348,6 @@ def _equations(
         and values[i] >= 0
     ]
     return whitening.without_rows(given), rows / sizes[:, None], aim / sizes
-
-
-def _variance(problem: FitProblem, fit: FitResult) -> float:
-    """Of the weighted residuals; at least round-off of the weighted forces."""
-    squares = fit.weights**2 @ problem.residual_squares(fit.values)
-    freedom = max(problem.rows - len(problem.parameters), 1)
-    least = EXACT_DATA**2 * (fit.weights**2 @ problem.force_squares()) / problem.rows
-    return float(max(squares / freedom, least)) or 1.0
-
-
-def _cost(problem: FitProblem, fit: FitResult, values: FloatArray) -> FitCost:
-    before, after = (problem.residual_squares(v) for v in (fit.values, values))
-    counts = np.where(problem.samples > 0, problem.samples, np.nan)
-    totals = [float(fit.weights**2 @ squares) for squares in (before, after)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        total = np.sqrt(np.divide(totals[1], totals[0])) if totals[1] > 0 else 1.0
-    return FitCost(
-        problem.actuators, np.sqrt(before / counts), np.sqrt(after / counts), float(total)
-    )
 
 
 def _conflict(

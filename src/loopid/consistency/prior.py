@@ -77,13 +77,7 @@ class Layout:
 
     @classmethod
     def of(cls, parameters: ParameterSet) -> Layout:
-        """Sort parameters by bodies, each with the four of the gravity model or all with ten.
-
-        Raises
-        ------
-        DataError
-            Naming a body that lacks some.
-        """
+        """Sort parameters by bodies, each with the four of the gravity model or all with ten."""
         places: dict[str, dict[str, int]] = {}
         for column, parameter in enumerate(parameters):
             if parameter.kind in KINDS:
@@ -138,10 +132,6 @@ class Prior:
     columns: IntArray
     factors: FloatArray
 
-    def __post_init__(self) -> None:
-        for name in ("values", "factors"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
 
 @checked
 def prior_defects(
@@ -180,10 +170,25 @@ def sound_prior(
             f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them "
             "with repair=True"
         )
-    massive = values[layout.columns].any(axis=1)
-    P = _pseudo_inertias(layout, values, regions)[massive]
-    bodies = tuple(layout.bodies[k] for k in np.flatnonzero(massive))
-    return Prior(layout, values, bodies, layout.columns[massive], upper_factor(P))
+    massive = np.flatnonzero(values[layout.columns].any(axis=1))
+    bodies, columns = tuple(layout.bodies[k] for k in massive), layout.columns[massive]
+    own = values[columns]
+    if layout.full:
+        P = pseudo_inertia(own)
+    else:
+        # Bodies whose second moments are not known fill their regions. Without one, they reach as
+        # far as the centres of mass are from the links' origins, in the root mean square.
+        centres = own[:, 1:] / own[:, :1]
+        reach = np.sqrt((centres**2).sum() / max(len(own), 1))
+        if not (reach > 0 or all(body in regions for body in bodies)):
+            raise FeasibilityError(
+                "no centre of mass of the prior tells how large the bodies are: give regions"
+            )
+        P = np.empty((len(own), 4, 4))
+        for k, body in enumerate(bodies):
+            size = regions[body].half_widths if body in regions else np.full(3, reach)
+            P[k] = from_moments(own[k, 0], centres[k], np.diag(own[k, 0] * size**2 / 3))
+    return Prior(layout, frozen(values), bodies, columns, upper_factor(P))
 
 
 @checked
@@ -220,7 +225,12 @@ def repaired_prior(
     lost = [defect for defect in defects if not defect.repairable]
     if lost:
         raise FeasibilityError(f"the prior cannot be repaired: {'; '.join(map(str, lost))}")
-    repaired, ball = values.copy(), _mean_extent(layout, values)
+    # Mean second moment over mass (m²) of the bodies that have an extent.
+    own = values[layout.columns]
+    solid = pseudo_inertia(own[own[:, 0] > 0]) if layout.full else np.empty((0, 4, 4))
+    extents = [np.trace(central_moments(P)) / (3 * P[3, 3]) for P in solid]
+    ball = float(np.mean([extent for extent in extents if extent > 0] or [0.0]))
+    repaired = values.copy()
     repaired[layout.positive] = np.maximum(values[layout.positive], 0.0)
     for name in (defect.name for defect in defects if defect.name in layout.bodies):
         columns = layout.columns[layout.bodies.index(name)]
@@ -250,8 +260,8 @@ def _defects(
         own, region = values[columns], regions.get(body)
         if not own.any():
             continue
-        P = _with_inertia(own)
         # Of the gravity model only the mass is judged: its bodies may be points.
+        P = pseudo_inertia(np.pad(own, (0, len(KINDS) - len(own))))
         reason = body_defect(P) if layout.full or own[0] <= 0 else ""
         if reason:
             found.append(PriorDefect(body, reason, bool(own[0] > 0)))
@@ -264,49 +274,6 @@ def _defects(
             what = f"it cannot be negative ({values[j]:.3g})"
             found.append(PriorDefect(layout.parameters[int(j)].label, what, True))
     return tuple(found)
-
-
-def _with_inertia(own: FloatArray) -> FloatArray:
-    """Pseudo-inertia of four or ten parameters, of the former as of a point at the origin."""
-    return pseudo_inertia(np.pad(own, (0, len(KINDS) - len(own))))
-
-
-def _pseudo_inertias(
-    layout: Layout, values: FloatArray, regions: Mapping[str, Region]
-) -> FloatArray:
-    """Pseudo-inertias (bodies, 4, 4); in the gravity model of bodies that fill their regions."""
-    own = values[layout.columns]
-    if layout.full:
-        return pseudo_inertia(own)
-    found = np.zeros((len(own), 4, 4))
-    for k, (body, (mass, *first)) in enumerate(zip(layout.bodies, own, strict=True)):
-        if own[k].any():
-            size = regions[body].half_widths if body in regions else _reach(own)
-            found[k] = from_moments(mass, np.array(first) / mass, np.diag(mass * size**2 / 3))
-    return found
-
-
-def _reach(own: FloatArray) -> FloatArray:
-    """Half width (3,) in m of bodies of which only mass and first moments are known.
-
-    As far as the centres of mass are from the origins of their links, in the root mean square.
-    """
-    massive = own[own[:, 0] > 0]
-    squares = (massive[:, 1:] ** 2).sum(axis=1) / massive[:, 0] ** 2
-    if not squares.any():
-        raise FeasibilityError(
-            "no centre of mass of the prior tells how large the bodies are: give regions"
-        )
-    return np.full(3, np.sqrt(squares.mean()))
-
-
-def _mean_extent(layout: Layout, values: FloatArray) -> float:
-    """Mean second moment over mass (m²) of the bodies that have an extent; 0 without any."""
-    if not layout.full:
-        return 0.0
-    massive = [own for own in values[layout.columns] if own[0] > 0]
-    extents = [np.trace(central_moments(pseudo_inertia(own))) / (3 * own[0]) for own in massive]
-    return float(np.mean([e for e in extents if e > 0] or [0.0]))
 
 
 def _repaired_body(name: str, own: FloatArray, region: Region | None, ball: float) -> FloatArray:

@@ -12,8 +12,7 @@ from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
 from loopid.errors import AssemblyError, OptionError, SingularityError, SingularityWarning
 from loopid.experiment.force_model import ForceModel
-from loopid.kinematics import singularity_measure
-from loopid.kinematics.displacement import displaced
+from loopid.kinematics import displaced, singularity_measure
 from loopid.robot import Mechanism
 from loopid.trajectories import JointMotion
 
@@ -330,5 +329,5 @@ def moved(
     lower, upper = mechanism.position_limits
     lower, upper = np.minimum(lower, configurations), np.maximum(upper, configurations)
     inside = ((q >= lower - BEYOND) & (q <= upper + BEYOND)).all(axis=1)
-    closed = residual <= max(CLOSED * mechanism.length, 2 * mechanism.closure_gap)
+    closed = residual <= max(CLOSED * mechanism.length, 2 * mechanism.closure_residual)
     return q, np.asarray(inside & closed, dtype=np.bool_)

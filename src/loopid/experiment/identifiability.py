@@ -19,7 +19,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
-from loopid.base_parameters.expressions import expression
+from loopid.base_parameters import expression
 from loopid.errors import DataError, RankError
 from loopid.experiment.exciting_motion import ExcitingMotion, MotionSearch, first_best
 from loopid.experiment.force_model import ForceModel, body_sizes

@@ -32,11 +32,11 @@ from loopid.identification import (
     eliminate,
     fit,
     fit_in_steps,
-    html_table,
     quiet_fit,
     warn_of_insignificant,
 )
 from loopid.logs import Recording
+from loopid.parameters import html_table
 from loopid.trajectories import JointMotion
 
 if TYPE_CHECKING:

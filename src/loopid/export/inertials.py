@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +27,7 @@ from loopid.pseudo_inertia import (
     pseudo_inertia,
     upper_factor,
 )
-from loopid.robot import Body, Mechanism, tie_matrix
+from loopid.robot import Mechanism, tie_matrix
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -41,23 +42,12 @@ FAITHFUL = 1e-11
 
 @dataclass(frozen=True)
 class Inertial:
-    """An ``<inertial>``: mass, centre of mass, axes, and the tensor along them.
-
-    Attributes
-    ----------
-    mass : float
-    centre : FloatArray
-        (3,), in the frame of the link.
-    axes : FloatArray
-        (3, 3), rotation from the link's axes.
-    tensor : FloatArray
-        (3, 3), about the centre, along the axes.
-    """
+    """An ``<inertial>``: a tensor about the centre along axes that are turned from the link's."""
 
     mass: float
-    centre: FloatArray
-    axes: FloatArray
-    tensor: FloatArray
+    centre: FloatArray  # (3,)
+    axes: FloatArray  # (3, 3)
+    tensor: FloatArray  # (3, 3)
 
     @property
     def P(self) -> FloatArray:  # noqa: N802
@@ -87,24 +77,8 @@ def updated_inertials(
 ) -> dict[str, FloatArray]:
     """New pseudo-inertias (4, 4), each seen from its link, of the links that change.
 
-    Parameters
-    ----------
-    old : mapping
-        Inertials of all links that have one, as the robot file has them.
-    standard_parameters : FloatArray
-        (n,) of ``mechanism.parameters("full")`` or ``("gravity")``; the latter keep inertias
-        about the links' centres of mass.
-    parameters : ParameterSet, optional
-        Their names (n,), where they are in another order or joint terms are among them.
-
-    Raises
-    ------
-    DataError
-        When they are neither.
-    FeasibilityError
-        Naming a link that would not be physically consistent.
-    RobotFileError
-        When the file is not what it was when the robot was loaded.
+    ``old`` are the inertials of all links that have one, as the robot file has them; the other
+    arguments are those of ``updated_robot_file``.
     """
     frames, model = link_frames(mechanism.model), mechanism.model
     rows = _body_parameters(mechanism, standard_parameters, parameters)
@@ -116,7 +90,13 @@ def updated_inertials(
             if name in frames and model.frames[frames[name]].parentJoint == body.joint_id
         }
         links = [T @ old[name].P @ T.T for name, T in placements.items()]
-        _require_as_loaded(mechanism, body, links)
+        loaded = pseudo_inertia(model.inertias[body.joint_id].toDynamicParameters())
+        difference = np.abs(np.sum(links, axis=0) - loaded) if links else np.inf
+        if np.max(difference) > AGREEMENT * np.abs(loaded).max():
+            raise RobotFileError(
+                f"{mechanism.path}: link {body.link} is not what it was when the robot was loaded: "
+                "load it again"
+            )
         names = list(placements)
         heaviest = int(np.argmax([P[3, 3] for P in links]))
         carrier = names.index(body.link) if body.link in names else heaviest
@@ -134,10 +114,13 @@ def updated_inertials(
 
 
 def require_faithful(
-    tree: object, meant: Mapping[str, FloatArray], read: Mapping[str, Inertial]
+    tree: Path,
+    old: Mapping[str, Inertial],
+    new: Mapping[str, FloatArray],
+    read: Mapping[str, Inertial],
 ) -> None:
     """Refuse new content of a robot file that is not read as it was meant."""
-    for name, P in meant.items():
+    for name, P in ({name: inertial.P for name, inertial in old.items()} | dict(new)).items():
         if name not in read or np.abs(read[name].P - P).max() > FAITHFUL * np.abs(P).max():
             raise RobotFileError(f"{tree}: the inertial of {name} cannot be changed in place")
 
@@ -171,36 +154,13 @@ def _body_parameters(
     )
 
 
-def _require_as_loaded(mechanism: Mechanism, body: Body, links: Sequence[FloatArray]) -> None:
-    loaded = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
-    difference = np.abs(np.sum(links, axis=0) - loaded) if links else np.inf
-    if np.max(difference) > AGREEMENT * np.abs(loaded).max():
-        raise RobotFileError(
-            f"{mechanism.path}: link {body.link} is not what it was when the robot was loaded: "
-            "load it again"
-        )
-
-
 def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list[FloatArray]:
-    """Pseudo-inertias of the links of a body that add up to a new one of the body.
+    """Pseudo-inertias (4, 4) of the links of a body that add up to a new one of the body.
 
     Of the ways to share the change, the first that leaves every link consistent: the carrier takes
     all of it; one affine map moves and stretches all links together, and one factor scales their
-    masses; each gets its part of the mass, and the shape of the whole.
-
-    Parameters
-    ----------
-    links : sequence of FloatArray
-        (4, 4) each, in the frame of the body.
-    carrier : int
-        The link that comes first.
-    whole : FloatArray
-        (4, 4).
-
-    Returns
-    -------
-    list of FloatArray
-        The very same arrays for links that do not change. Where there is no such way, the first.
+    masses; each gets its part of the mass, and the shape of the whole. Where there is no such way,
+    the first. Links that do not change are returned as the very same arrays.
     """
     before = np.sum(links, axis=0)
     if np.abs(_relative_change(before, whole)).max() <= SAME:

@@ -43,17 +43,7 @@ class Attribute:
 
 @dataclass
 class Tag:
-    """An element: where its tag begins and ends, its attributes and its children.
-
-    Attributes
-    ----------
-    name : str
-        As written, with its prefix if it has one.
-    start, inside : int
-        The first character of the tag, and the first one behind it.
-    attributes : dict
-    children : list of Tag
-    """
+    """An element: where its tag starts and what is inside begins, its attributes and children."""
 
     name: str
     start: int
@@ -138,14 +128,10 @@ def written(*numbers: float) -> str:
 
 
 def locate(content: bytes) -> LocatedXml:
-    """Find all tags in the content of a well-formed file.
-
-    Raises
-    ------
-    RobotFileError
-        When its characters cannot be read and written back unchanged.
-    """
-    encoding = _encoding(content)
+    """Find all tags in the content of a file, refused when it could not be written back."""
+    marked = [encoding for mark, encoding in MARKS if content.startswith(mark)]
+    declared = ENCODING.match(content)
+    encoding = marked[0] if marked else declared[1].decode() if declared else "utf-8"
     try:
         text = content.decode(encoding)
         faithful = text.encode(encoding) == content
@@ -153,18 +139,6 @@ def locate(content: bytes) -> LocatedXml:
         raise RobotFileError(f"its encoding cannot be read: {error}") from error
     if not faithful:
         raise RobotFileError(f"its encoding {encoding} cannot be written back unchanged")
-    return LocatedXml(text, encoding, _root(text))
-
-
-def _encoding(content: bytes) -> str:
-    for mark, encoding in MARKS:
-        if content.startswith(mark):
-            return encoding
-    declared = ENCODING.match(content)
-    return "utf-8" if declared is None else declared.group(1).decode()
-
-
-def _root(text: str) -> Tag:
     top = Tag("", 0, 0, {})
     path = [top]
     for token in TOKEN.finditer(text):
@@ -177,7 +151,7 @@ def _root(text: str) -> Tag:
             raise RobotFileError(f"</{token['closed']}> closes nothing")
     if len(top.children) != 1 or len(path) != 1:
         raise RobotFileError("its tags do not form one tree")
-    return top.children[0]
+    return LocatedXml(text, encoding, top.children[0])
 
 
 def _attributes(token: re.Match[str]) -> dict[str, Attribute]:

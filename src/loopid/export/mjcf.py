@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -12,7 +12,7 @@ from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
-from loopid.loading.mjcf_file import Names, compile_mjcf, read_names
+from loopid.loading.mjcf import compile_mjcf, read_names
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
@@ -27,18 +27,48 @@ def updated_mjcf(
 ) -> bytes:
     """Content of an MJCF with the inertials of its bodies updated; see ``updated_robot_file``."""
     compiled, _ = compile_mjcf(tree)
-    names, old = read_names(compiled), _read(compiled)
+    old = _inertials(compiled)
     new = updated_inertials(mechanism, old, values, parameters)
     if not new:
         return tree.read_bytes()
     xml = locate(tree.read_bytes())
-    content = xml.edited(list(_edits(tree, xml, names, old, new)))
-    read = _read(_compiled(tree, content, xml))
-    require_faithful(tree, {name: inertial.P for name, inertial in old.items()} | new, read)
+    for tag in xml.root.find_all("compiler"):
+        for attribute in OVERRULING:
+            if xml.value(tag, attribute) not in HARMLESS:
+                raise RobotFileError(
+                    f"{tree}: {attribute} of its <compiler> overrules what an <inertial> says: "
+                    "take it out"
+                )
+    # Tags of all bodies but the world, in the order of MuJoCo's.
+    names = read_names(compiled).bodies[1:]
+    tags = [
+        tag for world in xml.root.find_all("worldbody") for tag in world.all() if tag.name == "body"
+    ]
+    if len(tags) != len(names) or any(
+        xml.value(tag, "name") not in (None, name) for tag, name in zip(tags, names, strict=True)
+    ):
+        raise RobotFileError(
+            f"{tree}: only {len(tags)} of its {len(names)} bodies are written in it: "
+            "inertials of included, attached or replicated ones cannot be changed in place"
+        )
+    edits: list[Edit] = []
+    for name, tag in zip(names, tags, strict=True):
+        if name in new:
+            edits += _edits(xml, tag, old[name], new[name])
+    content = xml.edited(edits)
+    included = {name: (tree.parent / name).read_bytes() for name in _included(tree.parent, xml)}
+    try:
+        spec = mujoco.MjSpec.from_string(content.decode(xml.encoding), include=included)
+        spec.modelfiledir = str(tree.parent)
+        draft = spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        reason = " ".join(str(error).split())
+        raise RobotFileError(f"{tree}: MuJoCo refuses the new inertials: {reason}") from error
+    require_faithful(tree, old, new, _inertials(draft))
     return content
 
 
-def _read(compiled: mujoco.MjModel) -> dict[str, Inertial]:
+def _inertials(compiled: mujoco.MjModel) -> dict[str, Inertial]:
     """Inertials of all bodies that have one, by loopid's names of them; tensors are diagonal."""
     names, found = read_names(compiled).bodies, {}
     for body in range(1, compiled.nbody):
@@ -51,18 +81,6 @@ def _read(compiled: mujoco.MjModel) -> dict[str, Inertial]:
     return found
 
 
-def _compiled(tree: Path, content: bytes, xml: LocatedXml) -> mujoco.MjModel:
-    """MuJoCo's model of new content of a file, where the file is."""
-    included = {name: (tree.parent / name).read_bytes() for name in _included(tree.parent, xml)}
-    try:
-        spec = mujoco.MjSpec.from_string(content.decode(xml.encoding), include=included)
-        spec.modelfiledir = str(tree.parent)
-        return spec.compile()
-    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotFileError(f"{tree}: MuJoCo refuses the new inertials: {reason}") from error
-
-
 def _included(folder: Path, xml: LocatedXml) -> Iterator[str]:
     for tag in xml.root.all():
         name = xml.value(tag, "file") if tag.name == "include" else None
@@ -71,59 +89,16 @@ def _included(folder: Path, xml: LocatedXml) -> Iterator[str]:
             yield from _included(folder, locate((folder / name).read_bytes()))
 
 
-def _edits(
-    tree: Path,
-    xml: LocatedXml,
-    names: Names,
-    old: Mapping[str, Inertial],
-    new: Mapping[str, FloatArray],
-) -> Iterator[Edit]:
-    for tag in xml.root.find_all("compiler"):
-        for attribute in OVERRULING:
-            if xml.value(tag, attribute) not in HARMLESS:
-                raise RobotFileError(
-                    f"{tree}: {attribute} of its <compiler> overrules what an <inertial> says: "
-                    "take it out"
-                )
-    tags = dict(zip(names.bodies[1:], _bodies(tree, xml, names), strict=True))
-    for name, P in new.items():
-        inertial = tags[name].find("inertial")
-        if inertial is not None:
-            yield from _changes(xml, inertial, old[name], P)
-            continue
-        along = _along_the_body(P)
-        mass, place, full = written(along.mass), written(*along.centre), _full(along)
-        element = f'<inertial mass="{mass}" pos="{place}" fullinertia="{full}"/>'
-        yield xml.added(tags[name], element)
-
-
-def _bodies(tree: Path, xml: LocatedXml, names: Names) -> list[Tag]:
-    """Tags of all bodies but the world, in the order of MuJoCo's."""
-    worlds = list(xml.root.find_all("worldbody"))
-    tags = [tag for world in worlds for tag in world.all() if tag.name == "body"]
-    given = [xml.value(tag, "name") for tag in tags]
-    fits = len(tags) == len(names.bodies) - 1 and all(
-        own is None or own == name for own, name in zip(given, names.bodies[1:], strict=True)
-    )
-    if not fits:
-        raise RobotFileError(
-            f"{tree}: only {len(tags)} of its {len(names.bodies) - 1} bodies are written in it: "
-            "inertials of included, attached or replicated ones cannot be changed in place"
-        )
-    return tags
-
-
-def _along_the_body(P: FloatArray) -> Inertial:
-    return Inertial(0.0, np.zeros(3), np.eye(3), np.zeros((3, 3))).replaced(P)
-
-
-def _full(inertial: Inertial) -> str:
-    tensor = inertial.tensor
-    return written(*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
-
-
-def _changes(xml: LocatedXml, inertial: Tag, old: Inertial, P: FloatArray) -> Iterator[Edit]:
-    new, full = old.replaced(P), _full(_along_the_body(P))
+def _edits(xml: LocatedXml, body: Tag, old: Inertial, P: FloatArray) -> Iterator[Edit]:
+    """What makes P (4, 4) the pseudo-inertia of a body."""
+    along = Inertial(0.0, np.zeros(3), np.eye(3), np.zeros((3, 3))).replaced(P)
+    tensor, inertial = along.tensor, body.find("inertial")
+    full = written(*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    if inertial is None:
+        mass, place = written(along.mass), written(*along.centre)
+        yield xml.added(body, f'<inertial mass="{mass}" pos="{place}" fullinertia="{full}"/>')
+        return
+    new = old.replaced(P)
     heavier, moved, turned = old.changes_to(new)
     if heavier:
         yield xml.replaced(inertial, "mass", written(new.mass))
@@ -131,10 +106,9 @@ def _changes(xml: LocatedXml, inertial: Tag, old: Inertial, P: FloatArray) -> It
         yield xml.replaced(inertial, "pos", written(*new.centre))
     if not turned.any():
         return
-    diagonal = not turned[~np.eye(3, dtype=bool)].any()
     if "fullinertia" in inertial.attributes:
         yield xml.replaced(inertial, "fullinertia", full)
-    elif "diaginertia" in inertial.attributes and diagonal:
+    elif "diaginertia" in inertial.attributes and not turned[~np.eye(3, dtype=bool)].any():
         yield xml.replaced(inertial, "diaginertia", written(*np.diag(new.tensor)))
     else:
         # A tensor has no orientation of its own: it is along the axes of the body.

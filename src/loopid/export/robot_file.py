@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.errors import OptionError, OutputError
-from loopid.export.urdf import updated_urdf
+from loopid.errors import OptionError, OutputError, RobotFileError
+from loopid.export.inertials import Inertial, require_faithful, updated_inertials
+from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
 from loopid.files import write_file
-from loopid.loading.files import MJCF, find_files
+from loopid.loading import read_urdf_file
+from loopid.loading.description import MJCF, find_files
+from loopid.loading.urdf import MOMENTS
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
@@ -47,7 +56,22 @@ def updated_robot_file(
         from loopid.export.mjcf import updated_mjcf  # here, as it needs MuJoCo
 
         return updated_mjcf(mechanism, tree, standard_parameters, parameters)
-    return updated_urdf(mechanism, tree, standard_parameters, parameters)
+    old = _urdf_inertials(tree)
+    new = updated_inertials(mechanism, old, standard_parameters, parameters)
+    xml = locate(tree.read_bytes())
+    tags = {_name(xml, link): link.find("inertial") for link in xml.root.find_all("link")}
+    edits: list[Edit] = []
+    for name, P in new.items():
+        tag = tags.get(name)
+        if tag is None:
+            raise RobotFileError(f"link {name} and its <inertial> are not where they should be")
+        edits += _urdf_edits(xml, tag, old[name], old[name].replaced(P))
+    content = xml.edited(edits)
+    with TemporaryDirectory() as folder:
+        draft = Path(folder, tree.name)
+        draft.write_bytes(content)
+        require_faithful(tree, old, new, _urdf_inertials(draft))
+    return content
 
 
 @checked
@@ -96,3 +120,37 @@ def export_robot_file(
         raise OutputError(f"{path} is the robot's own file: ask for overwriting, or name another")
     write_file(place, updated_robot_file(mechanism, standard_parameters, parameters))
     return place
+
+
+def _urdf_inertials(path: Path) -> dict[str, Inertial]:
+    """The inertials of all links that have one which is not all zero."""
+    found = {}
+    for link in read_urdf_file(path).robot.links:
+        own = link.inertial
+        if own is not None and (own.mass or own.inertia.any()):
+            T = np.eye(4) if own.origin is None else own.origin
+            found[link.name] = Inertial(own.mass, T[:3, 3].copy(), T[:3, :3].copy(), own.inertia)
+    return found
+
+
+def _name(xml: LocatedXml, link: Tag) -> str:
+    """A name as a parser would read it."""
+    given = xml.value(link, "name") or ""
+    return unescape(" ".join(re.split(r"\r\n|[\t\r\n ]", given))).strip()
+
+
+def _urdf_edits(xml: LocatedXml, inertial: Tag, old: Inertial, new: Inertial) -> Iterator[Edit]:
+    mass, inertia, origin = (inertial.find(tag) for tag in ("mass", "inertia", "origin"))
+    if mass is None or inertia is None:
+        raise RobotFileError("an <inertial> has no <mass> or no <inertia>")
+    heavier, moved, turned = old.changes_to(new)
+    if heavier:
+        yield xml.replaced(mass, "value", written(new.mass))
+    for key in MOMENTS:
+        place = "xyz".index(key[1]), "xyz".index(key[2])
+        if turned[place]:
+            yield xml.replaced(inertia, key, written(new.tensor[place]))
+    if moved and origin is None:
+        yield xml.added(inertial, f'<origin xyz="{written(*new.centre)}"/>')
+    elif moved and origin is not None:
+        yield xml.replaced(origin, "xyz", written(*new.centre))

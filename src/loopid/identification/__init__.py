@@ -15,14 +15,19 @@ from loopid.identification.least_squares import (
     LEAST_EXCITATION,
     Estimator,
     OrdinaryLeastSquares,
-    SampleEstimator,
     WeightedLeastSquares,
     WorkingFit,
     excited_rank,
 )
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.quality import NoiseModel, Quality, Robustness, fit_quality
-from loopid.identification.result import Estimate, FitResult, html_table
+from loopid.identification.result import (
+    Estimate,
+    FitResult,
+    NoiseModel,
+    Quality,
+    Robustness,
+    fit_quality,
+)
 from loopid.identification.robust import Bisquare, Huber
 from loopid.identification.selection import (
     Reduction,
@@ -30,7 +35,6 @@ from loopid.identification.selection import (
     eliminate,
     influence,
     truncated_values,
-    truncation_bias,
 )
 from loopid.identification.total_least_squares import TotalLeastSquares
 
@@ -53,7 +57,6 @@ __all__ = [
     "Reduction",
     "ReductionStep",
     "Robustness",
-    "SampleEstimator",
     "TotalLeastSquares",
     "WeightedLeastSquares",
     "WorkingFit",
@@ -63,11 +66,9 @@ __all__ = [
     "fit",
     "fit_in_steps",
     "fit_quality",
-    "html_table",
     "influence",
     "quiet_fit",
     "truncated_values",
-    "truncation_bias",
     "warn_of_insignificant",
     "working_fit",
 ]

@@ -112,22 +112,18 @@ def run_lengths(used: BoolArray, pieces: tuple[slice, ...]) -> IntArray:
 
 
 def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
-    """Autocovariances (p + 1,) of the model of errors (N,), its order p chosen by BIC.
+    """Autocovariances (p + 1,) of a model of errors (N,), its order p chosen by BIC [Schwarz1978].
 
     Forward and backward predictions within unbroken runs only [Burg1975], so that gaps are never
-    predicted across. The errors count as if a little white noise had been added to them, by what
-    it adds to the sums on average. BIC is [Schwarz1978]'s.
-
-    Parameters
-    ----------
-    runs : IntArray
-        (N,), as of ``run_lengths``; 0 where a sample is not used.
+    predicted across; ``runs`` (N,) are as of ``run_lengths``, 0 where a sample is not used. The
+    errors count as if a little white noise had been added to them, by what it adds to the sums on
+    average.
     """
     products, rows = _window_products(errors, runs)
-    count, observed = int(rows[0]), float(products[0, 0, 0] / rows[0])
+    observed = float(products[0, 0, 0] / rows[0])
     white = WHITE_FLOOR * observed
     polynomial, variance = np.ones(1), observed + white
-    covariances, best, chosen = [variance], _bic(variance, 0, count), 1
+    covariances, criteria = [variance], [0.0]
     for k in range(1, LARGEST_ORDER + 1):
         if rows[k] < PAIRS_PER_COEFFICIENT * k or not observed > 0:
             break
@@ -141,10 +137,9 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
         reflection = -2 * float(common / energy)
         covariances.append(-reflection * variance - float(past @ covariances[:0:-1]))
         polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
-        criterion = _bic(variance, k, count)
-        if criterion < best:
-            best, chosen = criterion, k + 1
-    return np.array(covariances[:chosen]) / (1 + WHITE_FLOOR)
+        criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
+    best = int(np.argmin(criteria))
+    return np.array(covariances[: best + 1]) / (1 + WHITE_FLOOR)
 
 
 def _window_products(errors: FloatArray, runs: IntArray) -> tuple[FloatArray, IntArray]:
@@ -172,7 +167,3 @@ def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
     """The polynomial of one order more."""
     longer = np.append(polynomial, 0.0)
     return np.asarray(longer + reflection * longer[::-1], dtype=np.float64)
-
-
-def _bic(variance: float, order: int, count: int) -> float:
-    return count * float(np.log(variance)) + order * float(np.log(count)) if variance > 0 else 0.0

@@ -219,8 +219,20 @@ class BayesianRidge(ComparedByFields, Estimator):
         RankError
             When neither the data nor the prior determine a combination of parameters.
         """
+        rows = self._rows(problem)
         with one_blas_thread():
-            return self._fit(problem)
+            if self.noise is None:
+                if problem.rows == 0:
+                    raise DataError(
+                        "there are no samples to estimate the noise: pass BayesianRidge(prior, "
+                        "noise)"
+                    )
+                weights = least_squares_weights(problem, rows)
+            elif self.noise.shape != problem.samples.shape:
+                raise DataError(f"noise must have shape {problem.samples.shape}")
+            else:
+                weights = np.where(problem.samples > 0, 1.0 / self.noise, 0.0)
+            return self._posterior(problem, weights, rows)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``; actuators count by their effective samples.
@@ -234,29 +246,12 @@ class BayesianRidge(ComparedByFields, Estimator):
         if (noise.effective_samples == noise.samples).all():
             return plain
         worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))
-        return replace(
-            plain, result=self._posterior(samples.problem, plain.result.weights * worth, rows)
-        )
-
-    def _fit(self, problem: FitProblem) -> FitResult:
-        rows = self._rows(problem)
-        return self._posterior(problem, self._weights(problem, rows), rows)
+        weights = plain.result.weights * worth
+        return replace(plain, result=self._posterior(samples.problem, weights, rows))
 
     def _rows(self, problem: FitProblem) -> FloatArray:
         assert self.prior is not None
         return self.prior.of(problem.parameters).rows
-
-    def _weights(self, problem: FitProblem, rows: FloatArray) -> FloatArray:
-        """Inverse deviations (dof,) of the noise."""
-        if self.noise is not None:
-            if self.noise.shape != problem.samples.shape:
-                raise DataError(f"noise must have shape {problem.samples.shape}")
-            return np.where(problem.samples > 0, 1.0 / self.noise, 0.0)
-        if problem.rows == 0:
-            raise DataError(
-                "there are no samples to estimate the noise: pass BayesianRidge(prior, noise)"
-            )
-        return least_squares_weights(problem, rows)
 
     def _posterior(self, problem: FitProblem, weights: FloatArray, rows: FloatArray) -> FitResult:
         values, R = solved(problem, weights, rows)

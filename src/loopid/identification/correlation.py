@@ -16,9 +16,8 @@ from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import CorrelationWarning, warn
 from loopid.identification.autoregression import Autoregression, burg_covariances, run_lengths
 from loopid.identification.least_squares import WorkingFit
-from loopid.identification.problem import FitSamples
-from loopid.identification.quality import NoiseModel
-from loopid.identification.result import FitResult
+from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.result import FitResult, NoiseModel
 from loopid.scratch import mapped_rows, row_blocks
 from loopid.threads import one_blas_thread
 
@@ -42,7 +41,7 @@ def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
     with one_blas_thread():
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
         prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
-        models = _error_models(result, fit.samples, inverse)
+        models = _error_models(fit, inverse)
 
         def sums() -> FloatArray:
             parts = (model.sums for model in models.values())
@@ -59,6 +58,46 @@ def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
     freedom = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
     found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
     return replace(fit, result=found)
+
+
+def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:
+    """A model for each actuator that has samples, by its number."""
+    result, samples, problem, models = fit.result, fit.samples, fit.samples.problem, {}
+    residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
+    # Round-off of an exact fit is autocorrelated too, but is no error.
+    exact = squares <= ROUND_OFF**2 * problem.force_squares()
+    for i in map(int, np.flatnonzero(problem.samples)):
+        weight = float(result.weights[i])
+        models[i] = ErrorModel(
+            columns=_columns(samples, i, weight * inverse),
+            residual=(0.0 if exact[i] else weight) * residual[:, i],
+            used=samples.used[:, i],
+            pieces=samples.pieces,
+            least=weight * float(samples.least_errors[i]),
+        )
+    return models
+
+
+def _columns(samples: FitSamples, i: int, turn: FloatArray) -> FloatArray:
+    """Regressor (N, n) of one actuator times a matrix, zero where it is not used."""
+    W, used = samples.regressor[:, i], samples.used[:, i, None]
+    return mapped_rows(lambda rows: (W[rows] @ turn) * used[rows], len(samples))
+
+
+def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
+    dof, order = len(result.actuators), max((m.model.order for m in models.values()), default=0)
+    coefficients, samples = np.zeros((dof, order)), np.zeros(dof, dtype=np.int64)
+    innovation, deviation, lag_one = np.full((3, dof), np.nan)
+    effective = np.zeros(dof)
+    for i, errors in models.items():
+        model, lags = errors.model, np.append(errors.model.covariances, 0.0)
+        coefficients[i, : model.order] = model.coefficients
+        innovation[i] = np.sqrt(model.variance) / result.weights[i]
+        deviation[i] = np.sqrt(lags[0]) / result.weights[i]
+        lag_one[i] = lags[1] / lags[0] if lags[0] > 0 else 0.0
+        samples[i], effective[i] = errors.samples, errors.effective_samples()
+    series = innovation, deviation, lag_one, samples, effective
+    return NoiseModel(result.actuators, coefficients, *series)
 
 
 class ErrorModel:
@@ -178,48 +217,6 @@ def past_sums(
                 shared[k] += np.vdot(present[: len(ahead)], ahead)
                 shared[k] += np.vdot(present[len(present) - len(behind) :], behind)
     return sums, shared
-
-
-def _error_models(
-    result: FitResult, samples: FitSamples, inverse: FloatArray
-) -> dict[int, ErrorModel]:
-    """A model for each actuator that has samples, by its number."""
-    residual = samples.residual(result.values)
-    # Round-off of an exact fit is autocorrelated too, but is no error.
-    exact = samples.problem.is_exact(samples.problem.residual_squares(result.values))
-    models = {}
-    for i in map(int, np.flatnonzero(samples.problem.samples)):
-        weight = float(result.weights[i])
-        models[i] = ErrorModel(
-            columns=_columns(samples, i, weight * inverse),
-            residual=(0.0 if exact[i] else weight) * residual[:, i],
-            used=samples.used[:, i],
-            pieces=samples.pieces,
-            least=weight * float(samples.least_errors[i]),
-        )
-    return models
-
-
-def _columns(samples: FitSamples, i: int, inverse: FloatArray) -> FloatArray:
-    """Regressor (N, n) of one actuator times a matrix, zero where it is not used."""
-    W, used = samples.regressor[:, i], samples.used[:, i, None]
-    return mapped_rows(lambda rows: (W[rows] @ inverse) * used[rows], len(samples))
-
-
-def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
-    dof, order = len(result.actuators), max((m.model.order for m in models.values()), default=0)
-    coefficients, samples = np.zeros((dof, order)), np.zeros(dof, dtype=np.int64)
-    innovation, deviation, lag_one = np.full((3, dof), np.nan)
-    effective = np.zeros(dof)
-    for i, errors in models.items():
-        model, lags = errors.model, np.append(errors.model.covariances, 0.0)
-        coefficients[i, : model.order] = model.coefficients
-        innovation[i] = np.sqrt(model.variance) / result.weights[i]
-        deviation[i] = np.sqrt(lags[0]) / result.weights[i]
-        lag_one[i] = lags[1] / lags[0] if lags[0] > 0 else 0.0
-        samples[i], effective[i] = errors.samples, errors.effective_samples()
-    series = innovation, deviation, lag_one, samples, effective
-    return NoiseModel(result.actuators, coefficients, *series)
 
 
 def warn_of_correlation(result: FitResult, independent: FitResult) -> None:

@@ -19,8 +19,7 @@ from loopid.identification.least_squares import (
     WorkingFit,
 )
 from loopid.identification.problem import FitSamples
-from loopid.identification.quality import fit_quality
-from loopid.identification.result import LEAST_FREEDOM, FitResult
+from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
 from loopid.identification.robust import Bisquare, Huber
 from loopid.identification.total_least_squares import TotalLeastSquares
 
@@ -81,10 +80,7 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    fitted, independent = _fits(samples, estimator)
-    warn_of_correlation(fitted.result, independent)
-    warn_of_insignificant(fitted.result)
-    return fitted.result
+    return _warned(samples, estimator).result
 
 
 @checked
@@ -96,13 +92,16 @@ def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitRes
 @checked
 def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
     """As ``quiet_fit``, with the least squares that the fit amounts to."""
-    return _fits(samples, estimator)[0]
+    return with_correlated_errors(chosen_estimator(estimator).fit_samples(samples))
 
 
-def _fits(samples: FitSamples, estimator: str | Estimator) -> tuple[WorkingFit, FitResult]:
-    """The fit, and its result for independent errors."""
+def _warned(samples: FitSamples, estimator: str | Estimator) -> WorkingFit:
+    """As ``working_fit``, with warnings."""
     independent = chosen_estimator(estimator).fit_samples(samples)
-    return with_correlated_errors(independent), independent.result
+    found = with_correlated_errors(independent)
+    warn_of_correlation(found.result, independent.result)
+    warn_of_insignificant(found.result)
+    return found
 
 
 def chosen_estimator(estimator: str | Estimator) -> Estimator:
@@ -178,18 +177,15 @@ def fit_in_steps(
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))
     values[held] = start.values[taken]
-    fitted, independent = _fits(second.less(second.predicted(values)).select(free), estimator)
+    fitted = _warned(second.less(second.predicted(values)).select(free), estimator)
     rest = fitted.result
-    warn_of_correlation(rest, independent)
-    warn_of_insignificant(rest)
-    # H = (X₂ᵀX₂)⁻¹ X₂ᵀF for the columns F of the known parameters.
-    H = fitted.response(second.select(held).regressor)
     values[free] = rest.values
-    covariance = np.zeros((len(values), len(values)))
-    covariance[np.ix_(held, held)] = spread
-    covariance[np.ix_(free, held)] = -H @ spread
-    covariance[np.ix_(held, free)] = -(H @ spread).T
-    covariance[np.ix_(free, free)] = rest.covariance + H @ spread @ H.T
+    # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.
+    moved = np.zeros((len(values), len(held)))
+    moved[held] = np.eye(len(held))
+    moved[free] = -fitted.response(second.select(held).regressor)
+    covariance = moved @ spread @ moved.T
+    covariance[np.ix_(free, free)] += rest.covariance
     return replace(
         rest,
         parameters=second.parameters,

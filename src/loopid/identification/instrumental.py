@@ -16,7 +16,7 @@ from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, RankError
 from loopid.identification.least_squares import (
-    SampleEstimator,
+    Estimator,
     WorkingFit,
     converged_weights,
     equal_weights,
@@ -36,7 +36,7 @@ LEAST_STRENGTH = 10.0
 
 @checked_fields
 @dataclass(frozen=True)
-class InstrumentalVariables(SampleEstimator):
+class InstrumentalVariables(Estimator):
     """Estimates by instruments, which the samples bring (``FitSamples.with_instruments``).
 
     Attributes
@@ -57,7 +57,7 @@ class InstrumentalVariables(SampleEstimator):
     >>> measured = W + 0.3 * rng.normal(size=W.shape)
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
     >>> samples = samples.with_instruments(W)
-    >>> loopid.fit(samples, loopid.InstrumentalVariables()).values.round(1).tolist()
+    >>> loopid.fit(samples, loopid.identification.InstrumentalVariables()).values.round(1).tolist()
     [2.0, 0.5]
     """
 
@@ -85,54 +85,25 @@ class InstrumentalVariables(SampleEstimator):
             factors = _joint_factors(samples, Z)
 
             def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-                found = Projection(problem, factors, weights)
-                return found.values, found.leverages()
+                rows = weights[:, None, None] * factors
+                own, shared, values = _projection(problem, rows)
+                # Leverages are tr Xᵢ (ZᵀX)⁻¹ Zᵢᵀ.
+                columns = rows[:, :, : len(own)] @ np.linalg.inv(own)
+                leverage = columns * (rows[:, :, len(own) : -1] @ np.linalg.inv(shared))
+                return values, leverage.sum(axis=(1, 2))
 
             weights = (
                 converged_weights(problem, fitted) if self.weighted else equal_weights(problem)
             )
-            found = Projection(problem, factors, weights)
-        values, turn, variance = found.values, np.linalg.solve(found.own, found.shared), 1.0
-        if not self.weighted:
-            variance = float(weights**2 @ problem.residual_squares(values)) / problem.freedom
-        result = result_of(self.name, problem, values, found.shared, weights, variance)
-        X, residual = mapped_rows(lambda rows: Z[rows] @ turn, len(Z)), samples.residual(values)
+            own, shared, values = _projection(problem, weights[:, None, None] * factors)
+            variance = 1.0
+            if not self.weighted:
+                variance = float(weights**2 @ problem.residual_squares(values)) / problem.freedom
+            result = result_of(self.name, problem, values, shared, weights, variance)
+        turn, residual = np.linalg.solve(own, shared), samples.residual(values)
+        X = mapped_rows(lambda rows: Z[rows] @ turn, len(Z))
         force = mapped_rows(lambda rows: X[rows] @ values + residual[rows], len(Z))
         return WorkingFit(result, replace(samples, regressor=X, force=force))
-
-
-class Projection:
-    """The weighted regressor X on the instruments Z, by the factors of [Z | X | y].
-
-    ``own`` (n, n) is the triangular factor of the instruments, Z = Q Rz; ``shared`` (n, n) is
-    P = Qᵀ X, so that X̂ = Q P; ``values`` (n,) are the estimates.
-    """
-
-    def __init__(self, problem: FitProblem, factors: FloatArray, weights: FloatArray) -> None:
-        width, size = len(problem.parameters), factors.shape[-1]
-        self._rows = weights[:, None, None] * factors
-        whole = triangular_factor(self._rows.reshape(-1, size))
-        self.own, self.shared = whole[:width, :width], whole[:width, width:-1]
-        R = triangular_factor(whole[:, width:-1])
-        for part in (self.own, self.shared, R):
-            require_excitation(problem, part)
-        cosine = float(np.linalg.svd(self.shared @ np.linalg.inv(R), compute_uv=False)[-1])
-        unexplained = max(1.0 - cosine**2, np.finfo(float).eps)
-        strength = problem.freedom / width * cosine**2 / unexplained
-        if strength < LEAST_STRENGTH:
-            raise RankError(
-                f"the instruments are too weak: F statistic {strength:.2g} of the combination of "
-                f"parameters that they determine least (least {LEAST_STRENGTH:g}); are they of "
-                "the same motion?"
-            )
-        self.values = np.asarray(np.linalg.solve(self.shared, whole[:width, -1]), dtype=np.float64)
-
-    def leverages(self) -> FloatArray:
-        """Part of the parameters (dof,) that each actuator determines, tr Xᵢ (ZᵀX)⁻¹ Zᵢᵀ."""
-        width = len(self.own)
-        Z = self._rows[:, :, :width] @ np.linalg.inv(self.own)
-        X = self._rows[:, :, width:-1] @ np.linalg.inv(self.shared)
-        return np.asarray((Z * X).sum(axis=(1, 2)), dtype=np.float64)
 
 
 def _joint_factors(samples: FitSamples, instruments: FloatArray) -> FloatArray:
@@ -144,3 +115,26 @@ def _joint_factors(samples: FitSamples, instruments: FloatArray) -> FloatArray:
         block = np.concatenate(parts, axis=2) * samples.used[rows][:, :, None]
         factors = triangular_factor(np.concatenate([factors, block.transpose(1, 0, 2)], axis=1))
     return factors
+
+
+def _projection(problem: FitProblem, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Z = Q Rz and P = Qᵀ X of weighted rows of [Z | X | y]: Rz, P (n, n), estimates (n,).
+
+    The projection of X on Z is X̂ = Q P.
+    """
+    width = len(problem.parameters)
+    whole = triangular_factor(rows.reshape(-1, rows.shape[-1]))
+    own, shared = whole[:width, :width], whole[:width, width:-1]
+    R = triangular_factor(whole[:, width:-1])
+    for part in (own, shared, R):
+        require_excitation(problem, part)
+    cosine = float(np.linalg.svd(shared @ np.linalg.inv(R), compute_uv=False)[-1])
+    unexplained = max(1.0 - cosine**2, np.finfo(float).eps)
+    strength = problem.freedom / width * cosine**2 / unexplained
+    if strength < LEAST_STRENGTH:
+        raise RankError(
+            f"the instruments are too weak: F statistic {strength:.2g} of the combination of "
+            f"parameters that they determine least (least {LEAST_STRENGTH:g}); are they of "
+            "the same motion?"
+        )
+    return own, shared, np.asarray(np.linalg.solve(shared, whole[:width, -1]), dtype=np.float64)

@@ -8,7 +8,6 @@ allows for autocorrelated residuals, serves all estimators.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,8 +18,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from loopid.arrays import ComparedByFields, FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.quality import fit_quality
-from loopid.identification.result import FitResult
+from loopid.identification.result import FitResult, fit_quality
 from loopid.scratch import row_blocks
 from loopid.threads import one_blas_thread
 
@@ -68,8 +66,11 @@ class WorkingFit(ComparedByFields):
         return np.asarray(cho_solve((self.factor[:width, :width], False), sums))
 
 
-class Estimator(ABC):
-    """A way of finding parameters from samples, or from the triangular factors of a problem."""
+class Estimator:
+    """A way of finding parameters: subclasses have ``_fit``, or ``fit_samples`` if they need those.
+
+    Triangular factors are enough for ``_fit``, which finds a ``FitResult`` for independent errors.
+    """
 
     name: ClassVar[str]
 
@@ -90,31 +91,14 @@ class Estimator(ABC):
             return self._fit(problem)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
-        """Estimate the parameters, and state the least squares that they solve.
-
-        Raises
-        ------
-        DataError, RankError
-            As ``fit``.
-        """
+        """Estimate the parameters as ``fit``, and state the least squares that they solve."""
         return WorkingFit(self.fit(samples.problem), samples)
-
-    @abstractmethod
-    def _fit(self, problem: FitProblem) -> FitResult: ...
-
-
-class SampleEstimator(Estimator):
-    """An estimator that looks at each sample, which triangular factors do not hold."""
 
     def _fit(self, problem: FitProblem) -> FitResult:
         raise OptionError(
             f"{self.name} needs the samples, not only their triangular factors: "
             "use fit(samples, estimator)"
         )
-
-    @abstractmethod
-    def fit_samples(self, samples: FitSamples) -> WorkingFit:
-        """As of ``Estimator``."""
 
 
 class OrdinaryLeastSquares(Estimator):
@@ -154,10 +138,7 @@ def solved(
 def leverages(problem: FitProblem, weights: FloatArray, R: FloatArray) -> FloatArray:
     """Part of the parameters (dof,) that each actuator determines; they sum to n without a prior.
 
-    Parameters
-    ----------
-    R : FloatArray
-        (n, n), factor of all weighted rows.
+    By the triangular factor R (n, n) of all weighted rows.
     """
     columns = weights[:, None, None] * problem.factors[:, :, :-1] @ np.linalg.inv(R)
     return np.asarray((columns**2).sum(axis=(1, 2)), dtype=np.float64)
@@ -193,15 +174,7 @@ def converged_weights(
 ) -> FloatArray:
     """Weights (dof,) that are the inverse deviations of the residuals that they lead to.
 
-    Parameters
-    ----------
-    fitted : function
-        Values (n,) and leverages (dof,) of the fit with given weights (dof,).
-
-    Raises
-    ------
-    DataError
-        When the iteration does not converge, or an actuator is fitted without error.
+    Of given weights (dof,), ``fitted`` makes the values (n,) and leverages (dof,) of the fit.
     """
     weights = equal_weights(problem)
     present, force = weights > 0, problem.force_rms
@@ -256,13 +229,7 @@ def require_rows(problem: FitProblem) -> None:
 
 
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:
-    """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent.
-
-    Raises
-    ------
-    RankError
-        Naming the parameters.
-    """
+    """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent."""
     labels, norms = problem.parameters.labels, np.linalg.norm(R, axis=0)
     if not (norms > 0).all():
         raise RankError(f"the data do not excite {labels[int(norms.argmin())]} at all")

@@ -62,21 +62,6 @@ class FitProblem(ComparedByFields):
     least_errors: FloatArray
 
     @classmethod
-    @checked
-    def from_samples(
-        cls,
-        regressor: FloatArray,
-        force: FloatArray,
-        parameters: ParameterSet,
-        actuators: Sequence[str],
-        used: BoolArray | None = None,
-        least_errors: FloatArray | None = None,
-    ) -> FitProblem:
-        """Reduce samples, block by block; arguments as of ``FitSamples.of``."""
-        data = parameters, actuators, regressor, force, used, None, least_errors
-        return FitSamples.of(*data).problem
-
-    @classmethod
     def combined(cls, problems: Iterable[FitProblem]) -> FitProblem:
         """All samples of several problems, such as parts of a log, with one in memory at a time.
 
@@ -119,12 +104,9 @@ class FitProblem(ComparedByFields):
         return np.asarray(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
 
     def weighted(self, weights: FloatArray, prior: FloatArray | None = None) -> FloatArray:
-        """One triangular factor (n + 1, n + 1) of all rows, those of a prior (k, n + 1) included.
+        """One triangular factor (n + 1, n + 1) of all rows times weights (dof,).
 
-        Parameters
-        ----------
-        weights : FloatArray
-            (dof,), which the rows of each actuator are multiplied by.
+        Rows (k, n + 1) of a prior are included as they are.
         """
         rows = (weights[:, None, None] * self.factors).reshape(-1, self.factors.shape[-1])
         return triangular_factor(rows if prior is None else np.concatenate([rows, prior]))
@@ -134,17 +116,9 @@ class FitProblem(ComparedByFields):
         residual = self.factors @ np.append(values, -1.0)
         return np.asarray((residual**2).sum(axis=1), dtype=np.float64)
 
-    def is_exact(self, squares: FloatArray) -> BoolArray:
-        """Which actuators (dof,) have sums of squared residuals (dof,) that are but round-off."""
-        return np.asarray(squares <= ROUND_OFF**2 * self.force_squares(), dtype=np.bool_)
-
     def force_squares(self) -> FloatArray:
         """Sums of squared forces (dof,)."""
         return np.asarray((self.factors[:, :, -1] ** 2).sum(axis=1), dtype=np.float64)
-
-    def total_squares(self) -> FloatArray:
-        """Sums of squared deviations (dof,) of each force from its mean."""
-        return self.force_squares() - self.samples * self.mean_force**2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,6 +143,15 @@ class FitSamples(ComparedByFields):
         known to be zero; by default 0.
     instruments : FloatArray or None
         (N, dof, n), the regressor of a motion whose errors are independent of the measured one's.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(50, 1, 2))
+    >>> samples = loopid.FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> len(samples), bool(abs(samples.residual([2.0, 0.5])).max() < 1e-12)
+    (50, True)
     """
 
     parameters: ParameterSet
@@ -203,19 +186,18 @@ class FitSamples(ComparedByFields):
         if W.ndim != 3 or W.shape[1:] != (dof, n):
             raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
         tau = _force(force, W)
-        count = len(tau)
-        if count == 0:
+        if len(tau) == 0:
             raise DataError("there are no samples to fit")
-        mask = np.ones(tau.shape, dtype=bool) if used is None else rectangular(used, "used")
+        mask = rectangular(np.ones(tau.shape, dtype=bool) if used is None else used, "used")
         if mask.shape != tau.shape or mask.dtype != bool:
             raise DataError(
                 f"used must be booleans of shape {tau.shape}, not {mask.dtype} of {mask.shape}"
             )
-        numbers = np.zeros(count, dtype=np.int64) if stretches is None else stretches
+        numbers = np.zeros(len(tau), dtype=np.int64) if stretches is None else stretches
         parts = rectangular(numbers, "stretches")
-        if parts.shape != (count,) or parts.dtype.kind not in "iu":
+        if parts.shape != tau.shape[:1] or parts.dtype.kind not in "iu":
             raise DataError(
-                f"stretches must be whole numbers of shape ({count},), not {parts.dtype} of "
+                f"stretches must be whole numbers of shape {tau.shape[:1]}, not {parts.dtype} of "
                 f"{parts.shape}"
             )
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
@@ -259,14 +241,13 @@ class FitSamples(ComparedByFields):
 
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
-        chosen = [int(j) for j in columns]
-
-        def part(array: FloatArray) -> FloatArray:
-            return mapped_rows(lambda rows: array[rows][:, :, chosen], len(array))
-
-        Z = None if self.instruments is None else part(self.instruments)
-        names, W = self.parameters.select(chosen), part(self.regressor)
-        return replace(self, parameters=names, regressor=W, instruments=Z)
+        chosen, W, Z = [int(j) for j in columns], self.regressor, self.instruments
+        return replace(
+            self,
+            parameters=self.parameters.select(chosen),
+            regressor=mapped_rows(lambda rows: W[rows][:, :, chosen], len(W)),
+            instruments=None if Z is None else mapped_rows(lambda r: Z[r][:, :, chosen], len(Z)),
+        )
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
@@ -306,15 +287,18 @@ class FitSamples(ComparedByFields):
             raise DataError("samples to combine must all have instruments, or none of them")
         offsets = np.cumsum([0, *(int(part.stretches.max()) + 1 for part in parts[:-1])])
         shifted = [part.stretches + k for part, k in zip(parts, offsets, strict=True)]
-        return cls(
-            first.parameters,
-            first.actuators,
-            _concatenated([part.regressor for part in parts]),
-            _concatenated([part.force for part in parts]),
-            _concatenated([part.used for part in parts]),
-            frozen(np.concatenate(shifted), np.int64),
-            np.max([part.least_errors for part in parts], axis=0),
-            _concatenated(instruments) if instruments else None,
+
+        def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+            return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
+
+        return replace(
+            first,
+            regressor=joined([part.regressor for part in parts]),
+            force=joined([part.force for part in parts]),
+            used=joined([part.used for part in parts]),
+            stretches=frozen(np.concatenate(shifted), np.int64),
+            least_errors=np.max([part.least_errors for part in parts], axis=0),
+            instruments=joined(instruments) if instruments else None,
         )
 
 
@@ -324,7 +308,3 @@ def _force(force: FloatArray, regressor: FloatArray) -> FloatArray:
     if tau.shape != regressor.shape[:2]:
         raise DataError(f"force must have shape {regressor.shape[:2]}, not {tau.shape}")
     return tau
-
-
-def _concatenated(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))

@@ -1,23 +1,123 @@
-"""What a fit found, and how far to trust it."""
+"""What a fit found, how far to trust it, and how well it explains the forces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from html import escape
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
+from loopid.arguments import checked
+from loopid.arrays import ComparedByFields, FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
-from loopid.identification.quality import NoiseModel, Quality, Robustness, fit_quality
-from loopid.parameters import ParameterSet
+from loopid.parameters import ParameterSet, html_table
 
+# Squared deviation of a force from its mean, relative to its square, that is but round-off.
+CONSTANT_FORCE = 1e-12
 # Fewer degrees of freedom determine no interval.
 LEAST_FREEDOM = 1.0
 # Lines of a ``repr`` that list parameters.
 LISTED = 7
+
+
+class _Record(ComparedByFields):
+    """A dataclass whose arrays are read-only copies."""
+
+    def __post_init__(self) -> None:
+        kinds = {"FloatArray": np.float64, "IntArray": np.int64}
+        for field in fields(self):  # type: ignore[arg-type]
+            if field.type in kinds:
+                array = frozen(getattr(self, field.name), kinds[field.type])
+                object.__setattr__(self, field.name, array)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Quality(_Record):
+    """Residuals of parameters on data, by actuator; NaN where it has no samples.
+
+    Attributes
+    ----------
+    residual_rms : FloatArray
+        (dof,) in N or N m.
+    r_squared : FloatArray
+        (dof,), 1 - residual over total squares about the mean; negative when worse than the mean,
+        NaN for a constant force.
+    samples : IntArray
+        (dof,).
+    """
+
+    residual_rms: FloatArray
+    r_squared: FloatArray
+    samples: IntArray
+
+
+@checked
+def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
+    """Residuals of a problem at parameter values (n,).
+
+    Raises
+    ------
+    DataError
+        When the values are not n finite numbers.
+    """
+    phi, width = finite(values, "values"), len(problem.parameters)
+    if phi.shape != (width,):
+        raise DataError(f"values must have shape ({width},), not {phi.shape}")
+    squares, force = problem.residual_squares(phi), problem.force_squares()
+    total = force - problem.samples * problem.mean_force**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
+        r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
+    return Quality(np.sqrt(mean), r_squared, problem.samples)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NoiseModel(_Record):
+    """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
+
+    Actuators without samples have NaN for all that is not a count.
+
+    Attributes
+    ----------
+    actuators : tuple of str
+    coefficients : FloatArray
+        (dof, order), c_k, padded with zeros; order 0 when the errors of all are independent.
+    innovation : FloatArray
+        (dof,), standard deviation of ε in N or N m.
+    deviation : FloatArray
+        (dof,), standard deviation of e in N or N m.
+    lag_one : FloatArray
+        (dof,), correlation of neighbouring errors.
+    samples : IntArray
+        (dof,).
+    effective_samples : FloatArray
+        (dof,), number of independent samples that would determine a mean as well; at most
+        ``samples``.
+    """
+
+    actuators: tuple[str, ...]
+    coefficients: FloatArray
+    innovation: FloatArray
+    deviation: FloatArray
+    lag_one: FloatArray
+    samples: IntArray
+    effective_samples: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness(_Record):
+    """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples.
+
+    Attributes
+    ----------
+    scale : FloatArray
+        (dof,) in N or N m, standard deviation of errors without outliers, from the median.
+    down_weighted : FloatArray
+        (dof,), share of the samples that count less than half: some 1 % of normal errors.
+    """
+
+    scale: FloatArray
+    down_weighted: FloatArray
 
 
 @dataclass(frozen=True)
@@ -53,7 +153,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult(ComparedByFields):
+class FitResult(_Record):
     """Estimated parameters with their uncertainty.
 
     Attributes
@@ -113,8 +213,7 @@ class FitResult(ComparedByFields):
     robustness: Robustness | None = None
 
     def __post_init__(self) -> None:
-        for name in ("values", "covariance", "weights"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        super().__post_init__()
         for name in self.assumed:
             if name not in self.parameters.labels:
                 raise OptionError.unknown("assumed parameter", name, self.parameters.labels)
@@ -188,12 +287,12 @@ class FitResult(ComparedByFields):
         return "\n".join(str(estimate) for estimate in self.estimates)
 
     def __repr__(self) -> str:
-        estimates, more = self.estimates[:LISTED], len(self.values) - LISTED
+        more = len(self.values) - LISTED
         lines = [
             f"FitResult of {self.estimator}: {len(self.values)} parameters from "
             f"{int(self.quality.samples.sum())} forces of {len(self.actuators)} actuators, "
             f"condition number {self.condition_number:.4g}",
-            *map(str, estimates),
+            *map(str, self.estimates[:LISTED]),
             *([f"... and {more} more: print() lists all"] if more > 0 else []),
         ]
         return "\n".join(lines)
@@ -209,19 +308,6 @@ class FitResult(ComparedByFields):
 
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
     """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
-    size = np.abs(values)
-    relative = np.full(len(size), np.inf)
-    np.divide(100 * errors, size, out=relative, where=size > 0)
+    relative = np.full(len(values), np.inf)
+    np.divide(100 * errors, np.abs(values), out=relative, where=values != 0)
     return relative
-
-
-def html_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table for notebooks, numbers to four digits."""
-    texts = (
-        [f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row] for row in rows
-    )
-    lines = [
-        "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-        for tag, cells in [("th", head), *(("td", row) for row in texts)]
-    ]
-    return "\n".join(["<table>", *lines, "</table>"])

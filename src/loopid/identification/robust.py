@@ -8,17 +8,16 @@ squares, Σ w² x s ψ(r / s) / m = 0. So each row counts by ψ(r / s) / (r / s)
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from loopid.arguments import checked_fields
-from loopid.arrays import FloatArray, frozen
+from loopid.arrays import BoolArray, FloatArray, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.least_squares import (
-    SampleEstimator,
+    Estimator,
     WeightedLeastSquares,
     WorkingFit,
     inverse_deviations,
@@ -27,7 +26,7 @@ from loopid.identification.least_squares import (
     solved,
 )
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.quality import Robustness, fit_quality
+from loopid.identification.result import Robustness, fit_quality
 from loopid.scratch import mapped_rows, row_blocks
 from loopid.threads import one_blas_thread
 
@@ -46,7 +45,17 @@ NORMAL_MEDIAN = 0.6744897501960817
 
 
 @dataclass(frozen=True)
-class RobustEstimator(SampleEstimator):
+class _State:
+    """Values (n,); weights w, scales s, mean slopes m of the actuators (dof,)."""
+
+    values: FloatArray
+    weights: FloatArray
+    scale: FloatArray
+    slope: FloatArray
+
+
+@dataclass(frozen=True)
+class RobustEstimator(Estimator, ABC):
     """Least squares in which large residuals count less [Huber1981].
 
     Attributes
@@ -81,15 +90,86 @@ class RobustEstimator(SampleEstimator):
             iteration does not converge.
         """
         with one_blas_thread():
-            return self._converged(samples, TOLERANCE).working_fit()
+            return self._working_fit(samples, self._converged(samples, TOLERANCE))
 
-    def _converged(self, samples: FitSamples, tolerance: float) -> Iterate:
-        """The last iterate, from weighted least squares on."""
+    def _converged(self, samples: FitSamples, tolerance: float) -> _State:
+        """From weighted least squares on."""
         plain = WeightedLeastSquares().fit(samples.problem)
-        counts, slope = samples.problem.samples.astype(float), np.ones(len(samples.actuators))
-        scale = residual_scales(samples, samples.residual(plain.values))
-        start = Iterate(samples, self, plain.values, scale, counts, slope, plain.weights)
-        return start.iterated(tolerance)
+        return self._iterated(samples, plain.values, plain.weights, None, tolerance)
+
+    def _iterated(
+        self,
+        samples: FitSamples,
+        values: FloatArray,
+        weights: FloatArray,
+        held_scale: FloatArray | None,
+        tolerance: float,
+    ) -> _State:
+        """Reweighted until the predicted forces stay."""
+        problem = samples.problem
+        for k in range(ITERATIONS):
+            residual = samples.residual(values)
+            if k < HELD_FROM:
+                scale = _scales(samples, residual) if held_scale is None else held_scale
+                row_weights = self._row_weights(samples, residual, scale)
+                counts = (row_weights > 0).sum(axis=0).astype(float)
+                slope = self._mean_slope(samples, residual / scale, row_weights > 0)
+            else:
+                row_weights = self._row_weights(samples, residual, scale)
+            squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
+            R = problem.weighted(weights)[:-1, :-1]
+            weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
+            reweighted = FitProblem.combined(
+                samples.block_problem(rows, np.sqrt(row_weights[rows] / slope))
+                for rows in row_blocks(len(samples))
+            )
+            last, (values, _) = values, solved(reweighted, weights)
+            step = problem.factors[:, :, :-1] @ (values - last)
+            if (np.sqrt((step**2).sum(axis=1) / len(samples)) <= tolerance * scale).all():
+                return _State(values, weights, scale, slope)
+        raise DataError(
+            f"the robust fit does not converge in {ITERATIONS} iterations: use wls, or a larger "
+            f"tuning constant than {self.tuning:g}"
+        )
+
+    def _row_weights(
+        self, samples: FitSamples, residual: FloatArray, scale: FloatArray
+    ) -> FloatArray:
+        """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
+        used = samples.used
+        return mapped_rows(lambda r: self.weight(residual[r] / scale) * used[r], len(residual))
+
+    def _mean_slope(self, samples: FitSamples, u: FloatArray, counting: BoolArray) -> FloatArray:
+        """Means (dof,) of ψ' over the samples (N, dof) that count."""
+        counts, sums = counting.sum(axis=0), (self.slope(u) * counting).sum(axis=0)
+        slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
+        if (slope < LEAST_SLOPE).any():
+            raise DataError(
+                f"the residuals of {samples.actuators[int(slope.argmin())]} have no normal "
+                f"core: mean slope {slope.min():.2g} (least {LEAST_SLOPE:g}); use wls, or a larger "
+                f"tuning constant than {self.tuning:g}"
+            )
+        return slope
+
+    def _working_fit(self, samples: FitSamples, state: _State) -> WorkingFit:
+        """The least squares that the last state amounts to, without samples of weight zero.
+
+        These would look like samples without error, and spoil the model of autocorrelation.
+        """
+        residual, present = samples.residual(state.values), samples.problem.samples > 0
+        row_weights = self._row_weights(samples, residual, state.scale)
+        force = samples.predicted(state.values) + residual * row_weights / state.slope
+        used = frozen(row_weights > 0, np.bool_)
+        working = replace(samples.with_force(force), used=used)
+        values, R = solved(working.problem, state.weights)
+        result = result_of(self.name, working.problem, values, R, state.weights, 1.0)
+        low = ((row_weights < DOWN_WEIGHTED) & samples.used).sum(axis=0)
+        share = low / np.maximum(samples.problem.samples, 1)
+        robustness = Robustness(
+            np.where(present, state.scale, np.nan), np.where(present, share, np.nan)
+        )
+        quality = fit_quality(samples.problem, values)
+        return WorkingFit(replace(result, quality=quality, robustness=robustness), working)
 
 
 @checked_fields
@@ -105,7 +185,7 @@ class Huber(RobustEstimator):
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.standard_t(3, size=(500, 1))  # heavy tails
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> loopid.fit(samples, loopid.Huber()).values.round(1).tolist()
+    >>> loopid.fit(samples, loopid.identification.Huber()).values.round(1).tolist()
     [2.0, 0.5]
     """
 
@@ -113,11 +193,9 @@ class Huber(RobustEstimator):
     tuning: float = 1.345
 
     def weight(self, u: FloatArray) -> FloatArray:
-        """As of ``RobustEstimator``."""
         return np.asarray(self.tuning / np.maximum(np.abs(u), self.tuning))
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """As of ``RobustEstimator``."""
         return np.asarray(np.abs(u) <= self.tuning, dtype=np.float64)
 
 
@@ -137,7 +215,7 @@ class Bisquare(RobustEstimator):
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
     >>> force[::20] += 50.0  # outliers
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> found = loopid.fit(samples, loopid.Bisquare())
+    >>> found = loopid.fit(samples, loopid.identification.Bisquare())
     >>> found.values.round(1).tolist(), bool(found.robustness.down_weighted[0] > 0.05)
     ([2.0, 0.5], True)
     """
@@ -146,127 +224,21 @@ class Bisquare(RobustEstimator):
     tuning: float = 4.685
 
     def weight(self, u: FloatArray) -> FloatArray:
-        """As of ``RobustEstimator``."""
         return np.asarray(np.maximum(1 - (u / self.tuning) ** 2, 0.0) ** 2)
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """As of ``RobustEstimator``."""
         square = (u / self.tuning) ** 2
         return np.where(square < 1, (1 - square) * (1 - 5 * square), 0.0)
 
-    def _converged(self, samples: FitSamples, tolerance: float) -> Iterate:
+    def _converged(self, samples: FitSamples, tolerance: float) -> _State:
         start = Huber()._converged(samples, START_TOLERANCE)
-        return replace(start, score=self).iterated(tolerance, hold_scale=True)
+        return self._iterated(samples, start.values, start.weights, start.scale, tolerance)
 
 
-@dataclass(frozen=True)
-class Iterate:
-    """Values (n,); scales s, samples that count, mean slopes m, weights w of actuators (dof,)."""
-
-    samples: FitSamples
-    score: RobustEstimator
-    values: FloatArray
-    scale: FloatArray
-    counts: FloatArray
-    slope: FloatArray
-    weights: FloatArray
-
-    def iterated(self, tolerance: float, hold_scale: bool = False) -> Iterate:
-        """Reweighted until the predicted forces stay.
-
-        Raises
-        ------
-        DataError
-            When they do not, or residuals have no normal core.
-        """
-        state, samples, problem = self, self.samples, self.samples.problem
-        for k in range(ITERATIONS):
-            if k < HELD_FROM:
-                state = state._with_slopes(hold_scale)
-            R = problem.weighted(state.weights)[:-1, :-1]
-            freedom = state.counts - leverages(problem, state.weights, R)
-            weights = inverse_deviations(problem, (state.errors**2).sum(axis=0), freedom)
-            blocks = map(state._reweighted, row_blocks(len(samples)))
-            values, _ = solved(FitProblem.combined(blocks), weights)
-            step = problem.factors[:, :, :-1] @ (values - state.values)
-            moved = np.sqrt((step**2).sum(axis=1) / len(samples))
-            state = replace(state, values=values, weights=weights)
-            if (moved <= tolerance * state.scale).all():
-                return state
-        raise DataError(
-            f"the robust fit does not converge in {ITERATIONS} iterations: use wls, or a larger "
-            f"tuning constant than {self.score.tuning:g}"
-        )
-
-    def working_fit(self) -> WorkingFit:
-        """The least squares that the iterate amounts to, without samples of weight zero.
-
-        These would look like samples without error, and spoil the model of autocorrelation.
-        """
-        force = self.samples.predicted(self.values) + self.errors
-        used = frozen(self.row_weights > 0, np.bool_)
-        working = replace(self.samples.with_force(force), used=used)
-        values, R = solved(working.problem, self.weights)
-        result = result_of(self.score.name, working.problem, values, R, self.weights, 1.0)
-        counts, low = self.samples.problem.samples, (self.row_weights < DOWN_WEIGHTED)
-        share = (low & self.samples.used).sum(axis=0) / np.maximum(counts, 1)
-        present = counts > 0
-        robustness = Robustness(
-            np.where(present, self.scale, np.nan), np.where(present, share, np.nan)
-        )
-        quality = fit_quality(self.samples.problem, values)
-        return WorkingFit(replace(result, quality=quality, robustness=robustness), working)
-
-    @cached_property
-    def residual(self) -> FloatArray:
-        """Residuals (N, dof)."""
-        return self.samples.residual(self.values)
-
-    @cached_property
-    def row_weights(self) -> FloatArray:
-        """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
-        residual, used = self.residual, self.samples.used
-
-        def weights(rows: slice) -> FloatArray:
-            return self.score.weight(residual[rows] / self.scale) * used[rows]
-
-        return mapped_rows(weights, len(residual))
-
-    @property
-    def errors(self) -> FloatArray:
-        """Pseudo-errors (N, dof)."""
-        return self.residual * self.row_weights / self.slope
-
-    def _reweighted(self, rows: slice) -> FitProblem:
-        """Some samples, each row times the root of its weight."""
-        return self.samples.block_problem(rows, np.sqrt(self.row_weights[rows] / self.slope))
-
-    def _with_slopes(self, hold_scale: bool) -> Iterate:
-        """With the scales, unless held, and the means of ψ' over the samples that count."""
-        scale = self.scale if hold_scale else residual_scales(self.samples, self.residual)
-        state = replace(self, scale=scale)
-        counting = state.row_weights > 0
-        counts = counting.sum(axis=0).astype(float)
-        sums = (self.score.slope(self.residual / scale) * counting).sum(axis=0)
-        slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
-        if (slope < LEAST_SLOPE).any():
-            raise DataError(
-                f"the residuals of {self.samples.actuators[int(slope.argmin())]} have no normal "
-                f"core: mean slope {slope.min():.2g} (least {LEAST_SLOPE:g}); use wls, or a larger "
-                f"tuning constant than {self.score.tuning:g}"
-            )
-        return replace(state, counts=counts, slope=slope)
-
-
-def residual_scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
-    """Standard deviations (dof,) of normal errors with the residuals' median size.
+def _scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
+    """Standard deviations (dof,) of normal errors with the residuals' (N, dof) median size.
 
     Half of the samples may be outliers. Actuators without samples have scale 1.
-
-    Raises
-    ------
-    DataError
-        When more than half of an actuator's residuals (N, dof) are but round-off.
     """
     problem, scales = samples.problem, np.ones(len(samples.actuators))
     for i in np.flatnonzero(problem.samples):

@@ -15,15 +15,13 @@ from loopid.identification.autoregression import Autoregression, burg_covariance
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.least_squares import Estimator, WorkingFit
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.quality import fit_quality
-from loopid.identification.result import FitResult, html_table, relative_deviation
-from loopid.parameters import ParameterSet
+from loopid.identification.result import FitResult, relative_deviation
+from loopid.parameters import ParameterSet, html_table
 
 # Standard errors of a difference that make it clear.
 CLEARLY = 2.0
 # Relative difference of mean squared errors that is worth no parameter.
 NO_CONSEQUENCE = 0.02
-FORCES = ("measured", "predicted")
 # Names that a ``repr`` lists.
 LISTED = 12
 
@@ -45,8 +43,6 @@ class ReductionStep(ComparedByFields):
         none was dropped.
     values : FloatArray
         (n,).
-    training_rms, validation_rms : FloatArray
-        (dof,) in N or N m; NaN without samples.
     training_error, validation_error : float
         Over all actuators.
     standard_error : float
@@ -59,8 +55,6 @@ class ReductionStep(ComparedByFields):
     dropped: str | None
     relative_std: float
     values: FloatArray
-    training_rms: FloatArray
-    validation_rms: FloatArray
     training_error: float
     validation_error: float
     standard_error: float
@@ -68,8 +62,7 @@ class ReductionStep(ComparedByFields):
     excess_error: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("values", "training_rms", "validation_rms"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "values", frozen(self.values))
 
     def __repr__(self) -> str:
         return (
@@ -106,11 +99,6 @@ class Reduction(ComparedByFields):
         object.__setattr__(self, "reference", frozen(self.reference))
 
     @property
-    def supported(self) -> int:
-        """Number of parameters that validation supports."""
-        return len(self.result.parameters)
-
-    @property
     def columns(self) -> tuple[int, ...]:
         """Columns of the supported parameters among all."""
         return tuple(self.parameters.labels.index(label) for label in self.result.parameters.labels)
@@ -130,12 +118,12 @@ class Reduction(ComparedByFields):
         return covariance
 
     def __repr__(self) -> str:
-        names = ", ".join(self.result.parameters.labels[:LISTED])
-        more = self.supported - LISTED
+        labels = self.result.parameters.labels
+        more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
         return (
-            f"Reduction to {self.supported} of {len(self.parameters)} parameters, validation error "
+            f"Reduction to {len(labels)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
-            + (names if more <= 0 else f"{names} and {more} more")
+            f"{', '.join(labels[:LISTED])}{more}"
         )
 
     def _repr_html_(self) -> str:
@@ -205,69 +193,29 @@ def eliminate(
         if name not in names.labels:
             raise OptionError.unknown("parameter to keep", name, names.labels)
     full = working_fit(training, estimator)
-    steps = _eliminations(full, training, validation, start, keep)
-    best = min(steps, key=lambda step: step.validation_error)
     scale = _error_scale(full.result)
-    steps = [_compared(step, best, validation, scale) for step in steps]
-    chosen = [step for step in steps if step.excess <= _allowed(step, best)][-1]
+    steps = _eliminations(full, training, validation, start, keep, scale)
+    best = min(steps, key=lambda step: step.validation_error)
+    # Of the differences at each time: what both steps share, as a disturbance that neither
+    # explains, does not count as uncertainty.
+    least = _squares(validation, best.values, scale)
+    for k, step in enumerate(steps):
+        if step is not best:
+            more = _squares(validation, step.values, scale) - least
+            excess, error = _mean(validation, more, scale)
+            steps[k] = replace(step, excess=excess, excess_error=error)
+
+    def supported(step: ReductionStep) -> bool:
+        # One standard error of the best is wide where a disturbance that no step explains makes all
+        # of them uncertain; two of the difference are not.
+        uncertainty = min(best.standard_error, CLEARLY * step.excess_error)
+        return step.excess <= max(uncertainty, NO_CONSEQUENCE * best.validation_error)
+
+    chosen = [step for step in steps if supported(step)][-1]
     columns, known = [names.labels.index(label) for label in chosen.labels], start.copy()
     known[columns] = 0.0
     result = quiet_fit(training.less(training.predicted(known)).select(columns), estimator)
     return Reduction(names, start, tuple(steps), chosen, result)
-
-
-def _eliminations(
-    full: WorkingFit,
-    training: FitSamples,
-    validation: FitSamples,
-    reference: FloatArray,
-    keep: Sequence[str],
-) -> list[ReductionStep]:
-    """Steps from all parameters down to those to keep, or to one."""
-    scale, factor, covariance = _error_scale(full.result), full.factor, full.result.covariance
-    labels, columns = training.parameters.labels, list(range(len(reference)))
-    dropped, relative, steps = None, np.nan, list[ReductionStep]()
-    while True:
-        values, errors = _subset_fit(factor, covariance, reference, columns)
-        error, spread = mean_squared_error(validation, values, scale)
-        squares = training.problem.residual_squares(values) * scale**2
-        steps.append(
-            ReductionStep(
-                labels=tuple(labels[j] for j in columns),
-                dropped=dropped,
-                relative_std=relative,
-                values=values,
-                training_rms=fit_quality(training.problem, values).residual_rms,
-                validation_rms=fit_quality(validation.problem, values).residual_rms,
-                training_error=float(squares.sum() / training.problem.rows),
-                validation_error=error,
-                standard_error=spread,
-            )
-        )
-        free = [k for k, j in enumerate(columns) if labels[j] not in keep]
-        if not free or len(columns) == 1:
-            return steps
-        deviations = relative_deviation(errors, (values - reference)[columns])
-        worst = max(free, key=lambda k: deviations[k])
-        dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
-
-
-def _subset_fit(
-    factor: FloatArray, covariance: FloatArray, reference: FloatArray, columns: list[int]
-) -> tuple[FloatArray, FloatArray]:
-    """All values (n,), and standard errors of the fitted columns, the others at their reference.
-
-    Weights, working samples and error model stay those of the full fit, so that no sample is needed
-    again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
-    covariance of the errors as R sees them, and a subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
-    """
-    width, values = len(reference), reference.copy()
-    R, force = factor[:width, :width], factor[:width, width]
-    values[columns] = 0.0
-    Q, T = np.linalg.qr(R[:, columns])
-    values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
-    response = np.linalg.inv(T) @ Q.T @ R
-    return values, np.sqrt(np.einsum("ij,jk,ik->i", response, covariance, response))
 
 
 def _error_scale(full: FitResult) -> FloatArray:
@@ -282,51 +230,63 @@ def _error_scale(full: FitResult) -> FloatArray:
     return np.divide(1.0, deviation, out=np.zeros(len(deviation)), where=present)
 
 
-def _allowed(step: ReductionStep, best: ReductionStep) -> float:
-    """How much worse than the best a step may be.
+def _eliminations(
+    full: WorkingFit,
+    training: FitSamples,
+    validation: FitSamples,
+    reference: FloatArray,
+    keep: Sequence[str],
+    scale: FloatArray,
+) -> list[ReductionStep]:
+    """Steps from all parameters down to those to keep, or to one.
 
-    One standard error of the best [Breiman1984], which is wide where a disturbance that no step
-    explains makes all of them uncertain; so also two of the difference, which is not. Less than a
-    difference of no consequence is never asked for.
+    Weights, working samples and error model stay those of the full fit, so that no sample is needed
+    again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
+    covariance of the errors as R sees them, and a subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
     """
-    uncertainty = min(best.standard_error, CLEARLY * step.excess_error)
-    return max(uncertainty, NO_CONSEQUENCE * best.validation_error)
-
-
-def _compared(
-    step: ReductionStep, best: ReductionStep, validation: FitSamples, scale: FloatArray
-) -> ReductionStep:
-    """The step with its excess over the best.
-
-    Of the differences at each time: what both share, as a disturbance that neither explains, does
-    not count as uncertainty.
-    """
-    if step is best:
-        return step
-    own, other = (_squares(validation, one.values, scale) for one in (step, best))
-    excess, error = _mean(validation, own - other, scale)
-    return replace(step, excess=excess, excess_error=error)
-
-
-def mean_squared_error(
-    samples: FitSamples, values: FloatArray, scale: FloatArray
-) -> tuple[float, float]:
-    """Mean square of scaled residuals over samples and actuators, and its standard error.
-
-    The squares of all actuators at one time are one number, in an autoregressive process; so no
-    independence is assumed, over time or between actuators. A scale of 0 leaves an actuator out.
-    """
-    return _mean(samples, _squares(samples, values, scale), scale)
+    labels, width, factor = training.parameters.labels, len(reference), full.factor
+    R, force = factor[:width, :width], factor[:width, width]
+    columns, steps = list(range(width)), list[ReductionStep]()
+    dropped, relative = None, np.nan
+    while True:
+        values = reference.copy()
+        values[columns] = 0.0
+        Q, T = np.linalg.qr(R[:, columns])
+        values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
+        error, spread = _mean(validation, _squares(validation, values, scale), scale)
+        squares = training.problem.residual_squares(values) * scale**2
+        steps.append(
+            ReductionStep(
+                labels=tuple(labels[j] for j in columns),
+                dropped=dropped,
+                relative_std=relative,
+                values=values,
+                training_error=float(squares.sum() / training.problem.rows),
+                validation_error=error,
+                standard_error=spread,
+            )
+        )
+        free = [k for k, j in enumerate(columns) if labels[j] not in keep]
+        if not free or len(columns) == 1:
+            return steps
+        response = np.linalg.inv(T) @ Q.T @ R
+        errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
+        deviations = relative_deviation(errors, (values - reference)[columns])
+        worst = max(free, key=lambda k: deviations[k])
+        dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
 
 
 def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
-    """Squared scaled residuals of all actuators together (N,)."""
+    """Squared scaled residuals of all actuators together (N,); a scale of 0 leaves one out."""
     squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
     return np.asarray(squares.sum(axis=1), dtype=np.float64)
 
 
 def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
-    """Mean of a series (N,) by forces that count, and its standard error."""
+    """Mean of a series (N,) by forces that count, and its standard error.
+
+    The series is an autoregressive process: neither times nor actuators count as independent.
+    """
     counts = (samples.used & (scale > 0)).sum(axis=1)
     total = int(counts.sum())
     if not total:
@@ -338,10 +298,8 @@ def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[f
 
 
 @checked
-def influence(
-    data: FitSamples | FitProblem, values: FloatArray, relative_to: str = "measured"
-) -> FloatArray:
-    """Size of the forces of the first i parameters, in % of that of all forces.
+def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
+    """Size of the forces of the first i parameters, in % of that of the measured forces.
 
     p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
     all i up to r. It is a ratio of norms, not an accuracy: it need not grow with i, may exceed 100,
@@ -353,8 +311,6 @@ def influence(
         With the parameters in the order that is asked about.
     values : FloatArray
         (r,).
-    relative_to : str
-        T: ``"measured"`` forces, or those ``"predicted"`` by all parameters.
 
     Returns
     -------
@@ -363,19 +319,14 @@ def influence(
 
     Raises
     ------
-    OptionError
-        When ``relative_to`` is neither.
     DataError
         When the values have another shape, or the forces are all zero.
     """
-    if relative_to not in FORCES:
-        raise OptionError.unknown("force", relative_to, FORCES)
-    factors, phi = _weighted_columns(data, values)
-    sums = np.cumsum(factors[:, :-1] * phi, axis=1)
-    total = factors[:, -1] if relative_to == "measured" else sums[:, -1]
-    size = float(np.linalg.norm(total))
+    factor, phi = _weighted_factor(data, values)
+    size = float(np.linalg.norm(factor[:, -1]))
     if not size > 0:
-        raise DataError(f"the {relative_to} forces are all zero: influence is undefined")
+        raise DataError("the measured forces are all zero: influence is undefined")
+    sums = np.cumsum(factor[:, :-1] * phi, axis=1)
     return np.asarray(100 * np.linalg.norm(sums, axis=0) / size, dtype=np.float64)
 
 
@@ -406,29 +357,7 @@ def truncated_values(
     FloatArray
         In the order of ``kept``.
     """
-    phi, bias = _values_and_bias(data, values, kept, weights)
-    return phi + bias
-
-
-@checked
-def truncation_bias(
-    data: FitSamples | FitProblem,
-    values: FloatArray,
-    kept: int | Sequence[str],
-    weights: FloatArray | None = None,
-) -> FloatArray:
-    """Difference of ``truncated_values`` from the true values of the kept parameters."""
-    return _values_and_bias(data, values, kept, weights)[1]
-
-
-def _values_and_bias(
-    data: FitSamples | FitProblem,
-    values: FloatArray,
-    kept: int | Sequence[str],
-    weights: FloatArray | None,
-) -> tuple[FloatArray, FloatArray]:
-    """True values of the kept parameters, and the bias of their estimates."""
-    factor, phi = _weighted_columns(data, values, weights)
+    factor, phi = _weighted_factor(data, values, weights)
     labels = data.parameters.labels
     if isinstance(kept, int):
         if not 0 < kept <= len(labels):
@@ -442,11 +371,11 @@ def _values_and_bias(
     columns = [labels.index(name) for name in kept]
     others = [j for j in range(len(phi)) if j not in columns]
     force = factor[:, others] @ phi[others]
-    bias = np.asarray(np.linalg.lstsq(factor[:, columns], force)[0], dtype=np.float64)
-    return phi[columns], bias
+    bias = np.linalg.lstsq(factor[:, columns], force)[0]
+    return np.asarray(phi[columns] + bias, dtype=np.float64)
 
 
-def _weighted_columns(
+def _weighted_factor(
     data: FitSamples | FitProblem, values: FloatArray, weights: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Triangular factor (r + 1, r + 1) of the weighted [W | T], and checked values (r,)."""

@@ -61,7 +61,7 @@ class TotalLeastSquares(ComparedByFields, Estimator):
     >>> force = W @ [2.0, 0.5] + 0.3 * rng.normal(size=(5000, 1))
     >>> measured = W + 0.3 * rng.normal(size=W.shape)
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
-    >>> loopid.fit(samples, loopid.TotalLeastSquares()).values.round(1).tolist()
+    >>> loopid.fit(samples, loopid.identification.TotalLeastSquares()).values.round(1).tolist()
     [2.0, 0.5]
     >>> bool(loopid.fit(samples, "ols").values[0] < 1.9)
     True
@@ -103,16 +103,9 @@ class TotalLeastSquares(ComparedByFields, Estimator):
 
     def _solved(self, problem: FitProblem) -> tuple[FitResult, FloatArray, FloatArray]:
         """The result, D²φ / g² (n,), and what turns corrected rows into working ones (n, n)."""
-        width, weights = len(problem.parameters), equal_weights(problem)
-        sizes = np.ones(width) if self.column_errors is None else self.column_errors
-        if sizes.shape != (width,):
-            raise DataError(f"column_errors must have shape ({width},), not {sizes.shape}")
-        if self.force_errors is not None:
-            if self.force_errors.shape != weights.shape:
-                raise DataError(
-                    f"force_errors must have shape {weights.shape}, not {self.force_errors.shape}"
-                )
-            weights = weights / self.force_errors
+        width, dof = len(problem.parameters), len(problem.actuators)
+        sizes = _sizes("column_errors", self.column_errors, width)
+        weights = equal_weights(problem) / _sizes("force_errors", self.force_errors, dof)
         factor = problem.weighted(weights)
         require_excitation(problem, factor[:width, :width])
         values, least = _solution(factor, sizes)
@@ -126,15 +119,17 @@ class TotalLeastSquares(ComparedByFields, Estimator):
         return result, slope, turn
 
 
+def _sizes(name: str, given: FloatArray | None, count: int) -> FloatArray:
+    sizes = np.ones(count) if given is None else given
+    if sizes.shape != (count,):
+        raise DataError(f"{name} must have shape ({count},), not {sizes.shape}")
+    return sizes
+
+
 def _solution(factor: FloatArray, sizes: FloatArray) -> tuple[FloatArray, float]:
     """Estimates (n,) and σ from the triangular factor (n + 1, n + 1) of [X | y].
 
     Exact columns are eliminated first, which leaves the others with the forces.
-
-    Raises
-    ------
-    RankError
-        When there is more than one solution.
     """
     width = len(sizes)
     exact, noisy = np.flatnonzero(sizes == 0), np.flatnonzero(sizes > 0)

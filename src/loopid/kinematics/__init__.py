@@ -1,34 +1,84 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
 from loopid.kinematics.assembly import assemble, try_assemble
+from loopid.kinematics.closing import (
+    close_by_continuation,
+    close_loops,
+    displaced,
+    nearby_configurations,
+)
 from loopid.kinematics.constraint import (
     constraint_drift,
     constraint_jacobian,
     constraint_residual,
+    largest_residual,
+    scaled_constraint,
 )
-from loopid.kinematics.equations import scaled_constraint
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.mobility import Mobility, mobility
-from loopid.kinematics.motion import ClosedMotion, closed_motion
-from loopid.kinematics.path_following import Assembly
+from loopid.kinematics.linear import Factorisation, null_space
+from loopid.kinematics.measured import (
+    JointCoordinates,
+    MeasuredCoordinates,
+    measured_coordinates,
+)
+from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
+from loopid.kinematics.path_following import CLOSURE_TOLERANCE, Assembly
 from loopid.kinematics.platform import platform_coordinates, platform_motion
-from loopid.kinematics.projection import Projection, project, singularity_measure
-from loopid.kinematics.sampling import random_configurations, random_motions
+from loopid.kinematics.poses import (
+    FrameMotions,
+    FramePoses,
+    frame_motions,
+    frame_poses,
+    integrate,
+    torque_regressors,
+)
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    ClosedMotion,
+    Projection,
+    closed_motion,
+    partition,
+    project,
+    singularity_measure,
+)
+from loopid.kinematics.sampling import (
+    DEFAULT_MARGIN,
+    configuration_batches,
+    random_configurations,
+    random_motions,
+)
 
 __all__ = [
+    "CLOSURE_TOLERANCE",
+    "DEFAULT_MARGIN",
+    "NEAR_SINGULARITY",
     "Assembly",
     "ClosedMotion",
     "Factorisation",
+    "FrameMotions",
+    "FramePoses",
+    "JointCoordinates",
+    "MeasuredCoordinates",
     "Mobility",
     "Projection",
     "assemble",
+    "close_by_continuation",
+    "close_loops",
     "closed_motion",
+    "configuration_batches",
     "constraint_drift",
     "constraint_jacobian",
     "constraint_residual",
+    "displaced",
+    "frame_motions",
+    "frame_poses",
+    "independent_coordinates",
+    "integrate",
+    "largest_residual",
     "measured_coordinates",
     "mobility",
+    "nearby_configurations",
+    "null_space",
+    "partition",
     "platform_coordinates",
     "platform_motion",
     "project",
@@ -36,5 +86,6 @@ __all__ = [
     "random_motions",
     "scaled_constraint",
     "singularity_measure",
+    "torque_regressors",
     "try_assemble",
 ]

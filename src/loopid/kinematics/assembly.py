@@ -1,4 +1,13 @@
-"""Assembly: all coordinates from a sufficient set of measured ones."""
+"""Assembly: all coordinates from measured ones, on the assembly branch of the start.
+
+Samples on their own are reached along straight lines from the start (``path_following``). Along a
+trajectory each is reached from the last one that was, window by window: a few samples, the nodes,
+are solved from the start; those between them are predicted by curves and corrected by Newton's
+method, mostly in one step. A sample counts once it is *linked* to the one before: a step along the
+path from there would lead to it. So, by induction, the outcome is what following the path sample by
+sample gives, however the trajectory is cut. Where the chain of links ends, the path to the next
+sample is followed in full.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +16,30 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, samples
+from loopid.arrays import BoolArray, FloatArray, IntArray, samples
 from loopid.errors import AssemblyError
-from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.path_following import (
     CLOSURE_TOLERANCE,
+    CONTRACTION,
+    LONGEST_STEP,
+    SHORT,
     SHORTEST_PATH_STEP,
     Assembly,
+    Correction,
     PathOptions,
+    closes,
+    correct,
     follow_paths,
+    same_side,
 )
-from loopid.kinematics.trajectory_following import follow_trajectory
+from loopid.kinematics.poses import BLOCK, integrate
 from loopid.robot import Mechanism
 from loopid.threads import one_blas_thread
+
+# Along a trajectory, in samples.
+LEAST_WINDOW = 16
+STRIDE = 8  # between nodes
 
 
 @checked
@@ -61,6 +81,14 @@ def assemble(
         When a sample cannot be reached from the start without meeting a singularity.
     MobilityError
         When the coordinates do not determine the motion.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> q = loopid.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
+    >>> loopid.platform_coordinates(robot, q).round(6).tolist()
+    [[0.0, 0.7, 0.1, 0.0]]
     """
     outcome = try_assemble(mechanism, values, coordinates, start, trajectory, tolerance)
     lost = np.flatnonzero(~outcome.assembled)
@@ -102,3 +130,103 @@ def try_assemble(
         if trajectory:
             return follow_trajectory(measured, q[0], targets, options)
         return follow_paths(measured, np.repeat(q, len(targets), axis=0), targets, options)
+
+
+def follow_trajectory(
+    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+) -> Assembly:
+    """Follow the straight line to each sample (N, c) from the last one that was reached."""
+    parts, first, window, alone = [Assembly.none(len(start))], 0, BLOCK, 1
+    while first < len(targets):
+        part = _linked(measured, start, targets[first : first + window], options)
+        count = len(part.residual)
+        window = min(max(2 * count, LEAST_WINDOW), BLOCK)
+        if not count:
+            # From one start as many samples as fail, and the first that does not.
+            ahead = targets[first : first + alone]
+            part = follow_paths(measured, np.tile(start, (len(ahead), 1)), ahead, options)
+            found = np.flatnonzero(part.assembled)
+            alone = 1 if len(found) else min(2 * alone, BLOCK)
+            part = _leading(part, int(found[0]) + 1 if len(found) else len(ahead))
+        if part.assembled[-1]:
+            start = part.configurations[-1]
+        parts.append(part)
+        first += len(part.residual)
+    return Assembly.joined(parts)
+
+
+def _leading(part: Assembly, count: int) -> Assembly:
+    return Assembly(part.configurations[:count], part.residual[:count], part.assembled[:count])
+
+
+def _linked(
+    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+) -> Assembly:
+    """The leading samples that are linked to each other and to the start."""
+    values = np.concatenate([measured.read(start[None]), targets])
+    home = correct(measured, start[None], values[:1])
+    way = measured.difference(values[:1], values)
+    # As far as the start's tangent leads within the reach of Newton's method.
+    steps = way @ home.tangent[0].T
+    near = _leading_true(np.abs(steps).max(axis=1, initial=0.0) <= LONGEST_STEP)
+    rows = np.append(np.arange(0, near - 1, STRIDE), near - 1)
+    guess = integrate(
+        measured.mechanism, np.tile(start, (len(rows), 1)), measured.tangent(steps[rows])
+    )
+    nodes = correct(measured, guess, values[rows])
+    known = _leading_true(nodes.accepted)
+    if known < 2:
+        return Assembly.none(len(start))
+    rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
+    values = values[: rows[-1] + 1]
+    found = correct(measured, _between(measured, rows, nodes, values), values)
+    q = found.configurations
+    q[0] = start
+    residual, small = closes(measured, q, values, options)
+    good = found.accepted & small
+    follows = good[:-1] & good[1:] & _continues(measured, found, values)
+    count = _leading_true(follows)
+    return Assembly(q[1 : count + 1], residual[1 : count + 1], follows[:count])
+
+
+def _leading_true(values: BoolArray) -> int:
+    return len(values) if values.all() else int(values.argmin())
+
+
+def _between(
+    measured: MeasuredCoordinates, rows: IntArray, nodes: Correction, values: FloatArray
+) -> FloatArray:
+    """Configurations predicted at all samples (N, c) up to the last node.
+
+    Between two nodes with measured values c_A and c_B and unknown coordinates x_A and x_B, the
+    straight way from c_A to c_B has a curve x(λ) above it, whose ends and end tangents T c' are
+    known: a cubic Hermite curve. What the measured values are off that way, by curvature or noise,
+    moves x by the tangent map T, interpolated between the nodes. The error falls with the fourth
+    power of the distance.
+    """
+    q, T, c = nodes.configurations, nodes.tangent, values[rows]
+    way, chord = measured.difference(c[:-1], c[1:]), measured.steps(q[:-1], q[1:])
+    begin, end = ((tangent @ way[:, :, None])[:, :, 0] for tangent in (T[:-1], T[1:]))
+    samples = np.arange(len(values))
+    left = np.searchsorted(rows[1:-1], samples, side="right")
+    part = ((samples - rows[left]) / np.diff(rows)[left])[:, None]
+    off = measured.difference(c[left], values) - part * way[left]
+    tangent = T[left] + part[:, :, None] * (T[left + 1] - T[left])
+    steps = (tangent @ off[:, :, None])[:, :, 0]
+    steps += part**2 * (3 - 2 * part) * chord[left]
+    steps += part * (1 - part) * ((1 - part) * begin[left] - part * end[left])
+    return integrate(measured.mechanism, q[left], measured.tangent(steps))
+
+
+def _continues(measured: MeasuredCoordinates, found: Correction, values: FloatArray) -> BoolArray:
+    """Whether Newton's method, from each sample with the values of the next, would lead there.
+
+    Its first step is the tangent; what is left then is its second step, which must be shorter.
+    No singularity may lie between them.
+    """
+    q, way = found.configurations, measured.difference(values[:-1], values[1:])
+    tangent = (found.tangent[:-1] @ way[:, :, None])[:, :, 0]
+    rest = np.abs(measured.steps(q[:-1], q[1:]) - tangent).max(axis=1, initial=0.0)
+    length = np.abs(tangent).max(axis=1, initial=0.0)
+    short = (length <= LONGEST_STEP) & (rest <= CONTRACTION * length + SHORT)
+    return np.asarray(short & same_side(found.jacobian[:-1], found.jacobian[1:]), dtype=bool)

@@ -8,23 +8,27 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.kinematics.equations import scaled_constraint, scaled_residual
-from loopid.kinematics.frames import integrate
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.newton import SHORT
-from loopid.kinematics.scaling import coordinate_scales
+from loopid.kinematics.constraint import Constraint, largest_residual
+from loopid.kinematics.linear import Factorisation, null_space
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import partition, velocity_map
 from loopid.robot import Mechanism
+from loopid.seeds import random_generator
 
+# Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them.
 STEPS = 100
 POLISH_STEPS = 12
-LONGEST_STEP = 0.3  # rad or characteristic lengths
-FIRST_DAMPING = 0.1  # characteristic lengths, the unit of the scaled Jacobian
+SHORT = 1e-8  # a plain step this short leaves an error of round-off
+LONGEST_STEP = 0.3
+FIRST_DAMPING = 0.1
 CONTINUATION_STEPS = 20
-# In characteristic lengths: the error from which on plain steps do better, and the damping at
-# which nothing helps.
-DONE = 1e-9
-STUCK = 1e3
+DONE = 1e-9  # the error from which on plain steps do better
+STUCK = 1e3  # the damping at which nothing helps
 WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
+# Walks to configurations nearby: their steps, and the residual that counts as closed.
+WALK_STEPS = 3
+WALK_STEP = 0.1
+CLOSED = 1e-7
 
 
 class _Points:
@@ -32,10 +36,10 @@ class _Points:
 
     def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
         self.q = q.copy()
-        self.residual, self.jacobian = scaled_constraint(mechanism, q)
+        self.residual, self.jacobian = Constraint(mechanism, q).scaled()
 
     @property
-    def gap(self) -> FloatArray:
+    def largest(self) -> FloatArray:
         """Largest residual (N,) in m."""
         return np.asarray(np.abs(self.residual).max(axis=1, initial=0.0), dtype=np.float64)
 
@@ -62,7 +66,7 @@ def close_loops(
     -------
     configurations : FloatArray
         (N, nq), inside the limits where that closes them.
-    gap : FloatArray
+    residual : FloatArray
         (N,), largest closure residual left, in m.
     """
     free = np.arange(mechanism.model.nv) if movable is None else movable
@@ -82,15 +86,56 @@ def close_by_continuation(
     return _polished(mechanism, points, movable)
 
 
-def polish(mechanism: Mechanism, q: FloatArray, movable: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Plain Gauss-Newton steps to round-off, kept where they shrink the gap; as ``close_loops``."""
-    return _polished(mechanism, _Points(mechanism, q), movable)
+def displaced(
+    mechanism: Mechanism, configurations: FloatArray, steps: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
+
+    The way for coordinates that have no value of their own, such as the spin of a rod in a ball
+    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed.
+
+    Returns
+    -------
+    configurations : FloatArray
+        (N, nq).
+    residual : FloatArray
+        (N,), largest closure residual left, in m: large where the way met a singularity.
+    """
+    chosen, dependent = partition(mechanism)
+    longest = float(np.abs(steps / mechanism.coordinate_scales[chosen]).max(initial=0.0))
+    parts = int(np.ceil(longest / LONGEST_STEP))
+    q, residual = configurations, largest_residual(mechanism, configurations)
+    for _ in range(parts):
+        G, _ = velocity_map(mechanism, Constraint(mechanism, q).scaled()[1], chosen, dependent)
+        q = integrate(mechanism, q, np.einsum("nij,nj->ni", G, steps / parts))
+        q, residual = _polished(mechanism, _Points(mechanism, q), dependent)
+    return q, residual
 
 
-def constraint_gap(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
-    """Largest closure residual (N,) in m."""
-    residual = scaled_residual(mechanism, configurations)
-    return np.asarray(np.abs(residual).max(axis=1, initial=0.0), dtype=np.float64)
+def nearby_configurations(
+    mechanism: Mechanism, configuration: FloatArray, count: int = 8, seed: int = 0
+) -> FloatArray:
+    """Walk away from a closed configuration (nq,) by seeded random steps.
+
+    Returns
+    -------
+    FloatArray
+        (n, nq): the configuration itself, then those of ``count`` walks that stay closed.
+    """
+    if mechanism.rows == 0:
+        return configuration[None]  # a tree moves alike everywhere
+    generator = random_generator(seed, stream=3)
+    q = np.repeat(configuration[None], count, axis=0)
+    for _ in range(WALK_STEPS):
+        _, jacobian = Constraint(mechanism, q).scaled()
+        steps = np.zeros((count, mechanism.model.nv))
+        for k in range(count):
+            basis = null_space(jacobian[k])
+            direction = basis @ generator.normal(size=basis.shape[1])
+            steps[k] = WALK_STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
+        start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
+        q, residual = close_loops(mechanism, start)
+    return np.concatenate([configuration[None], q[residual <= CLOSED * mechanism.length]])
 
 
 def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatArray) -> None:
@@ -115,18 +160,18 @@ def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatAr
 def _polished(
     mechanism: Mechanism, at: _Points, movable: IntArray
 ) -> tuple[FloatArray, FloatArray]:
+    """Plain Gauss-Newton steps to round-off, kept where they shrink the residual."""
     k = np.arange(len(at.q))
     for _ in range(POLISH_STEPS if len(movable) else 0):
         factors = Factorisation.of(at.jacobian[k][:, :, movable])
         step = -factors.solve(at.residual[k][:, :, None])[:, :, 0]
         there = _Points(mechanism, _moved(mechanism, at.q[k], movable, step))
-        better = there.gap < at.gap[k]
+        better = there.largest < at.largest[k]
         at.replace(k, there, better)
-        # A step that short leaves an error of round-off.
         k = k[better & (np.abs(step).max(axis=1, initial=0.0) > SHORT)]
         if not len(k):
             break
-    return at.q, at.gap
+    return at.q, at.largest
 
 
 def _tried(
@@ -138,20 +183,21 @@ def _tried(
     damping: FloatArray,
 ) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
-    lower, upper = _limits_of(mechanism, movable)
+    moves = np.zeros(mechanism.model.nq, dtype=bool)
+    moves[mechanism.first_positions[movable]] = True
+    lower, upper = mechanism.position_limits
+    lower, upper = np.where(moves, lower, -np.inf), np.where(moves, upper, np.inf)
     columns = jacobian[:, :, movable]
-    moved = _moved(mechanism, q, movable, _damped_step(columns, open_by, damping))
-    beyond = ((q <= lower) & (moved < lower)) | ((q >= upper) & (moved > upper))
+
+    def moved(columns: FloatArray) -> FloatArray:
+        step = -Factorisation.of(columns).solve(open_by[:, :, None], damping)[:, :, 0]
+        return _moved(mechanism, q, movable, step)
+
+    ahead = moved(columns)
+    beyond = ((q <= lower) & (ahead < lower)) | ((q >= upper) & (ahead > upper))
     if beyond.any():
-        stopped = beyond[:, mechanism.first_positions[movable]]
-        step = _damped_step(columns * ~stopped[:, None], open_by, damping)
-        moved = _moved(mechanism, q, movable, step)
-    return np.clip(moved, lower, upper)
-
-
-def _damped_step(columns: FloatArray, open_by: FloatArray, damping: FloatArray) -> FloatArray:
-    factors = Factorisation.of(columns)
-    return np.asarray(-factors.solve(open_by[:, :, None], damping)[:, :, 0], dtype=np.float64)
+        ahead = moved(columns * ~beyond[:, None, mechanism.first_positions[movable]])
+    return np.clip(ahead, lower, upper)
 
 
 def _moved(mechanism: Mechanism, q: FloatArray, movable: IntArray, step: FloatArray) -> FloatArray:
@@ -159,13 +205,5 @@ def _moved(mechanism: Mechanism, q: FloatArray, movable: IntArray, step: FloatAr
     longest = np.abs(step).max(axis=1, initial=0.0)
     step = step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
     tangent = np.zeros((len(q), mechanism.model.nv))
-    tangent[:, movable] = step * coordinate_scales(mechanism)[movable]
+    tangent[:, movable] = step * mechanism.coordinate_scales[movable]
     return integrate(mechanism, q, tangent)
-
-
-def _limits_of(mechanism: Mechanism, movable: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Position limits (nq,) of the joints that may move, none for the others."""
-    moves = np.zeros(mechanism.model.nq, dtype=bool)
-    moves[mechanism.first_positions[movable]] = True
-    lower, upper = mechanism.position_limits
-    return np.where(moves, lower, -np.inf), np.where(moves, upper, np.inf)

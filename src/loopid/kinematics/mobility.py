@@ -1,4 +1,8 @@
-"""Mobility: what the closures leave free, and whether the motors determine it."""
+"""Mobility: what the closures leave free, and which coordinates determine it.
+
+The null space Z (nv, dof) of the constraint Jacobian holds all motions; coordinates u determine
+them where the rows Z_u are independent, and G = Z Z_u⁻¹ is the larger the less they are.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, samples
-from loopid.errors import DataError
-from loopid.kinematics.equations import scaled_constraint
-from loopid.kinematics.linear import Factorisation, null_space
-from loopid.kinematics.nearby import nearby_configurations
+from loopid.arrays import FloatArray, IntArray, samples
+from loopid.errors import DataError, MobilityError
+from loopid.kinematics.closing import nearby_configurations
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import RANK_TOLERANCE, Factorisation, null_space
 from loopid.robot import Mechanism
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
+# Motors are taken in their order as long as this much of each is its own.
+WELL_APART = (0.05, 1e-2, 1e-4)
 
 
 @dataclass(frozen=True)
@@ -37,6 +43,8 @@ class Mobility:
         Largest closure residual in m.
     undetermined : tuple of str
         Passive coordinates that can move while all motors stand still.
+    tolerance : float
+        Singular values below this fraction of the largest counted as zero.
     """
 
     rows: int
@@ -47,6 +55,7 @@ class Mobility:
     least: float
     residual: float
     undetermined: tuple[str, ...]
+    tolerance: float = RANK_TOLERANCE
 
     @property
     def singular(self) -> bool:
@@ -71,6 +80,13 @@ def mobility(
     ------
     DataError
         When there is none around it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.mobility(loopid.load_mechanism("3ups_rpu"))
+    >>> found.rows, found.rank, found.degrees_of_freedom, found.singular
+    (9, 9, 4, False)
     """
     q = mechanism.reference if configuration is None else configuration
     q = samples(q, mechanism.model.nq, "configuration", 1)[0]
@@ -78,24 +94,20 @@ def mobility(
         around = nearby_configurations(mechanism, q)
     if not len(samples(around, mechanism.model.nq, "around")):
         raise DataError("around must hold at least one configuration, not none")
-    residual, jacobian = scaled_constraint(mechanism, q[None])
+    residual, jacobian = Constraint(mechanism, q[None]).scaled()
     factors = Factorisation.of(jacobian)
     rank = int(factors.rank[0])
+    generic_rank = int(Factorisation.of(Constraint(mechanism, around).scaled()[1]).rank.max())
     return Mobility(
         rows=mechanism.rows,
         rank=rank,
         degrees_of_freedom=mechanism.model.nv - rank,
-        generic_degrees_of_freedom=mechanism.model.nv - _generic_rank(mechanism, around),
+        generic_degrees_of_freedom=mechanism.model.nv - generic_rank,
         rank_gap=_gap(factors.values[0], rank),
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
     )
-
-
-def _generic_rank(mechanism: Mechanism, around: FloatArray) -> int:
-    _, jacobians = scaled_constraint(mechanism, around)
-    return int(Factorisation.of(jacobians).rank.max())
 
 
 def _gap(values: FloatArray, rank: int) -> float:
@@ -112,3 +124,67 @@ def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]
         return ()
     moving = passive[(np.abs(null_space(jacobian[:, passive])) > MOVES).any(axis=1)]
     return tuple(mechanism.coordinates[k] for k in moving)
+
+
+def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:
+    """Choose independent coordinates from closed configurations (N, nq) around a reference.
+
+    Returns
+    -------
+    tuple of str
+        Names among ``mechanism.coordinates``, actuated ones first.
+
+    Raises
+    ------
+    MobilityError
+        When nothing can move.
+    """
+    _, jacobians = Constraint(mechanism, configurations).scaled()
+    spaces = [null_space(jacobian) for jacobian in jacobians]
+    # At a singular configuration more is possible than around it.
+    freedom = min(space.shape[1] for space in spaces)
+    if freedom == 0:
+        raise MobilityError(f"{mechanism.name} has no degree of freedom: nothing can move")
+    generic = np.stack([space for space in spaces if space.shape[1] == freedom])
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    chosen = _independent_motors(generic, motors)
+    passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
+    chosen = _completed(generic, chosen, passive, generic.shape[2])
+    return tuple(mechanism.coordinates[k] for k in chosen)
+
+
+def _independent_motors(spaces: FloatArray, motors: IntArray) -> list[int]:
+    """As many motors as are independent of each other: all, or the first ones well apart."""
+    values = np.linalg.svd(spaces[:, motors], compute_uv=False)
+    rank = int((values > RANK_TOLERANCE).sum(axis=1).max(initial=0))
+    if rank == len(motors):
+        return [int(k) for k in motors]
+    chosen: list[int] = []
+    for least in WELL_APART:
+        for motor in motors:
+            if len(chosen) < rank and motor not in chosen:
+                own = _remainder(spaces, chosen)[:, motor]
+                if np.linalg.norm(own, axis=1).min() > least:
+                    chosen.append(int(motor))
+    return sorted(_completed(spaces, chosen, motors, rank), key=list(motors).index)
+
+
+def _completed(
+    spaces: FloatArray, chosen: list[int], candidates: IntArray, count: int
+) -> list[int]:
+    """Add those of the candidates that are freest of the ones chosen before, up to a count."""
+    chosen = list(chosen)
+    while len(chosen) < count:
+        own = np.linalg.norm(_remainder(spaces, chosen)[:, candidates], axis=2).min(axis=0)
+        # Rounded, so that round-off does not choose among equals: the first one wins.
+        chosen.append(int(candidates[np.round(own, 6).argmax()]))
+    return chosen
+
+
+def _remainder(spaces: FloatArray, chosen: list[int]) -> FloatArray:
+    """Rows of the null spaces (N, nv, dof) without their part along the chosen rows."""
+    if not chosen:
+        return spaces
+    _, values, right = np.linalg.svd(spaces[:, chosen], full_matrices=False)
+    own = right * (values > RANK_TOLERANCE)[:, :, None]
+    return np.asarray(spaces - (spaces @ own.transpose(0, 2, 1)) @ own, dtype=np.float64)

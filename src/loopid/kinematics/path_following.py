@@ -3,33 +3,40 @@
 The measured coordinates move from those of the start to the targets along a straight line, in
 steps whose length adapts so that Newton's method contracts at once and the Jacobian keeps its
 orientation: the solution then stays on the assembly branch of the start [Allgower2003]. All
-samples advance together, each with its own step; every linear solve is batched.
+samples advance together; every linear solve is batched.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import OptionError
-from loopid.kinematics.equations import MeasuredCoordinates
-from loopid.kinematics.newton import (
-    CONTRACTION,
-    NEWTON_STEPS,
-    SHORT,
-    contracts,
-    newton_step,
-)
-from loopid.kinematics.step_solves import LONGEST_STEP, same_side
+from loopid.kinematics.linear import Solver
+from loopid.kinematics.measured import MeasuredCoordinates
+from loopid.kinematics.poses import blocks, integrate
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
-SHORTEST_PATH_STEP = 2.0**-12
-BATCH = 1536  # samples solved together: more would crowd the cache
+SHORTEST_PATH_STEP = 2.0**-12  # part of the way below which a sample is given up
+
+# Steps of the unknown coordinates are in rad or characteristic lengths.
+NEWTON_STEPS = 12
+LONGEST_STEP = 0.4  # of the first step of a correction
+# A Newton step this short, the root of the round-off, leaves an error of round-off.
+SHORT = 1e-8
+# A correction is accepted when each Newton step is at most this fraction of the last. Then, by
+# Kantorovich's theorem, one may expect that the root is unique around the start, hence the one
+# that continues its branch.
+CONTRACTION = 0.2
+# Ratio of singular values above which LU factors are good enough for a Newton step.
+REGULAR = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Assembly:
     """Assembled configurations.
 
@@ -47,8 +54,16 @@ class Assembly:
     residual: FloatArray
     assembled: BoolArray
 
+    def __repr__(self) -> str:
+        return f"Assembly of {len(self.assembled)} samples, {int(self.assembled.sum())} assembled"
+
     @classmethod
-    def joined(cls, parts: list[Assembly]) -> Assembly:
+    def none(cls, width: int) -> Assembly:
+        """No samples, of configurations with a width."""
+        return cls(np.empty((0, width)), np.empty(0), np.empty(0, dtype=bool))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Assembly]) -> Assembly:
         """Assemblies one after the other."""
         fields = [(part.configurations, part.residual, part.assembled) for part in parts]
         return cls(*(np.concatenate(rows) for rows in zip(*fields, strict=True)))
@@ -56,15 +71,7 @@ class Assembly:
 
 @dataclass(frozen=True)
 class PathOptions:
-    """How exactly, and with which steps at least, paths are followed.
-
-    Attributes
-    ----------
-    tolerance : float
-        Closure residual to reach, in m.
-    shortest_step : float
-        Part of the way below which a sample is given up.
-    """
+    """How exactly, and with which steps at least, paths are followed; as in ``try_assemble``."""
 
     tolerance: float = CLOSURE_TOLERANCE
     shortest_step: float = SHORTEST_PATH_STEP
@@ -80,80 +87,91 @@ def follow_paths(
     measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
 ) -> Assembly:
     """Move all samples (N, nq) along their straight lines to the targets (N, c)."""
-    parts = [
-        _follow(measured, q[first : first + BATCH], targets[first : first + BATCH], options)
-        for first in range(0, max(len(q), 1), BATCH)
-    ]
+    parts = [_follow(measured, q[rows], targets[rows], options) for rows in blocks(len(q))]
     return Assembly.joined(parts)
-
-
-def closes(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
-) -> tuple[FloatArray, BoolArray]:
-    """Closure gaps (N,) in m, and where they are small enough."""
-    gap = measured.closure_gap(q, targets)
-    small = gap <= max(options.tolerance, 2.0 * measured.mechanism.closure_gap)
-    return gap, np.asarray(small, dtype=bool)
 
 
 def _follow(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
 ) -> Assembly:
-    paths = _Paths(measured, start, targets, options.shortest_step)
-    while len(paths.underway):
-        paths.advance()
-    q = measured.write(paths.reached, targets)
-    gap, small = closes(measured, q, targets, options)
-    assembled = (paths.done >= 1.0) & small
-    return Assembly(np.where(assembled[:, None], q, np.nan), gap, assembled)
+    origin = measured.read(start)
+    way = measured.difference(origin, targets)
+    # The last point on the path, the part of the way done there, and the next part tried.
+    reached, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
+    jacobian = measured.linearise(start, origin).unknown
+    k = np.arange(len(start))
+    while len(k):
+        ahead = np.minimum(done[k] + step[k], 1.0)
+        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k])
+        good = found.accepted.copy()
+        good[good] = same_side(jacobian[k[good]], found.jacobian[good])
+        arrived = k[good]
+        reached[arrived], jacobian[arrived] = found.configurations[good], found.jacobian[good]
+        done[arrived] = ahead[good]
+        step[k] *= np.where(good, 2.0, 0.5)
+        k = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)]
+    q = measured.write(reached, targets)
+    residual, small = closes(measured, q, targets, options)
+    assembled = (done >= 1.0) & small
+    return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
 
 
-class _Paths:
-    """Samples underway to their targets.
+def closes(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
+) -> tuple[FloatArray, BoolArray]:
+    """Largest residuals (N,) in m, and where they are small enough."""
+    residual = np.abs(measured.residual(q, targets)).max(axis=1, initial=0.0)
+    least = max(options.tolerance, 2.0 * measured.mechanism.closure_residual)
+    return residual, np.asarray(residual <= least, dtype=bool)
 
-    Each is in its own step along the path, and within it in its own step of Newton's method, so
-    that none waits for the others.
+
+class Correction(NamedTuple):
+    """Configurations (N, nq) after Newton's method, and where (N,) it contracted at once.
+
+    Of the last step, which is short, the Jacobian (N, m, u) by the unknown coordinates, and the
+    tangent (N, u, c): their steps per unit of the measured values.
     """
 
-    def __init__(
-        self,
-        measured: MeasuredCoordinates,
-        start: FloatArray,
-        targets: FloatArray,
-        shortest_step: float,
-    ) -> None:
-        self.measured, self.shortest_step = measured, shortest_step
-        self.origin = measured.read(start)
-        self.way = measured.difference(self.origin, targets)
-        # The last point on the path, the part of the way done there, and the next one tried.
-        self.reached, self.done, self.step = start.copy(), np.zeros(len(start)), np.ones(len(start))
-        self.jacobian = measured.linearise(start, self.origin).unknown
-        self.q, self.goal = start.copy(), self.origin.copy()
-        self.longest, self.left = np.zeros(len(start)), np.zeros(len(start), dtype=np.int64)
-        self.underway = np.arange(len(start))
-        self._set_out(self.underway)
+    configurations: FloatArray
+    accepted: BoolArray
+    jacobian: FloatArray
+    tangent: FloatArray
 
-    def _set_out(self, k: IntArray) -> None:
-        """Try the next point of some samples."""
-        ahead = np.minimum(self.done[k] + self.step[k], 1.0)
-        self.goal[k] = self.origin[k] + ahead[:, None] * self.way[k]
-        self.q[k] = self.measured.write(self.reached[k], self.goal[k])
-        self.longest[k], self.left[k] = LONGEST_STEP, NEWTON_STEPS
 
-    def advance(self) -> None:
-        """One step of Newton's method; samples that arrive or fail by it set out again."""
-        k = self.underway
-        self.q[k], length, jacobian, *_ = newton_step(self.measured, self.q[k], self.goal[k])
-        good = contracts(length, self.longest[k])
-        self.longest[k] = CONTRACTION * length
-        self.left[k] -= 1
-        there, lost = good & (length <= SHORT), ~good | (self.left[k] == 0)
-        settled = there | lost
-        there[there] = same_side(self.jacobian[k[there]], jacobian[there])
-        arrived = k[there]
-        self.done[arrived] = np.minimum(self.done[arrived] + self.step[arrived], 1.0)
-        self.reached[arrived], self.jacobian[arrived] = self.q[arrived], jacobian[there]
-        self.step[k[settled]] *= np.where(there[settled], 2.0, 0.5)
-        ends = (self.done[k] >= 1.0) | (self.step[k] < self.shortest_step)
-        self._set_out(k[settled & ~ends])
-        self.underway = k[~(settled & ends)]
+def correct(measured: MeasuredCoordinates, q: FloatArray, values: FloatArray) -> Correction:
+    """Newton's method from configurations (N, nq) to measured values (N, c)."""
+    q, accepted = measured.write(q, values), np.ones(len(q), dtype=bool)
+    k, longest = np.arange(len(q)), np.full(len(q), LONGEST_STEP)
+    for iteration in range(NEWTON_STEPS):
+        at = measured.linearise(q[k], values[k])
+        pull = np.concatenate([at.residual[:, :, None], at.known], axis=2)
+        solution = -Solver.of(at.unknown, REGULAR).solve(pull)
+        step, slope = solution[:, :, 0], solution[:, :, 1:]
+        q[k] = integrate(measured.mechanism, q[k], measured.tangent(step))
+        if iteration == 0:
+            jacobian, tangent = at.unknown.copy(), slope.copy()
+        else:
+            jacobian[k], tangent[k] = at.unknown, slope
+        length = np.abs(step).max(axis=1, initial=0.0)
+        good = contracts(length, longest)
+        accepted[k] = good
+        going = good & (length > SHORT)
+        k, longest = k[going], CONTRACTION * length[going]
+        if not len(k):
+            break
+    accepted[k] = False
+    return Correction(q, accepted, jacobian, tangent)
+
+
+def contracts(length: FloatArray, longest: FloatArray) -> BoolArray:
+    """Whether Newton steps are as short as they must be, or have nothing left to correct."""
+    return np.asarray((length <= longest) | (length <= SHORT), dtype=bool)
+
+
+def same_side(before: FloatArray, after: FloatArray) -> BoolArray:
+    """Whether no singularity lies between two Jacobians of the unknown coordinates.
+
+    det(JᵀJ') of close Jacobians is positive, and changes its sign with that of a square J'.
+    """
+    sign, _ = np.linalg.slogdet(before.transpose(0, 2, 1) @ after)
+    return np.asarray(sign > 0, dtype=bool)

@@ -7,10 +7,9 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, samples
 from loopid.errors import OptionError
-from loopid.kinematics.constraint import constraint_drift, constraint_jacobian
-from loopid.kinematics.frames import frame_accelerations, frame_kinematics
+from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.scaling import coordinate_scales, row_scales
+from loopid.kinematics.poses import blocks, frame_motions, frame_poses
 from loopid.robot import Mechanism, Platform
 
 
@@ -22,9 +21,17 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     ------
     OptionError
         When the robot file declares none.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.platform_coordinates(robot, robot.reference).shape
+    (1, 4)
     """
     platform = declared_platform(mechanism)
-    frame = frame_kinematics(mechanism, configurations, [platform.frame_id])
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    frame = frame_poses(mechanism, q, [platform.frame_id], jacobians=False)
     return platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
 
 
@@ -58,23 +65,32 @@ def platform_motion(
         (N, c), first and second derivatives of the platform coordinates by time.
     """
     platform = declared_platform(mechanism)
-    configurations = samples(configurations, mechanism.model.nq, "configurations")
-    frame, count = [platform.frame_id], len(configurations)
-    x = platform_coordinates(mechanism, configurations)
-    xd = samples(rates, len(platform.motions), "platform rates", count)
-    xdd = samples(accelerations, len(platform.motions), "platform accelerations", count)
-    pose = frame_kinematics(mechanism, configurations, frame).jacobian[:, 0]
-    jacobian = np.concatenate([constraint_jacobian(mechanism, configurations), pose], axis=1)
-    scales = np.append(row_scales(mechanism), [1.0] * 3 + [mechanism.length] * 3)
-    factors = Factorisation.of(scales[:, None] * jacobian * coordinate_scales(mechanism))
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    xd = samples(rates, len(platform.motions), "platform rates", len(q))
+    xdd = samples(accelerations, len(platform.motions), "platform accelerations", len(q))
+    parts = [_platform_motion(mechanism, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
+    v, a = zip(*parts, strict=True)
+    return np.concatenate(v), np.concatenate(a)
+
+
+def _platform_motion(
+    mechanism: Mechanism, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    constraint = Constraint(mechanism, q)
+    frame = frame_poses(mechanism, q, [platform.frame_id])
+    x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+    jacobian = [constraint.jacobian(), frame.linear[:, 0], frame.angular[:, 0]]
+    scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
+    rows = np.append(mechanism.row_scales, units)
+    factors = Factorisation.of(rows[:, None] * np.concatenate(jacobian, axis=1) * scales)
 
     def solve(closures: FloatArray, twists: FloatArray) -> FloatArray:
-        rows = scales * np.concatenate([closures, twists], axis=1)
-        return coordinate_scales(mechanism) * factors.solve(rows[:, :, None])[:, :, 0]
+        wanted = rows * np.concatenate([closures, twists], axis=1)
+        return np.asarray(scales * factors.solve(wanted[:, :, None])[:, :, 0])
 
     E = platform.twist_map(x)
-    v = solve(np.zeros((count, mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
+    v = solve(np.zeros((len(q), mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
+    moving = frame_motions(mechanism, q, v, frame)
+    felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
     twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
-    felt = frame_accelerations(mechanism, configurations, v, frame)[:, 0]
-    a = solve(-constraint_drift(mechanism, configurations, v), twist_rate - felt)
-    return v, a
+    return v, solve(-constraint.drift(v), twist_rate - felt)

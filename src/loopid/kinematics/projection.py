@@ -1,6 +1,7 @@
-"""Velocities and accelerations of all coordinates from those of the independent ones.
+"""The motion that the loops allow: all velocities and accelerations from the independent ones.
 
-v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8].
+v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8]: u are the
+independent coordinates, A_u and A_d the columns of the closure Jacobian at them and at all others.
 """
 
 from __future__ import annotations
@@ -9,25 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, samples
-from loopid.kinematics.constraint import constraint_jacobian
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
-from loopid.kinematics.refusals import NEAR_SINGULARITY, measure_of
-from loopid.kinematics.scaling import scaled_jacobian
+from loopid.errors import MobilityError, SingularityError, SingularityWarning, warn
+from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
+from loopid.kinematics.linear import RANK_TOLERANCE, Factorisation, Solver
+from loopid.kinematics.poses import blocks
 from loopid.robot import Mechanism
 
-__all__ = [
-    "NEAR_SINGULARITY",
-    "Projection",
-    "partition",
-    "project",
-    "singularity_measure",
-]
+# Below this singularity measure forces in the loops exceed the motors' some thousandfold.
+NEAR_SINGULARITY = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Projection:
     """The motion that the loops allow, at N configurations.
 
@@ -41,12 +38,19 @@ class Projection:
         (dof,), velocity indices of the independent coordinates.
     dependent_columns : FloatArray
         (N, rows, nv - dof), columns of the constraint Jacobian in common units.
+    tolerance : float
+        Singular values below this fraction of the largest counted as zero.
     """
 
     G: FloatArray
     gamma: FloatArray | None
     independent: IntArray
     dependent_columns: FloatArray
+    tolerance: float = RANK_TOLERANCE
+
+    def __repr__(self) -> str:
+        count, nv, dof = self.G.shape
+        return f"Projection of {nv} coordinates on {dof} independent ones, {count} samples"
 
     @cached_property
     def singularity(self) -> FloatArray:
@@ -54,7 +58,38 @@ class Projection:
 
         0 where the motors lose control of the motion (type II).
         """
-        return measure_of(Factorisation.of(self.dependent_columns), self.dependent_columns.shape[2])
+        return _measure(self.dependent_columns)
+
+
+@dataclass(frozen=True, repr=False)
+class ClosedMotion:
+    """Velocities and accelerations that keep the loops closed, at N samples.
+
+    Attributes
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, nv), v = G u̇ and a = G ü + γ.
+    gamma : FloatArray
+        (N, nv), the part of the accelerations that the velocities cause.
+    projection : Projection
+    """
+
+    configurations: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    gamma: FloatArray
+    projection: Projection
+
+    def __repr__(self) -> str:
+        count, nv = self.velocities.shape
+        dof = len(self.projection.independent)
+        return f"ClosedMotion of {nv} coordinates, {dof} independent, {count} samples"
+
+    def projected(self, tree_columns: FloatArray) -> FloatArray:
+        """Columns of the actuated forces (N, dof, n) from those of the tree's (N, nv, n)."""
+        return np.asarray(self.projection.G.transpose(0, 2, 1) @ tree_columns, dtype=np.float64)
 
 
 @checked
@@ -86,19 +121,62 @@ def project(
     -----
     SingularityWarning
         Where they hardly do: the measure is below ``NEAR_SINGULARITY``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.project(robot, robot.reference).G.shape
+    (1, 13, 4)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    parts = Partition(mechanism, independent)
+    chosen, dependent = partition(mechanism, independent)
     rates = None
     if independent_velocities is not None:
-        rates = samples(independent_velocities, len(parts.chosen), "independent velocities", len(q))
+        rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
+    G, columns, _, gamma = _projected(mechanism, q, chosen, dependent, rates)
+    return Projection(G, None if rates is None else gamma, chosen, columns)
 
-    def values(block: BlockProjection, rows: slice) -> tuple[FloatArray, ...]:
-        gamma = () if rates is None else (block.moving(rates[rows].T).gamma,)
-        return block.columns.matrices, block.G, *gamma
 
-    columns, G, *gamma = in_projected_blocks(mechanism, q, parts, values)
-    return Projection(G, gamma[0] if gamma else None, parts.chosen, columns)
+@checked
+def closed_motion(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    independent: Sequence[str] | None = None,
+) -> ClosedMotion:
+    """Complete the motion of the independent joints, by default the actuated ones.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the independent joints.
+    independent : sequence of str, optional
+        Their names.
+
+    Raises
+    ------
+    MobilityError, SingularityError
+        As ``project``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> motion = loopid.closed_motion(robot, robot.reference, [[0.1, 0, 0, 0]], [[0, 0, 0, 0]])
+    >>> motion.velocities.shape
+    (1, 13)
+    """
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    chosen, dependent = partition(mechanism, independent)
+    rates = samples(velocities, len(chosen), "independent velocities", len(q))
+    second = samples(accelerations, len(chosen), "accelerations", len(q))
+    G, columns, v, gamma = _projected(mechanism, q, chosen, dependent, rates)
+    a = np.einsum("nij,nj->ni", G, second) + gamma
+    return ClosedMotion(q, v, a, gamma, Projection(G, gamma, chosen, columns))
 
 
 @checked
@@ -108,12 +186,101 @@ def singularity_measure(
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(mechanism, independent)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
-    return measure_of(Factorisation.of(jacobian[:, :, dependent]), len(dependent))
+    return _measure(jacobian[:, :, dependent])
 
 
 def partition(
     mechanism: Mechanism, independent: Sequence[str] | None = None
 ) -> tuple[IntArray, IntArray]:
     """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
-    parts = Partition(mechanism, independent)
-    return parts.chosen, parts.dependent
+    names = mechanism.independent if independent is None else independent
+    chosen = mechanism.velocity_indices(names)
+    if len(set(chosen)) != len(chosen):
+        raise MobilityError(f"a joint is named twice among {', '.join(names)}")
+    return chosen, np.setdiff1d(np.arange(mechanism.model.nv), chosen)
+
+
+def _projected(
+    mechanism: Mechanism,
+    q: FloatArray,
+    chosen: IntArray,
+    dependent: IntArray,
+    rates: FloatArray | None,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """G, the dependent columns A_d, and with independent velocities (N, dof) also v and γ."""
+    nv, scales, doubts = mechanism.model.nv, mechanism.coordinate_scales, []
+    G = np.empty((len(q), nv, len(chosen)))
+    columns = np.empty((len(q), mechanism.rows, len(dependent)))
+    v, gamma = np.zeros((2, 0 if rates is None else len(q), nv))
+    for rows in blocks(len(q)):
+        constraint = Constraint(mechanism, q[rows])
+        A = scaled_jacobian(mechanism, constraint.jacobian())
+        if rows.start == 0:
+            _refuse_too_many(A[:1], len(chosen))
+        G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
+        columns[rows] = solver.matrices
+        doubts.append((rows.start + solver.doubtful, solver.factors))
+        if rates is not None:
+            v[rows] = np.einsum("nij,nj->ni", G[rows], rates[rows])
+            drift = mechanism.row_scales * constraint.drift(v[rows])
+            gamma[rows, dependent] = -scales[dependent] * solver.solve(drift[:, :, None])[:, :, 0]
+    _refuse_singular(doubts, len(dependent))
+    return G, columns, v, gamma
+
+
+def velocity_map(
+    mechanism: Mechanism, jacobian: FloatArray, chosen: IntArray, dependent: IntArray
+) -> tuple[FloatArray, Solver]:
+    """G (N, nv, dof) = [I; -A_d⁺ A_u] of Jacobians in common units, and the solver with A_d."""
+    scales = mechanism.coordinate_scales
+    solver = Solver.of(jacobian[:, :, dependent], NEAR_SINGULARITY)
+    G = np.zeros((len(jacobian), len(scales), len(chosen)))
+    G[:, chosen, np.arange(len(chosen))] = 1.0
+    to_units = scales[dependent, None] / scales[chosen]
+    G[:, dependent] = -to_units * solver.solve(jacobian[:, :, chosen])
+    return G, solver
+
+
+def _measure(columns: FloatArray) -> FloatArray:
+    """Smallest over largest singular value (N,) of dependent columns (N, rows, n)."""
+    return _measure_of(Factorisation.of(columns), columns.shape[2])
+
+
+def _measure_of(factors: Factorisation, width: int) -> FloatArray:
+    count, values = factors.values.shape
+    if width == 0:
+        return np.ones(count)
+    if values < width:
+        return np.zeros(count)
+    largest = np.maximum(factors.values[:, 0], np.finfo(float).tiny)
+    return np.asarray(factors.values[:, width - 1] / largest, dtype=np.float64)
+
+
+def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -> None:
+    """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
+    k = np.concatenate([doubtful for doubtful, _ in doubts])
+    rank = np.concatenate([factors.rank for _, factors in doubts])
+    measure = np.concatenate([_measure_of(factors, width) for _, factors in doubts])
+    lost = np.flatnonzero(rank < width)
+    if len(lost):
+        raise SingularityError(
+            f"sample {k[lost[0]]} is singular: the independent joints determine "
+            f"{rank[lost[0]]} of {width} dependent coordinates "
+            f"(singularity measure {measure[lost[0]]:.1e}; {len(lost)} such samples)"
+        )
+    near = np.flatnonzero(measure < NEAR_SINGULARITY)
+    if len(near):
+        warn(
+            f"{len(near)} samples are near a singularity, first sample {k[near[0]]} "
+            f"(measure {measure[near[0]]:.1e}, warned of below {NEAR_SINGULARITY:g})",
+            SingularityWarning,
+        )
+
+
+def _refuse_too_many(jacobian: FloatArray, count: int) -> None:
+    """Refuse more independent joints than the first sample has degrees of freedom."""
+    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian).rank.max(initial=0))
+    if count > freedom:
+        raise MobilityError(
+            f"{count} independent joints are too many for {freedom} degrees of freedom"
+        )

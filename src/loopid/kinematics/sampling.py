@@ -10,9 +10,9 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.displacement import displaced
-from loopid.kinematics.draws import BATCH, Draws
-from loopid.kinematics.nearby import nearby_configurations
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.closing import displaced, nearby_configurations
+from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
@@ -24,6 +24,9 @@ ATTEMPTS_PER_SAMPLE = 200
 FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
 NARROWER = 0.5  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
+BATCH = 64  # draws between which the spread adapts
+SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
+UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
@@ -56,6 +59,13 @@ def random_configurations(
     ------
     AssemblyError
         When hardly any draw passes.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> loopid.random_configurations(robot, 10, seed=1).shape
+    (10, 4)
     """
     return np.concatenate(list(configuration_batches(mechanism, count, seed, margin)))
 
@@ -69,22 +79,36 @@ def configuration_batches(
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    draws, ahead = Draws(mechanism, generator), 1
+    home, lower, upper = _ranges(mechanism)
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
-        q = _completed(mechanism, draws.batch(draw.spread, ahead), generator)
+        values = home + draw.spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
+        outcome = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
+        q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
         outside = _outside(mechanism, q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         regular = q[singularity_measure(mechanism, q) >= draw.margin]
         draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
-        ahead = -(-(count - found - len(regular)) // max(len(regular), 1))
         regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
+
+
+def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Reference values of the measured joints, and the limits between which they are drawn."""
+    home = measured_coordinates(mechanism).read(mechanism.reference[None])[0]
+    joints = [mechanism.joint(name) for name in mechanism.measured]
+    sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
+    width = np.where(sliding, mechanism.length, np.pi)
+    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
+    limited = np.abs(limits) < UNLIMITED * width[:, None]
+    lower = np.where(limited[:, 0], limits[:, 0], home - width)
+    upper = np.where(limited[:, 1], limits[:, 1], home + width)
+    return home, lower, upper
 
 
 def _with_regular_reference(mechanism: Mechanism) -> Mechanism:
@@ -135,8 +159,8 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     parts = np.isin(mechanism.independent, mechanism.held)
     units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen))) * units * parts
-    q, gap = displaced(mechanism, q, steps)
-    return q[gap <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_gap)]
+    q, residual = displaced(mechanism, q, steps)
+    return q[residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)]
 
 
 @checked

@@ -1,10 +1,15 @@
 """Robot files in, checked mechanisms out."""
 
 from loopid.loading.closures import link_frames
-from loopid.loading.files import bundled_directory, bundled_robots, find_files, find_motion_file
+from loopid.loading.description import (
+    bundled_directory,
+    bundled_robots,
+    find_files,
+    find_motion_file,
+)
 from loopid.loading.load import load_mechanism
 from loopid.loading.regions import collision_regions
-from loopid.loading.urdf_file import parse_xml, read_urdf_file
+from loopid.loading.urdf import parse_xml, read_urdf_file
 from loopid.loading.yaml_files import Section, first_problem, read_yaml
 
 __all__ = [

@@ -1,64 +1,63 @@
-"""How a robot file writes one closure, and what goes with each kind."""
+"""How a robot file writes one closure; kinds and their keys come from ``CLOSURE_KINDS``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from loopid.loading.yaml_files import Section
+from loopid.robot import CLOSURE_KINDS, JointCoupling
 
-FrameKind = Literal["3d", "6d", "hinge", "universal", "2d", "prismatic", "cylindrical"]
-Kind = Literal[FrameKind, "distance", "coupling"]
-# Other names in use for the kinds.
-ALIASES = {
-    "point": "3d",
-    "spherical": "3d",
-    "ball": "3d",
-    "weld": "6d",
-    "fixed": "6d",
-    "revolute": "hinge",
-    "planar_point": "2d",
-    "rod": "distance",
-    "gear": "coupling",
-    "mimic": "coupling",
-}
+COUPLING = JointCoupling.kind
+ALIASES = {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
+ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
 Vector = tuple[float, float, float]
-OPTIONAL = {
-    "distance": ("length",),
-    "coupling": ("offset",),
-    **dict.fromkeys(("hinge", "universal", "2d", "prismatic", "cylindrical"), ("axes",)),
-}
+
+
+def _among(*kinds: str) -> BeforeValidator:
+    """Check for one of some kinds, and give it its own name."""
+
+    def known(value: Any) -> str:
+        kind = value.lower() if isinstance(value, str) else ""
+        kind = ALIASES.get(kind, kind)
+        if kind not in kinds:
+            valid = ", ".join(map(repr, kinds))
+            raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
+        return kind
+
+    return BeforeValidator(known)
+
+
+FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
 
 
 class ClosureDescription(Section):
     """One closure: of two frames, or a linear coupling of joints."""
 
-    type: Kind
+    type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
     length: float | None = Field(default=None, ge=1e-9, le=1e9)
     joints: dict[str, float] | None = None
     offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
 
-    @field_validator("type", mode="before")
-    @classmethod
-    def _alias(cls, value: Any) -> Any:
-        return canonical_kind(value)
-
     @model_validator(mode="after")
     def _keys_fit(self) -> ClosureDescription:
-        needed = "joints" if self.type == "coupling" else "frames"
+        needed, optional = "joints", ["offset"]
+        if self.type != COUPLING:
+            kind = CLOSURE_KINDS[self.type]
+            needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
         if getattr(self, needed) is None:
             raise ValueError(f"a {self.type} closure needs '{needed}'")
-        allowed = {"type", needed, *OPTIONAL.get(self.type, ())}
+        allowed = {"type", needed, *optional}
         for key in sorted(self.model_fields_set - allowed):
             raise ValueError(
                 f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
             )
-        if self.type == "distance" and self.length is None:
-            raise ValueError("a distance closure needs its 'length' in m")
+        if "length" in optional and self.length is None:
+            raise ValueError(f"a {self.type} closure needs its 'length' in m")
         if self.joints is not None:
             _require_coupling(self.joints)
         return self
@@ -75,17 +74,12 @@ class ClosureDescription(Section):
 
     @model_validator(mode="after")
     def _axes_fit(self) -> ClosureDescription:
-        if self.type == "prismatic" and self.axes and self.axes[0] != self.axes[1]:
-            raise ValueError("a prismatic closure turns neither frame: its two axes must be alike")
+        same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
+        if same and self.axes and self.axes[0] != self.axes[1]:
+            raise ValueError(
+                f"a {self.type} closure turns neither frame: its two axes must be alike"
+            )
         return self
-
-
-def canonical_kind(value: Any) -> Any:
-    """Kind of closure under its own name; what is no text is left for the model to refuse."""
-    if not isinstance(value, str):
-        return value
-    kind = value.lower()
-    return ALIASES.get(kind, kind)
 
 
 def listed(names: Iterable[str]) -> str:

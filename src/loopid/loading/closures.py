@@ -11,8 +11,7 @@ import pinocchio as pin
 from loopid.errors import RobotFileError
 from loopid.loading.closure_description import ClosureDescription, Vector
 from loopid.loading.description import Description, PlatformDescription
-from loopid.robot import JointCoupling, LoopClosure, Platform
-from loopid.robot.closure import X, Y, Z
+from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure, Platform
 
 
 def find_closures(
@@ -40,7 +39,7 @@ def _closure(
         raise RobotFileError(
             f"{file}: closure {frame_a}-{frame_b} joins two frames of one body: it closes no loop"
         )
-    default = (X, Y) if closure.type == "universal" else (Z, Z)
+    default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
     axes = _unit(first), _unit(second)
     return LoopClosure(closure.type, frame_a, frame_b, ids, axes, closure.length or 0.0)

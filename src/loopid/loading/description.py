@@ -1,4 +1,4 @@
-"""What a robot file says beside its tree: closures, motors, reference, platform, identical links.
+"""The files of a robot, and what its YAML says beside the tree: closures, motors, reference, ...
 
 The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
 (``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
@@ -8,21 +8,27 @@ say some of it themselves fill in the same description, and the YAML has the las
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from loopid.loading.closure_description import ClosureDescription, FrameKind, canonical_kind
+from loopid.errors import MissingFileError, RobotFileError
+from loopid.files import why_no_file
+from loopid.loading.closure_description import ClosureDescription, FrameKind
 from loopid.loading.yaml_files import Section, read_yaml
 
-JointType = Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ",
-                    "UJOINT_ZX", "UJOINT_ZY"]  # fmt: skip
-
-
-def _without_cardan(kind: Any) -> Any:
-    """The name that Gepetto's files had for a universal joint before."""
-    return "UJOINT_XY" if kind == "CARDAN" else kind
+MJCF = (".xml", ".mjcf")
+DESCRIPTIONS = (".yaml", ".yml")
+SUFFIXES = (*DESCRIPTIONS, ".urdf", *MJCF)
+MOTIONS = "_motions.yaml"
+JointType = Annotated[
+    Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ", "UJOINT_ZX",
+            "UJOINT_ZY"],
+    # Gepetto's files had another name for a universal joint before.
+    BeforeValidator(lambda kind: "UJOINT_XY" if kind == "CARDAN" else kind),
+]  # fmt: skip
 
 
 class PlatformDescription(Section):
@@ -47,10 +53,10 @@ class Description(Section):
     floating_base: bool = False
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[Annotated[FrameKind, BeforeValidator(canonical_kind)]] = Field(default=[])
+    type: list[FrameKind] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
-    joint_type: list[Annotated[JointType, BeforeValidator(_without_cardan)]] = Field(default=[])
+    joint_type: list[JointType] = Field(default=[])
     reference: dict[str, float | list[float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
@@ -113,12 +119,81 @@ def merged(own: Description, given: Description) -> Description:
     return given.model_copy(update=update)
 
 
-def read_description(path: Path) -> Description:
-    """Read and validate the YAML file of a robot.
+# Which files describe a robot.
+
+
+class RobotFiles(NamedTuple):
+    """The file that was named, what it says if it is a YAML, and the file of the tree."""
+
+    named: Path
+    given: Description
+    tree: Path
+
+    @property
+    def is_mjcf(self) -> bool:
+        """Whether the tree is an MJCF; otherwise it is a URDF."""
+        return self.tree.suffix in MJCF
+
+
+def bundled_directory() -> Path:
+    """Folder of the bundled robots: in the installed package, or in the checkout."""
+    installed = Path(str(files("loopid"))) / "urdf"
+    return installed if installed.is_dir() else Path(__file__).parents[3] / "urdf"
+
+
+def bundled_robots() -> tuple[str, ...]:
+    """Names of the bundled robots, to be given to ``load_mechanism``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> "3ups_rpu" in loopid.bundled_robots()
+    True
+    """
+    directory = bundled_directory()
+    urdfs = sorted(file.stem for file in directory.glob("*.urdf"))
+    return tuple(name for name in urdfs if (directory / f"{name}.yaml").is_file())
+
+
+def find_files(path: str | Path) -> RobotFiles:
+    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML.
 
     Raises
     ------
-    RobotFileError
-        Naming the key, the value and what is valid.
+    MissingFileError, RobotFileError
     """
-    return read_yaml(path, Description)
+    file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
+    if file.suffix not in SUFFIXES:
+        raise RobotFileError(f"{file}: a robot file ends in {', '.join(SUFFIXES)}")
+    if file.suffix not in DESCRIPTIONS:
+        return RobotFiles(file, Description(), file)
+    given = read_yaml(file, Description)
+    named = given.urdf or given.mjcf
+    trees = [file.parent / named] if named else map(file.with_suffix, (".urdf", *MJCF))
+    missing = ""
+    for tree in trees:
+        problem = why_no_file(tree)
+        if not problem:
+            return RobotFiles(file, given, tree)
+        kind, place = "MJCF" if given.mjcf is not None else "URDF", " ".join(str(tree).split())
+        missing = missing or f"{file}: its {kind} {place} is missing: it {problem}"
+    raise MissingFileError(missing)
+
+
+def find_motion_file(path: str | Path) -> Path:
+    """An existing motion file: the path itself, or the bundled one of a robot's name."""
+    bundled = sorted(
+        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
+    )
+    return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
+
+
+def _existing(
+    path: str | Path, ending: str, bundled: Iterable[str], what: str, listing: str
+) -> Path:
+    problem = why_no_file(Path(path))
+    if not problem:
+        return Path(path)
+    if str(path) in bundled:
+        return bundled_directory() / f"{path}{ending}"
+    raise MissingFileError(f"{what}{Path(path)} {problem}, and {listing}: {', '.join(bundled)}")

@@ -1,29 +1,35 @@
-"""``load_mechanism``: from robot files to a closed ``Mechanism`` that was checked."""
+"""``load_mechanism``: from robot files to a closed ``Mechanism``, with warnings of what is odd."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import MissingExtraError, MobilityError, OptionError, RobotFileError
-from loopid.loading.checks import warn_of_findings
-from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
-from loopid.loading.description import Description, merged
-from loopid.loading.files import RobotFiles, find_files
-from loopid.loading.reference import (
-    Reference,
-    close_reference,
-    joint_named,
-    read_joint,
-    written_reference,
+from loopid.arrays import FloatArray
+from loopid.errors import (
+    ClosureWarning,
+    InertiaWarning,
+    MissingExtraError,
+    MobilityError,
+    MobilityWarning,
+    ModelWarning,
+    OptionError,
+    RobotFileError,
+    SingularityWarning,
+    warn,
 )
+from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
+from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
+from loopid.loading.description import Description, RobotFiles, find_files, merged
+from loopid.loading.reference import close_reference, joint_named, read_joint, written_reference
 from loopid.loading.tree import TreeSource, build_tree
 from loopid.loading.urdf import read_urdf
-from loopid.robot import Body, LinkGroup, Mechanism
+from loopid.robot import Body, LinkGroup, Mechanism, inertia_defects, unequal_links
+
+UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
 
 @checked
@@ -80,22 +86,42 @@ ModelWarning
     ('leg2_stroke', 'leg3_stroke', 'leg4_stroke')
     """
     files = find_files(path)
+    file = files.named
     source = _read_tree(files, floating_base, free_mimics)
     description = merged(source.description, files.given)
-    tree = build_tree(files.named, source, description, lock)
-    locked = _locked_values(files.named, source.model, description, lock)
-    options = {
-        "lock": tuple(lock),
-        "floating_base": floating_base,
-        "free_mimics": free_mimics,
-        "tied": tied,
-    }
-    mechanism = _mechanism(files.named, tree, description, locked, options)
+    if tied and not description.identical:
+        raise OptionError(f"{file} declares no identical links: nothing to tie")
+    tree = build_tree(file, source, description, lock)
+    model, bodies = tree.model, _bodies(tree)
+    locked = _locked_values(file, source.model, description, lock)
+    values = {name: value for name, value in locked.items() if value is not None}
+    reference = {n: value for n, value in description.reference.items() if n not in locked}
+    mechanism = Mechanism(
+        name=tree.name,
+        path=file,
+        model=model,
+        closures=find_closures(file, model, description),
+        couplings=find_couplings(file, model, description, values),
+        actuated=_motors(file, model, description, locked),
+        bodies=bodies,
+        reference=written_reference(file, model, reference),
+        platform=find_platform(file, model, description.platform),
+        identical=_identical(file, model, description, bodies),
+        tied=tied,
+        options={
+            "lock": tuple(lock),
+            "floating_base": floating_base,
+            "free_mimics": free_mimics,
+            "tied": tied,
+        },
+    )
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
-    closed = close_reference(mechanism, given=files.given.reference if motors_given else ())
-    warn_of_findings(*closed, tree, motors_given)
-    return closed.mechanism
+    mechanism, around = close_reference(
+        mechanism, given=files.given.reference if motors_given else ()
+    )
+    _warn_of_findings(mechanism, around, tree, motors_given)
+    return mechanism
 
 
 def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> TreeSource:
@@ -113,35 +139,6 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
     return read_mjcf(files.tree)
 
 
-def _mechanism(
-    file: Path,
-    tree: TreeSource,
-    description: Description,
-    locked: Mapping[str, float | None],
-    options: Mapping[str, Any],
-) -> Mechanism:
-    """The mechanism at the reference as it is written."""
-    bodies = _bodies(tree)
-    if options["tied"] and not description.identical:
-        raise OptionError(f"{file} declares no identical links: nothing to tie")
-    values = {name: value for name, value in locked.items() if value is not None}
-    reference = {n: value for n, value in description.reference.items() if n not in locked}
-    return Mechanism(
-        name=tree.name,
-        path=file,
-        model=tree.model,
-        closures=find_closures(file, tree.model, description),
-        couplings=find_couplings(file, tree.model, description, values),
-        actuated=_motors(file, tree.model, description, locked),
-        bodies=bodies,
-        reference=written_reference(file, tree.model, reference),
-        platform=find_platform(file, tree.model, description.platform),
-        identical=_identical(file, tree, description, bodies),
-        tied=options["tied"],
-        options=options,
-    )
-
-
 def _locked_values(
     file: Path, whole: pin.Model, description: Description, lock: Sequence[str]
 ) -> dict[str, float | None]:
@@ -152,7 +149,7 @@ def _locked_values(
         for name in locked
         if whole.existJointName(name) and (joint := whole.joints[whole.getJointId(name)]).nv == 1
     }
-    at: dict[str, Reference] = {
+    at = {
         name: value
         for name, value in description.reference.items()
         # A list is for what has taken the place of the joint.
@@ -193,11 +190,11 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
 
 
 def _identical(
-    file: Path, tree: TreeSource, description: Description, bodies: Sequence[Body]
+    file: Path, model: pin.Model, description: Description, bodies: Sequence[Body]
 ) -> tuple[LinkGroup, ...]:
     """Groups of links that the description declares identical."""
     links = [body.link for body in bodies]
-    frames = {frame.name for frame in tree.model.frames}
+    frames = {frame.name for frame in model.frames}
     for name, members in description.identical.items():
         for link in members:
             if link not in links:
@@ -209,3 +206,64 @@ def _identical(
         if name in links and name not in members:
             raise RobotFileError(f"{file}: identical: group {name} is named like another link")
     return tuple(LinkGroup(name, tuple(group)) for name, group in description.identical.items())
+
+
+def _warn_of_findings(
+    mechanism: Mechanism, around: FloatArray, tree: TreeSource, motors_given: bool
+) -> None:
+    """Warn of features that are left out, motors, singularities and inertias.
+
+    ``around`` (n, nq) are closed configurations around the reference.
+    """
+    path = mechanism.path
+    for note in tree.notes:
+        warn(f"{tree.file}: {note}", ModelWarning)
+    if not motors_given and (mechanism.redundant or tree.notes):
+        follow = ", ".join(mechanism.redundant)
+        though = f", though {follow} follow from the others" if follow else ""
+        warn(
+            f"{path} does not say which joints have motors: all count as "
+            f"actuated{though}; list the motors as 'name_mot' in a YAML beside it",
+            MobilityWarning,
+        )
+    floating = mechanism.coordinates_of(mechanism.floating)
+    free = [name for name in mechanism.free if name not in floating]
+    if free:
+        warn(
+            f"{path}: the motors leave {', '.join(free)} free: no force acts there, and "
+            "rows '= 0' say so; lock what does not move",
+            MobilityWarning,
+        )
+    if mechanism.rows:
+        _warn_of_closures(mechanism, around)
+    # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.
+    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
+    if impossible:
+        warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+    for difference in unequal_links(mechanism):
+        warn(f"{path}: {difference}", InertiaWarning)
+
+
+def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
+    """Warn of a singular reference, and where the rank of the closures is not clear."""
+    found, reason = mobility(mechanism, around=around), ""
+    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    if found.singular:
+        reason = (
+            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.generic_degrees_of_freedom} around it"
+        )
+    elif measure < NEAR_SINGULARITY:
+        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    if reason:
+        text = f"the reference is singular (measure {measure:.1e}): {reason}"
+        warn(f"{mechanism.path}: {text}", SingularityWarning)
+    if found.least < UNCLEAR:
+        # Equations that nearly follow from others look independent where numbers are rounded.
+        warn(
+            f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
+            f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): are "
+            "angles or points rounded?",
+            ClosureWarning,
+        )

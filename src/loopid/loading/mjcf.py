@@ -6,73 +6,49 @@ Importing this needs MuJoCo.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 
-from loopid.arrays import BoolArray, FloatArray
-from loopid.errors import RobotFileError
+from loopid.arrays import BoolArray
+from loopid.errors import MissingFileError, RobotFileError
 from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.description import Description
-from loopid.loading.mjcf_file import Scene, compile_mjcf, model_name, placement, read_names
 from loopid.loading.tree import TreeSource, add_frame
 
-AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
-# Quaternions have no limits; random configurations need some.
-QUATERNION_LIMIT = np.full(4, 1.01)
-VELOCITIES = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+# MuJoCo lets 'nan' and 'inf' through.
+FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
+          "jnt_pos", "jnt_axis", "qpos0", "site_pos", "site_quat", "eq_data", "wrap_prm",
+          "key_qpos")  # fmt: skip
 # MuJoCo's enumerations do not compare equal to entries of arrays.
+JOINT_KINDS = {
+    int(mujoco.mjtJoint.mjJNT_FREE): "free",
+    int(mujoco.mjtJoint.mjJNT_BALL): "ball",
+    int(mujoco.mjtJoint.mjJNT_SLIDE): "slide",
+    int(mujoco.mjtJoint.mjJNT_HINGE): "hinge",
+}
 CONNECT, WELD = int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)
 JOINT, TENDON = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 WRAPS_JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
 DRIVES_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 DRIVES_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
-FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
-NO_BIAS = int(mujoco.mjtBias.mjBIAS_NONE)
-NO_DYNAMICS = int(mujoco.mjtDyn.mjDYN_NONE)
+# Gain, bias and dynamics of an actuator whose force is its control times a constant.
+DIRECT = (
+    int(mujoco.mjtGain.mjGAIN_FIXED),
+    int(mujoco.mjtBias.mjBIAS_NONE),
+    int(mujoco.mjtDyn.mjDYN_NONE),
+)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-Terms = dict[int, float]  # coefficients of joint coordinates
-
-
-class Mount(NamedTuple):
-    """Where MuJoCo's body frame is while a body is being built.
-
-    Attributes
-    ----------
-    joint : int
-        Pinocchio's joint that carries the body so far.
-    frame : int
-        Frame of the link that carries it.
-    placement : pinocchio.SE3
-        Of the body frame, in the frame of the joint.
-    """
-
-    joint: int
-    frame: int
-    placement: pin.SE3
-
-
-class Motors(NamedTuple):
-    """What the actuators drive.
-
-    Attributes
-    ----------
-    joints : list of str or None
-        Actuated joints in the order of the actuators; nothing where none has one.
-    idle : list of str
-        Actuators that drive no joint.
-    shared : list of str
-        Actuators that drive several joints which move independently of one another.
-    """
-
-    joints: list[str] | None
-    idle: list[str]
-    shared: list[str]
+AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+# Quaternions have no limits; random configurations need some.
+QUATERNION_LIMIT = np.full(4, 1.01)
 
 
 def read_mjcf(path: Path) -> TreeSource:
@@ -85,14 +61,15 @@ def read_mjcf(path: Path) -> TreeSource:
     """
     compiled, warnings = compile_mjcf(path)
     scene = Scene(path, compiled, read_names(compiled))
-    name = model_name(compiled) or path.stem
+    # MuJoCo has a name for models that have none.
+    name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
     model, child_links = _tree(scene, name)
     closures = [
         _closure(scene, model, equality)
         for equality, active in enumerate(compiled.eq_active0)
         if active and not _holds_mocap(scene, equality)
     ]
-    motors = _motors(scene, closures)
+    motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     heard = (f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
     return TreeSource(
@@ -102,56 +79,195 @@ def read_mjcf(path: Path) -> TreeSource:
         inertial_links=tuple(_where(scene.names.bodies, heavy)),
         child_links=child_links,
         description=Description(
-            closures=closures, name_mot=motors.joints, reference=_reference(scene)
+            closures=closures, name_mot=motors or None, reference=_reference(scene)
         ),
-        notes=(*_notes(scene, motors), *heard),
+        notes=(*_left_out(scene), *notes, *heard),
     )
+
+
+# The file as MuJoCo compiles it, with a name for every element.
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names by index.
+
+    Attributes
+    ----------
+    taken : set of str
+        Names of links, joints and frames that are in use.
+    bodies, joints : tuple of str
+        Unique: unnamed bodies are called ``<parent>_body`` and unnamed joints ``<body>_hinge``,
+        ``_slide``, ``_ball`` or ``_free``.
+    sites, equalities, tendons, actuators, keys : tuple of str
+        As in the file: empty where it names none.
+    """
+
+    taken: set[str]
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+    sites: tuple[str, ...]
+    equalities: tuple[str, ...]
+    tendons: tuple[str, ...]
+    actuators: tuple[str, ...]
+    keys: tuple[str, ...]
+
+    def fresh(self, wanted: str) -> str:
+        """Take the name that is wanted, or the first numbered one that is not in use."""
+        return _fresh(self.taken, wanted)
+
+
+class Scene(NamedTuple):
+    """A compiled model, the file that it was read from, and names of its elements."""
+
+    file: Path
+    compiled: mujoco.MjModel
+    names: Names
+
+    def joint_kind(self, joint: int) -> str:
+        return JOINT_KINDS[int(self.compiled.jnt_type[joint])]
+
+
+def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """Compiled model of an MJCF file, and what MuJoCo warns of.
+
+    Raises
+    ------
+    MissingFileError, RobotFileError
+        One sentence with the file and MuJoCo's reason.
+    """
+    if not path.is_file():
+        raise MissingFileError(f"{path} is missing")
+    # MuJoCo compiles URDFs too, but drops what it does not know in them.
+    try:
+        with path.open("rb") as stream:
+            root = next(etree.iterparse(stream, events=("start",)))[1].tag
+    except (etree.XMLSyntaxError, OSError):
+        root = "mujoco"  # for MuJoCo to explain
+    if root != "mujoco":
+        raise RobotFileError(f"{path} is not MJCF: its root is <{root!s}>, not <mujoco>")
+    # MuJoCo would print its warnings, and append them to a file where it runs.
+    heard: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(heard.append)
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
+    finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
+    finite["gravity"] = np.isfinite(compiled.opt.gravity).all()
+    finite["jnt_range"] = not np.isnan(compiled.jnt_range).any()  # limits may be infinite
+    for name, fine in finite.items():
+        if not fine:
+            raise RobotFileError(f"{path}: {name} of MuJoCo's model is not finite")
+    for name in ("body_quat", "body_iquat", "site_quat"):
+        # What is too long or short for MuJoCo to normalise is zero then.
+        if not np.linalg.norm(getattr(compiled, name), axis=1).all():
+            raise RobotFileError(f"{path}: {name} of MuJoCo's model has a quaternion of length 0")
+    return compiled, heard
+
+
+def read_names(compiled: mujoco.MjModel) -> Names:
+    """Names of a compiled model; what the file leaves unnamed gets a name that stays."""
+    bodies, joints, *others = (
+        [_text(compiled, int(address)) for address in getattr(compiled, f"name_{what}adr")]
+        for what in ("body", "jnt", "site", "eq", "tendon", "actuator", "key")
+    )
+    taken = {"", "universe", *bodies, *joints}
+    for body, parent in enumerate(compiled.body_parentid):
+        bodies[body] = bodies[body] or _fresh(taken, f"{bodies[parent]}_body")
+    for joint, body in enumerate(compiled.jnt_bodyid):
+        # "universe" is Pinocchio's own name of what stands still.
+        if joints[joint] in ("", "universe"):
+            kind = JOINT_KINDS[int(compiled.jnt_type[joint])]
+            joints[joint] = _fresh(taken, f"{bodies[body]}_{kind}")
+    return Names(taken, *map(tuple, (bodies, joints, *others)))
+
+
+def _text(compiled: mujoco.MjModel, address: int) -> str:
+    # MuJoCo takes any bytes for a name.
+    names = compiled.names
+    return str(names[address : names.index(b"\0", address)].decode(errors="backslashreplace"))
+
+
+def _fresh(taken: set[str], wanted: str) -> str:
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}_{count}"
+    taken.add(name)
+    return name
+
+
+def _placement(position: Sequence[float], quaternion: Sequence[float] = (1, 0, 0, 0)) -> pin.SE3:
+    """Placement by a position and a quaternion in MuJoCo's order: w first."""
+    turn = pin.Quaternion(*(float(value) for value in quaternion))
+    return pin.SE3(turn.normalized().toRotationMatrix(), np.asarray(position, dtype=np.float64))
+
+
+def _where(names: Iterable[str], chosen: BoolArray) -> list[str]:
+    return [name for name, here in zip(names, chosen, strict=True) if here]
 
 
 # The tree.
 
 
+class Mount(NamedTuple):
+    """MuJoCo's frame of a body: Pinocchio's joint and frame that carry it, placement in the joint.
+
+    The frame of a joint has the axes of MuJoCo's body frame and its origin on the joint's anchor.
+    """
+
+    joint: int
+    frame: int
+    placement: pin.SE3
+
+
 def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
     """The open tree, and the link that each joint carries.
 
-    The frame of a joint has the axes of MuJoCo's body frame and its origin on the joint's anchor.
-    Bodies without joints become part of the body that carries them.
+    The joints of a body are a chain, with massless links between them. Bodies without joints become
+    part of the body that carries them.
     """
     compiled, names = scene.compiled, scene.names
     model, child_links = pin.Model(), dict[str, str]()
     model.name = name
     weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     model.gravity.linear = np.zeros(3) if weightless else np.array(compiled.opt.gravity)
-    mounts = [_add_link(scene, model, 0, Mount(0, 0, pin.SE3.Identity()))]
-    for body in range(1, compiled.nbody):
-        mount = mounts[compiled.body_parentid[body]]
-        there = placement(compiled.body_pos[body], compiled.body_quat[body])
-        mount = mount._replace(placement=mount.placement * there)
-        mount = _add_joints(scene, model, body, mount, child_links)
-        mounts.append(_add_link(scene, model, body, mount))
+    mounts: list[Mount] = []
+    for body, link in enumerate(names.bodies):
+        mount = Mount(0, 0, pin.SE3.Identity())
+        if body > 0:
+            mount = mounts[compiled.body_parentid[body]]
+            there = _placement(compiled.body_pos[body], compiled.body_quat[body])
+            mount = mount._replace(placement=mount.placement * there)
+        first, count = compiled.body_jntadr[body], compiled.body_jntnum[body]
+        for joint in range(first, first + count):
+            mount = _add_joint(scene, model, joint, mount)
+            carried = link
+            if joint < first + count - 1:
+                carried = names.fresh(f"{names.joints[joint]}_link")
+                mount = _add_link(model, carried, mount, pin.Inertia.Zero())
+            child_links[names.joints[joint]] = carried
+        principal = _placement(compiled.body_ipos[body], compiled.body_iquat[body])
+        moments = np.diag(compiled.body_inertia[body])
+        inertia = principal.act(pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments))
+        mounts.append(_add_link(model, link, mount, inertia))
     # Named sites, for a description beside the file to refer to; links and joints come first.
     for site, site_name in enumerate(names.sites):
         if site_name not in names.taken:
             link = names.bodies[compiled.site_bodyid[site]]
-            there = placement(compiled.site_pos[site], compiled.site_quat[site])
+            there = _placement(compiled.site_pos[site], compiled.site_quat[site])
             add_frame(model, names.fresh(site_name), link, there)
     return model, child_links
 
 
-def _add_joints(
-    scene: Scene, model: pin.Model, body: int, mount: Mount, child_links: dict[str, str]
-) -> Mount:
-    """The joints of a body as a chain, with massless links between them."""
-    first, count = scene.compiled.body_jntadr[body], scene.compiled.body_jntnum[body]
-    for joint in range(first, first + count):
-        name = scene.names.joints[joint]
-        mount = _add_joint(scene, model, joint, mount)
-        if joint == first + count - 1:
-            child_links[name] = scene.names.bodies[body]
-        else:
-            child_links[name] = scene.names.fresh(f"{name}_link")
-            mount = _add_body_frame(model, child_links[name], mount, pin.Inertia.Zero())
-    return mount
+def _add_link(model: pin.Model, link: str, mount: Mount, inertia: pin.Inertia) -> Mount:
+    frame = pin.Frame(link, *mount, pin.FrameType.BODY, inertia)
+    return mount._replace(frame=int(model.addFrame(frame, True)))
 
 
 def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Mount:
@@ -160,77 +276,47 @@ def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Moun
     start, anchor = pin.SE3.Identity(), pin.SE3.Identity()
     # The coordinates of a free joint are the whole placement, wherever the file draws the body.
     if kind != "free":
-        anchor = placement(compiled.jnt_pos[joint])
-        start = mount.placement * anchor * _at_zero(scene, joint)
-    limits = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
-    low, high = np.array(limits[:1]), np.array(limits[1:])
-    unlimited = np.full(VELOCITIES[kind], np.inf)
-    effort = np.full(1, _effort_limit(compiled, joint))
-    if kind in ("ball", "free"):
-        high = np.concatenate([np.full(3 * (kind == "free"), np.inf), QUATERNION_LIMIT])
-        low, effort = -high, unlimited
-    motion, name = _motion(kind, compiled.jnt_axis[joint]), scene.names.joints[joint]
+        anchor = _placement(compiled.jnt_pos[joint])
+        start = mount.placement * anchor
+    if kind in ("hinge", "slide"):
+        axis = compiled.jnt_axis[joint].copy()
+        # From where the file draws the body to where the coordinate is zero.
+        back = -compiled.qpos0[compiled.jnt_qposadr[joint]] * axis
+        turns, prefix = kind == "hinge", "R" if kind == "hinge" else "P"
+        start = start * (pin.SE3(pin.exp3(back), np.zeros(3)) if turns else _placement(back))
+        aligned = AXES.get(tuple(axis.tolist()))
+        oblique = pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned
+        motion = getattr(pin, f"JointModel{prefix}{aligned}")() if aligned else oblique(axis)
+        limits = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
+        low, high = np.array(limits[:1]), np.array(limits[1:])
+        effort = np.full(1, _effort_limit(compiled, joint))
+    else:
+        motion = pin.JointModelFreeFlyer() if kind == "free" else pin.JointModelSpherical()
+        high = np.concatenate([np.full(motion.nq - 4, np.inf), QUATERNION_LIMIT])
+        low, effort = -high, np.full(motion.nv, np.inf)
+    unlimited, name = np.full(motion.nv, np.inf), scene.names.joints[joint]
     index = model.addJoint(mount.joint, motion, start, name, effort, unlimited, low, high)
     frame = model.addJointFrame(index, mount.frame)
     return Mount(int(index), int(frame), anchor.inverse())
 
 
-def _motion(kind: str, axis: FloatArray) -> pin.JointModel:
-    if kind == "free":
-        return pin.JointModelFreeFlyer()
-    if kind == "ball":
-        return pin.JointModelSpherical()
-    aligned = AXES.get(tuple(axis.tolist()))
-    if aligned is not None:
-        return getattr(pin, f"JointModel{'P' if kind == 'slide' else 'R'}{aligned}")()
-    other = pin.JointModelPrismaticUnaligned if kind == "slide" else pin.JointModelRevoluteUnaligned
-    return other(axis.copy())
-
-
-def _at_zero(scene: Scene, joint: int) -> pin.SE3:
-    """Motion from where the file draws a body to where the joint's coordinate is zero."""
-    compiled, kind = scene.compiled, scene.joint_kind(joint)
-    back = -compiled.qpos0[compiled.jnt_qposadr[joint]] * compiled.jnt_axis[joint]
-    if kind == "hinge":
-        return pin.SE3(pin.exp3(back), np.zeros(3))
-    return placement(back) if kind == "slide" else pin.SE3.Identity()
-
-
 def _effort_limit(compiled: mujoco.MjModel, joint: int) -> float:
     """Most that the motors of a joint with one coordinate can do; infinite where it is not said."""
-    motors = [
-        _strength(compiled, actuator)
-        for actuator, kind in enumerate(compiled.actuator_trntype)
-        if kind in DRIVES_JOINT and compiled.actuator_trnid[actuator, 0] == joint
-    ]
+    motors = []
+    for actuator, kind in enumerate(compiled.actuator_trntype):
+        if kind not in DRIVES_JOINT or compiled.actuator_trnid[actuator, 0] != joint:
+            continue
+        view = compiled.actuator(actuator)
+        gear, strength = abs(view.gear[0]), np.inf
+        if view.forcelimited[0]:
+            strength = np.abs(view.forcerange).max()
+        if (view.gaintype[0], view.biastype[0], view.dyntype[0]) == DIRECT and view.ctrllimited[0]:
+            strength = min(strength, abs(view.gainprm[0]) * np.abs(view.ctrlrange).max())
+        motors.append(gear * strength if gear else 0.0)
     most = sum(motors) if motors else np.inf
     if compiled.jnt_actfrclimited[joint]:
         most = min(most, np.abs(compiled.jnt_actfrcrange[joint]).max())
     return float(most) if most >= 0 else np.inf  # not a number: not said
-
-
-def _strength(compiled: mujoco.MjModel, actuator: int) -> float:
-    view = compiled.actuator(actuator)
-    gear, limits = abs(view.gear[0]), [np.inf]
-    if view.forcelimited[0]:
-        limits.append(np.abs(view.forcerange).max())
-    kinds = view.gaintype[0], view.biastype[0], view.dyntype[0]
-    if kinds == (FIXED_GAIN, NO_BIAS, NO_DYNAMICS) and view.ctrllimited[0]:
-        limits.append(abs(view.gainprm[0]) * np.abs(view.ctrlrange).max())
-    return float(gear * min(limits)) if gear else 0.0
-
-
-def _add_link(scene: Scene, model: pin.Model, body: int, mount: Mount) -> Mount:
-    compiled = scene.compiled
-    principal = placement(compiled.body_ipos[body], compiled.body_iquat[body])
-    moments = np.diag(compiled.body_inertia[body])
-    inertia = principal.act(pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments))
-    return _add_body_frame(model, scene.names.bodies[body], mount, inertia)
-
-
-def _add_body_frame(model: pin.Model, link: str, mount: Mount, inertia: pin.Inertia) -> Mount:
-    frame = pin.Frame(link, *mount, pin.FrameType.BODY, inertia)
-    return mount._replace(frame=int(model.addFrame(frame, True)))
 
 
 def _reference(scene: Scene) -> dict[str, float | list[float]]:
@@ -261,32 +347,21 @@ def _reference(scene: Scene) -> dict[str, float | list[float]]:
 
 def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescription:
     """Closure of an equality; frames that it joins are added to the model."""
-    kind = scene.compiled.eq_type[equality]
-    if kind in (CONNECT, WELD):
-        return _closure_of_frames(scene, model, equality)
-    what = f"{scene.file}: equality {_equality_name(scene, equality)}"
-    if kind not in (JOINT, TENDON):
-        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
-        raise RobotFileError(
-            f"{what} is of type {word}, which is not supported: choose among connect, weld, "
-            "joint, tendon"
-        )
-    try:
-        return _coupling(scene, equality)
-    except ValueError as error:
-        raise RobotFileError(f"{what} {error}") from error
-
-
-def _closure_of_frames(scene: Scene, model: pin.Model, equality: int) -> ClosureDescription:
-    compiled = scene.compiled
-    welded, data = compiled.eq_type[equality] == WELD, compiled.eq_data[equality]
+    compiled, kind = scene.compiled, scene.compiled.eq_type[equality]
+    if kind not in (CONNECT, WELD):
+        try:
+            return _coupling(scene, equality)
+        except ValueError as error:
+            what = f"{scene.file}: equality {_equality_name(scene, equality)}"
+            raise RobotFileError(f"{what} {error}") from error
+    welded, data = kind == WELD, compiled.eq_data[equality]
     if compiled.eq_objtype[equality] == SITE:
         sites = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
-        places = [placement(compiled.site_pos[site], compiled.site_quat[site]) for site in sites]
+        places = [_placement(compiled.site_pos[site], compiled.site_quat[site]) for site in sites]
     elif welded:
-        places = [placement(data[ANCHOR_1], data[QUATERNION]), placement(data[ANCHOR_2])]
+        places = [_placement(data[ANCHOR_1], data[QUATERNION]), _placement(data[ANCHOR_2])]
     else:
-        places = [placement(data[:3]), placement(data[3:6])]
+        places = [_placement(data[:3]), _placement(data[3:6])]
     name, what = scene.names.equalities[equality], "weld" if welded else "connect"
     frames = []
     for number, body in enumerate(_bodies(compiled, equality)):
@@ -318,16 +393,21 @@ def _equality_name(scene: Scene, equality: int) -> str:
 
 
 def _coupling(scene: Scene, equality: int) -> ClosureDescription:
-    """Linear coupling of joint coordinates, or of lengths of fixed tendons.
+    """Linear coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
 
     MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
     ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
     is constant.
     """
     compiled, data = scene.compiled, scene.compiled.eq_data[equality].tolist()
-    tendons = compiled.eq_type[equality] == TENDON
+    kind = compiled.eq_type[equality]
+    if kind not in (JOINT, TENDON):
+        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
+        raise ValueError(
+            f"is of type {word}, which is not supported: choose among connect, weld, joint, tendon"
+        )
     y, x = (
-        {} if k < 0 else _fixed_tendon(scene, k) if tendons else {k: 1.0}
+        {} if k < 0 else _fixed_tendon(scene, k) if kind == TENDON else {k: 1.0}
         for k in (int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality]))
     )
     if x and any(data[2:5]):
@@ -348,11 +428,11 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
     return ClosureDescription(type="coupling", joints=named, offset=offset)
 
 
-def _fixed_tendon(scene: Scene, tendon: int) -> Terms:
+def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
     """Coefficients of the joints whose sum is a tendon's length; ValueError of a spatial one."""
     compiled = scene.compiled
     first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
-    terms: Terms = {}
+    terms: dict[int, float] = {}
     for wrap in range(first, first + count):
         if compiled.wrap_type[wrap] != WRAPS_JOINT:
             name = scene.names.tendons[tendon] or tendon
@@ -362,11 +442,13 @@ def _fixed_tendon(scene: Scene, tendon: int) -> Terms:
     return terms
 
 
-# Actuators.
+# Actuators, and what is left out.
 
 
-def _motors(scene: Scene, closures: Sequence[ClosureDescription]) -> Motors:
-    """Joints that the actuators drive.
+def _motors(
+    scene: Scene, closures: Sequence[ClosureDescription]
+) -> tuple[list[str], Sequence[str]]:
+    """Joints that the actuators drive, in their order, and notes about other actuators.
 
     A tendon drives its joints. Where couplings let one of them follow joints that are listed
     already, those stand for it.
@@ -374,12 +456,15 @@ def _motors(scene: Scene, closures: Sequence[ClosureDescription]) -> Motors:
     joints: list[str] = []
     idle, shared = [], []
     for actuator, kind in enumerate(scene.compiled.actuator_trntype):
-        target = int(scene.compiled.actuator_trnid[actuator, 0])
-        driven: list[str] = []
+        target, terms = int(scene.compiled.actuator_trnid[actuator, 0]), dict[int, float]()
         if kind in DRIVES_JOINT:
-            driven = [scene.names.joints[target]]
+            terms = {target: 1.0}
         elif kind == DRIVES_TENDON:
-            driven = _tendon_joints(scene, target)
+            try:
+                terms = _fixed_tendon(scene, target)
+            except ValueError:  # a spatial one
+                terms = {}
+        driven = [scene.names.joints[joint] for joint, factor in terms.items() if factor != 0]
         name = scene.names.actuators[actuator] or f"number {actuator}"
         if not driven:
             idle.append(name)
@@ -388,15 +473,16 @@ def _motors(scene: Scene, closures: Sequence[ClosureDescription]) -> Motors:
         if len(driven) > 1:
             shared.append(name)
         joints += [joint for joint in driven if joint not in joints]
-    return Motors(joints or None, idle, shared)
-
-
-def _tendon_joints(scene: Scene, tendon: int) -> list[str]:
-    try:
-        terms = _fixed_tendon(scene, tendon)
-    except ValueError:
-        return []
-    return [scene.names.joints[joint] for joint, value in terms.items() if value != 0]
+    notes = {
+        "actuators that drive no joint are not modelled: ": idle,
+        "actuators of several joints count as a motor at each, though one force drives all: ": (
+            shared
+        ),
+        "no actuator drives a joint: without 'name_mot' all hinges and slides count": (
+            [""] if idle and not joints else []
+        ),
+    }
+    return joints, [what + ", ".join(which) for what, which in notes.items() if which]
 
 
 def _leaders(
@@ -405,30 +491,28 @@ def _leaders(
     """Joints that couplings let move while those before them stand still."""
     couplings = [closure.joints for closure in closures if closure.joints is not None]
     names = sorted({*before, *joints, *(name for terms in couplings for name in terms)})
-    rows = [[terms.get(name, 0.0) for name in names] for terms in couplings]
+    rows = [[0.0] * len(names)]  # so that there is one at least
+    rows += [[terms.get(name, 0.0) for name in names] for terms in couplings]
     rows += [[float(name == joint) for name in names] for joint in before]
     leaders = []
     for joint in joints:
         own = [float(name == joint) for name in names]
-        if np.linalg.matrix_rank(np.array([*rows, own])) > (
-            np.linalg.matrix_rank(np.array(rows)) if rows else 0
-        ):
+        if np.linalg.matrix_rank(np.array([*rows, own])) > np.linalg.matrix_rank(np.array(rows)):
             leaders.append(joint)
             rows.append(own)
     return leaders
 
 
-# What is left out.
-
-
-def _notes(scene: Scene, motors: Motors) -> list[str]:
+def _left_out(scene: Scene) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled, names = scene.compiled, scene.names
     tendons = [name or f"number {index}" for index, name in enumerate(names.tendons)]
     equalities = [_equality_name(scene, equality) for equality in range(compiled.neq)]
     active = compiled.eq_active0 != 0
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
-    balls = np.array([scene.joint_kind(joint) == "ball" for joint in range(compiled.njnt)], bool)
+    limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
+        compiled.jnt_limited != 0
+    )
     left_out = {
         "springs of joints are not modelled": _where(names.joints, _springs(compiled, "jnt")),
         "springs of tendons are not modelled": _where(tendons, _springs(compiled, "tendon")),
@@ -437,17 +521,9 @@ def _notes(scene: Scene, motors: Motors) -> list[str]:
         ),
         "inactive equalities are left out": _where(equalities, ~active),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
-        "actuators that drive no joint are not modelled": motors.idle,
-        "actuators of several joints count as a motor at each, though one force drives all": (
-            motors.shared
-        ),
-        "limits of ball joints are not checked": _where(
-            names.joints, balls & (compiled.jnt_limited != 0)
-        ),
+        "limits of ball joints are not checked": _where(names.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
-    if motors.idle and motors.joints is None:
-        notes.append("no actuator drives a joint: without 'name_mot' all hinges and slides count")
     if compiled.opt.density or compiled.opt.viscosity:
         notes.append("the fluid around the robot is not modelled")
     if compiled.nflex:
@@ -460,7 +536,3 @@ def _springs(compiled: mujoco.MjModel, prefix: str) -> BoolArray:
     # Springs may be nonlinear in newer versions of MuJoCo.
     higher = getattr(compiled, f"{prefix}_stiffnesspoly", None)
     return np.asarray(stiff if higher is None else stiff | (higher != 0).any(axis=1))
-
-
-def _where(names: Iterable[str], chosen: BoolArray) -> list[str]:
-    return [name for name, here in zip(names, chosen, strict=True) if here]

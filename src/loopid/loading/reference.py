@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,13 +18,18 @@ from loopid.errors import (
     RobotFileError,
     warn,
 )
-from loopid.kinematics import scaled_constraint, singularity_measure
-from loopid.kinematics.closing import close_by_continuation, close_loops, constraint_gap
-from loopid.kinematics.frames import integrate
-from loopid.kinematics.independent import independent_coordinates
-from loopid.kinematics.nearby import nearby_configurations
-from loopid.kinematics.path_following import CLOSURE_TOLERANCE
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.kinematics import (
+    CLOSURE_TOLERANCE,
+    NEAR_SINGULARITY,
+    close_by_continuation,
+    close_loops,
+    independent_coordinates,
+    integrate,
+    largest_residual,
+    nearby_configurations,
+    scaled_constraint,
+    singularity_measure,
+)
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 
@@ -43,13 +47,8 @@ ROUNDING = 1e-9
 LIKELY_ROUNDING = 1e-4
 # Index of the first number of a quaternion, or of cosine and sine.
 UNIT_PARTS = {"JointModelSpherical": 0, "JointModelFreeFlyer": 3, "JointModelPlanar": 2}
-
-
-class ClosedReference(NamedTuple):
-    """A mechanism closed at its reference, and closed configurations around it (n, nq)."""
-
-    mechanism: Mechanism
-    around: FloatArray
+# A mechanism closed at its reference, and closed configurations around it (n, nq).
+ClosedReference = tuple[Mechanism, FloatArray]
 
 
 def joint_named(
@@ -73,7 +72,7 @@ def written_reference(file: Path, model: pin.Model, values: Mapping[str, Referen
                 q[k] = 0.5 * (low + high)
     for name, value in values.items():
         joint = joint_named(name, model, f"{file}: unknown joint {name!r} in reference")
-        what, given = f"{file}: joint {name} in reference", np.atleast_1d(np.asarray(value, float))
+        what, given = f"{file}: joint {name} in reference", np.array(value, float, ndmin=1)
         if not (np.abs(given) < LARGEST).all():
             raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
         wanted = 1 if joint.nv == 1 else joint.nq
@@ -82,19 +81,17 @@ def written_reference(file: Path, model: pin.Model, values: Mapping[str, Referen
             raise RobotFileError(f"{what} must be {count}, not {value}")
         if joint.nv == 1:
             write_joint(joint, q, float(given[0]))
-        else:
-            q[joint.idx_q : joint.idx_q + joint.nq] = _unit_rotation(what, joint, given)
+            continue
+        turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :]
+        if len(turn):
+            size = float(np.linalg.norm(turn))
+            if not 0.9 < size < 1.1:
+                raise RobotFileError(
+                    f"{what} must end in a unit vector, not one of length {size:.3g}"
+                )
+            turn /= size
+        q[joint.idx_q : joint.idx_q + joint.nq] = given
     return np.asarray(q, dtype=np.float64)
-
-
-def _unit_rotation(what: str, joint: pin.JointModel, values: FloatArray) -> FloatArray:
-    first = UNIT_PARTS.get(joint.shortname())
-    if first is None:
-        return values
-    size = float(np.linalg.norm(values[first:]))
-    if not 0.9 < size < 1.1:
-        raise RobotFileError(f"{what} must end in a unit vector, not one of length {size:.3g}")
-    return np.append(values[:first], values[first:] / size)
 
 
 def read_joint(joint: pin.JointModel, q: FloatArray) -> float:
@@ -131,22 +128,26 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         When it closes only as far as the file's numbers are rounded.
     """
     closed: list[ClosedReference] = []
+    suits = False  # inside the limits, and regular for the motors
     best = (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
         closed.append(_closed_at(mechanism, q))
-        if _suits(closed[-1].mechanism) or len(closed) == ENOUGH:
+        suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
+        if suits or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
-    chosen = _most_suitable(closed)
-    outside, gap = _outside(chosen.mechanism), chosen.mechanism.closure_gap
+    # The one that suits, else the most regular inside the limits, else the first one.
+    inside = [each for each in closed if not _outside(each[0])]
+    chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
+    outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
-    if gap:
-        text = f"the loops close to {gap:.1e} m only: its numbers are rounded"
+    if left:
+        text = f"the loops close to {left:.1e} m only: its numbers are rounded"
         warn(f"{mechanism.path}: {text}", ClosureWarning)
     return chosen
 
@@ -155,27 +156,21 @@ def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[Fl
     """Configurations and what their loops stay open by (m), from the most to the least wanted."""
     start = mechanism.reference[None]
     left_out = [joint for joint in mechanism.joints if joint not in given]
-    joints = {*mechanism.passive, *left_out}
+    either = {*mechanism.passive, *left_out}
     passive = mechanism.velocity_indices(mechanism.passive)
-    movable = mechanism.velocity_indices([name for name in mechanism.joints if name in joints])
-    yield from _each(close_loops(mechanism, start, passive))
-    if mechanism.rows == 0:
-        return
-    yield from _each(close_by_continuation(mechanism, start, passive))
-    if len(movable) > len(passive):
-        yield from _each(close_loops(mechanism, start, movable))
-        yield from _each(close_by_continuation(mechanism, start, movable))
+    movable = mechanism.velocity_indices([name for name in mechanism.joints if name in either])
+    # Motors that a start puts anywhere may stay there, or help.
+    ways = [passive, movable] if len(movable) > len(passive) else [passive]
+    for joints in ways:
+        yield from zip(*close_loops(mechanism, start, joints), strict=True)
+        if mechanism.rows == 0:
+            return
+        yield from zip(*close_by_continuation(mechanism, start, joints), strict=True)
     generator = random_generator(0)
     for _ in range(STARTS // PART if left_out else 0):
         starts = np.stack([_scattered(mechanism, left_out, generator) for _ in range(PART)])
-        # Motors that a start puts anywhere may stay there, or help.
-        yield from _each(close_loops(mechanism, starts, passive))
-        if len(movable) > len(passive):
-            yield from _each(close_loops(mechanism, starts, movable))
-
-
-def _each(outcome: tuple[FloatArray, FloatArray]) -> Iterator[tuple[FloatArray, float]]:
-    yield from zip(outcome[0], map(float, outcome[1]), strict=True)
+        for joints in ways:
+            yield from zip(*close_loops(mechanism, starts, joints), strict=True)
 
 
 def _scattered(
@@ -203,7 +198,7 @@ def _scattered(
 
 def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
-    gap = float(constraint_gap(mechanism, q[None])[0])
+    residual = float(largest_residual(mechanism, q[None])[0])
     around = nearby_configurations(mechanism, q)
     try:
         chosen = independent_coordinates(mechanism, around)
@@ -213,30 +208,15 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     closed = replace(
         mechanism,
         reference=q,
-        closure_gap=gap if gap > CLOSURE_TOLERANCE else 0.0,
+        closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
-    return ClosedReference(closed, around)
+    return closed, around
 
 
-def _most_suitable(closed: list[ClosedReference]) -> ClosedReference:
-    """The last one if it suits, else the most regular inside the limits, else the first one."""
-    inside = [each for each in closed if not _outside(each.mechanism)]
-    if not inside:
-        return closed[0]
-    if _suits(closed[-1].mechanism):
-        return closed[-1]
-    return max(inside, key=lambda each: _measure(each.mechanism))
-
-
-def _suits(mechanism: Mechanism) -> bool:
-    """Whether the reference is inside the limits and regular for the motors."""
-    return not _outside(mechanism) and _measure(mechanism) >= NEAR_SINGULARITY
-
-
-def _measure(mechanism: Mechanism) -> float:
-    return float(singularity_measure(mechanism, mechanism.reference[None])[0])
+def _measure(closed: ClosedReference) -> float:
+    return float(singularity_measure(closed[0], closed[0].reference[None])[0])
 
 
 def _outside(mechanism: Mechanism) -> str:

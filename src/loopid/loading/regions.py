@@ -17,12 +17,18 @@ import pinocchio as pin
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import DataError, ModelWarning, OptionError, RobotFileError, warn
-from loopid.loading.files import find_files
-from loopid.loading.urdf import placement
-from loopid.loading.urdf_file import Element, label, naming, numbers, parse_xml, required
+from loopid.loading.description import find_files
+from loopid.loading.urdf import (
+    Element,
+    label,
+    naming,
+    numbers,
+    parse_xml,
+    placement,
+    required,
+)
 from loopid.regions import Region, cube_directions
-from loopid.robot import Mechanism
-from loopid.robot.identical import in_groups
+from loopid.robot import Mechanism, in_groups
 
 SHAPES = ("box", "cylinder", "sphere", "capsule", "mesh")
 SIDES = 16  # of the prism that stands for a cylinder, its edges on the cylinder

@@ -1,4 +1,4 @@
-"""The open tree: what every reader of a file hands over, then joints replaced and joints locked."""
+"""The open tree of a robot: read from a file, then joints replaced and locked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
-from loopid.loading.reference import Reference, joint_named, written_reference
+from loopid.loading.reference import joint_named, written_reference
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 TURNS = {"wx": "X", "wy": "Y", "wz": "Z"}
@@ -78,15 +78,44 @@ def build_tree(
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")
     source = _replaced(source, _replacements(source.model, description))
-    turns = {name: turn for name in locked if (turn := _turn(source.model, name)) is not None}
-    source = _replaced(source, _without_turns([*turns.values()]))
-    whole = [*description.fixed, *(name for name in locked if name not in turns)]
-    model = _locked(file, source.model, whole, description.reference)
+    whole = list(description.fixed)
+    left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
+    for name in locked:
+        joint, _, turn = name.rpartition(".")
+        model = source.model
+        if model.existJointName(name) or not model.existJointName(joint):
+            whole.append(name)
+            continue
+        spherical = model.joints[model.getJointId(joint)].shortname() == "JointModelSpherical"
+        if turn not in TURNS or not spherical:
+            raise OptionError(
+                f"{name} cannot be locked alone: lock {joint}, or a turn of a ball joint"
+            )
+        left[joint] = left.get(joint, "XYZ").replace(TURNS[turn], "")
+    for joint, axes in left.items():
+        if not axes:
+            raise OptionError(f"all turns of {joint} are locked: lock the joint instead")
+    source = _replaced(source, {joint: _hinges(axes) for joint, axes in left.items()})
+    model = source.model
+    for name in whole:
+        joint_named(name, model, f"{file}: unknown joint {name!r} to lock", OptionError)
+    if whole:
+        values = {name: at for name, at in description.reference.items() if name in whole}
+        q, ids = written_reference(file, model, values), [model.getJointId(name) for name in whole]
+        try:
+            model = pin.buildReducedModel(model, ids, q)
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise RobotFileError(f"{file}: Pinocchio cannot lock joints of it: {reason}") from error
     if model.nv == 0:
         raise RobotFileError(
             f"{source.file}: no joint can move, unless its base floats (floating_base: true)"
         )
     return replace(source, model=model)
+
+
+def _hinges(axes: str) -> Chain:
+    return tuple((f"_{axis}", HINGES[axis]()) for axis in axes)
 
 
 def _replacements(model: pin.Model, description: Description) -> dict[str, Chain]:
@@ -95,8 +124,12 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
     A gear ratio relates turns that add up; a ``continuous`` joint only counts its angle on the
     circle.
     """
-    pairs = zip(description.joint_name, description.joint_type, strict=True)
-    chains = {name: _chain(kind) for name, kind in pairs if kind != "FIXED"}
+    chains: dict[str, Chain] = {}
+    for name, kind in zip(description.joint_name, description.joint_type, strict=True):
+        if kind == "SPHERICAL":
+            chains[name] = (("", pin.JointModelSpherical()),)
+        elif kind != "FIXED":
+            chains[name] = _hinges(kind.removeprefix("UJOINT_"))
     for name in (name for closure in description.closures for name in closure.joints or ()):
         if name not in chains and model.existJointName(name):
             joint = model.joints[model.getJointId(name)]
@@ -105,35 +138,6 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
                 joint.calc(data, np.array([1.0, 0.0]))
                 axis = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
                 chains[name] = (("", pin.JointModelRevoluteUnaligned(axis)),)
-    return chains
-
-
-def _chain(joint_type: str) -> Chain:
-    """Joints that a type of the robot file stands for, such as ``UJOINT_ZY``."""
-    if joint_type == "SPHERICAL":
-        return (("", pin.JointModelSpherical()),)
-    return tuple((f"_{axis}", HINGES[axis]()) for axis in joint_type.removeprefix("UJOINT_"))
-
-
-def _turn(model: pin.Model, name: str) -> tuple[str, str] | None:
-    """Joint and axis of a name such as ``ball.wz``; none for a joint's own name."""
-    joint, _, part = name.rpartition(".")
-    if model.existJointName(name) or not model.existJointName(joint):
-        return None
-    kind = model.joints[model.getJointId(joint)].shortname()
-    if part not in TURNS or kind != "JointModelSpherical":
-        raise OptionError(f"{name} cannot be locked alone: lock {joint}, or a turn of a ball joint")
-    return joint, TURNS[part]
-
-
-def _without_turns(turns: Sequence[tuple[str, str]]) -> dict[str, Chain]:
-    """Hinges about the axes that are left of spherical joints."""
-    chains = {}
-    for joint in dict.fromkeys(joint for joint, _ in turns):
-        left = [axis for axis in "XYZ" if (joint, axis) not in turns]
-        if not left:
-            raise OptionError(f"all turns of {joint} are locked: lock the joint instead")
-        chains[joint] = _chain("UJOINT_" + "".join(left))
     return chains
 
 
@@ -168,18 +172,3 @@ def _replaced(source: TreeSource, chains: Mapping[str, Chain]) -> TreeSource:
         for name, link in source.child_links.items()
     }
     return replace(source, model=model, child_links=carried)
-
-
-def _locked(
-    file: Path, model: pin.Model, names: Sequence[str], reference: Mapping[str, Reference]
-) -> pin.Model:
-    for name in names:
-        joint_named(name, model, f"{file}: unknown joint {name!r} to lock", OptionError)
-    if not names:
-        return model
-    at = written_reference(file, model, {n: v for n, v in reference.items() if n in names})
-    try:
-        return pin.buildReducedModel(model, [model.getJointId(name) for name in names], at)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise RobotFileError(f"{file}: Pinocchio cannot lock joints of it: {reason}") from error

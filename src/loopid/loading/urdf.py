@@ -2,40 +2,68 @@
 
 Closures are written in three ways: joints that ``<mimic>`` others, pairs of closing frames as
 onshape-to-robot exports them, and the ``<loop>`` and ``<coupling>`` tags of URDF+ [Chignoli2024].
+
+Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
+missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
+So both get a copy of what the tree is made of, in which names and numbers are sound.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 
 from loopid.errors import RobotFileError
 from loopid.loading.closure_description import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_file import (
-    LEAST_AXIS,
-    Element,
-    UrdfFile,
-    child,
-    label,
-    naming,
-    numbers,
-    read_urdf_file,
-    required,
-)
 
 if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint
+    from yourdfpy.urdf import Joint, Robot
+
+Element = etree._Element
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+SEVERAL = ("floating", "planar")  # types of joints with several coordinates
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+# What the tree is made of: tags inside tags, those that must be there, names, and numbers with
+# their count and the default of URDF. Geometry and extensions may be broken without harm.
+TAGS = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+}
+REQUIRED = ("mass", "inertia", "parent", "child")
+NAMES = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
+NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
+    "origin": {"xyz": (3, "0 0 0"), "rpy": (3, "0 0 0")},
+    "mass": {"value": (1, None)},
+    "inertia": dict.fromkeys(MOMENTS, (1, None)),
+    "axis": {"xyz": (3, "1 0 0")},
+    "limit": {"lower": (1, "0"), "upper": (1, "0"), "effort": (1, None), "velocity": (1, None)},
+    "mimic": {"multiplier": (1, "1"), "offset": (1, "0")},
+}
+WORDS = {1: "a finite number", 3: "three finite numbers"}
+LARGEST = 1e100  # so that no product of a few numbers overflows
+LEAST_AXIS = 1e-9
+# Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
+# as they are written; with more, nothing is lost. In units of the last digit: 1.57079 is cut off,
+# and 3.14158 is twice that.
+STEP = math.pi / 36
+DECIMALS = range(4, 13)
+SLACK = 1.5
 
 ROOT_JOINT = "root_joint"
-SEVERAL = ("floating", "planar")  # types of joints with several coordinates
 CLOSING_FRAME = re.compile(r"closing_(.+)_([12])")
 Z = (0.0, 0.0, 1.0)
 SIDES = ("predecessor", "successor")
@@ -51,7 +79,7 @@ AXIAL = ("hinge", "cylindrical", "prismatic")
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 # Closures as drafts of URDF+ and simulators of their own write them.
 UNREAD = ("constraint", "loop_constraint", "joint_constraint", "loop_joint")
-Couplings = list[tuple[str, ClosureDescription]]  # each with the joint that follows the others
+Couplings = dict[str, ClosureDescription]  # by the joint that follows the others
 
 
 def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
@@ -74,11 +102,13 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
     links, joints = urdf.robot.links, urdf.robot.joints
     with naming(path):
         model = _model(urdf, floating_base)
-        mimics = [] if free_mimics else _mimics(urdf)
+        mimics = {} if free_mimics else _mimics(joints)
         couplings = _couplings(urdf)
         closures = _closing_frames([link.name for link in links]) + _loops(urdf.root, model)
-        motors = _motors(urdf, dict(mimics), dict(couplings), looped=bool(closures))
-    carried = {ROOT_JOINT: urdf.root_link} if floating_base else {}
+        motors = _motors(urdf, mimics, couplings, looped=bool(closures))
+    children = {joint.child for joint in joints}
+    root_link = next(link.name for link in links if link.name not in children)
+    carried = {ROOT_JOINT: root_link} if floating_base else {}
     return TreeSource(
         name=urdf.robot.name or path.stem,
         file=path,
@@ -91,11 +121,232 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
         ),
         child_links=carried | {joint.name: joint.child for joint in joints},
         description=Description(
-            closures=[*closures, *(coupling for _, coupling in (*couplings, *mimics))],
+            closures=[*closures, *(coupling for _, coupling in couplings), *mimics.values()],
             name_mot=motors,
         ),
         notes=tuple(f"{label(tag)} is not read" for tag in urdf.root if tag.tag in UNREAD),
     )
+
+
+# The file, its names, numbers and tree.
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """A URDF whose names, numbers and tree are sound.
+
+    Attributes
+    ----------
+    root : Element
+        The whole file.
+    tree : str
+        XML of links and joints only, for Pinocchio.
+    robot : yourdfpy.urdf.Robot
+        Links and joints in the order of the file.
+    """
+
+    root: Element
+    tree: str
+    robot: Robot
+
+
+def read_urdf_file(path: Path) -> UrdfFile:
+    """Read a URDF with yourdfpy.
+
+    Raises
+    ------
+    RobotFileError
+        Naming the file, the link, joint or tag and the offending value.
+    """
+    from yourdfpy import URDF  # here, as it takes 0.3 s to import
+
+    with naming(path):
+        root = parse_xml(path)
+        # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
+        copy = etree.Element("robot", {"name": " ".join(root.get("name", "").split())})
+        for element in root.iterchildren("link", "joint"):
+            with naming(f"{element.tag!s} {required(element, 'name')}"):
+                copy.append(_sound(element))
+        tree = etree.tostring(copy)
+        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
+        if not robot.links:
+            raise RobotFileError("not a valid URDF: it has no <link>")
+        _refuse_repetition("link", (link.name for link in robot.links))
+        _refuse_repetition("joint", (joint.name for joint in robot.joints))
+        for joint in robot.joints:
+            with naming(f"joint {joint.name}"):
+                _check_joint(joint)
+        for link in robot.links:
+            if link.inertial is not None and link.inertial.mass < 0:
+                mass = f"{link.inertial.mass:g} kg"
+                raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
+        _check_tree(robot)
+    return UrdfFile(root, tree.decode(), robot)
+
+
+@contextmanager
+def naming(what: str | Path) -> Iterator[None]:
+    """Name a file or an element in front of whatever is refused inside."""
+    try:
+        yield
+    except RobotFileError as error:
+        raise RobotFileError(f"{what}: {error}") from error
+
+
+def parse_xml(path: Path) -> Element:
+    """Root of a URDF, without comments, and with its entities left alone.
+
+    Prefixes without a namespace are common, and harmless; other broken grammar is refused.
+    """
+    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
+    options["resolve_entities"] = False
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RobotFileError(f"cannot be read: {error.strerror}") from error
+    try:
+        root: Element = etree.fromstring(content, etree.XMLParser(**options))
+    except etree.XMLSyntaxError as error:
+        if error.code != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
+            raise RobotFileError(f"not a valid URDF: {error.msg}") from error
+        root = etree.fromstring(content, etree.XMLParser(recover=True, **options))
+    # Some simulators declare a default namespace.
+    space = f"{{{root.nsmap.get(None)}}}"
+    for element in root.iter(f"{space}*"):
+        element.tag = str(element.tag).removeprefix(space)
+    if root.tag != "robot":
+        raise RobotFileError(f"not a valid URDF: the root is <{root.tag!s}>, not <robot>")
+    return root
+
+
+def label(element: Element) -> str:
+    """A tag with its name, for messages."""
+    name = element.get("name")
+    return f"<{element.tag!s}>" if name is None else f"<{element.tag!s} name={name!r}>"
+
+
+def child(element: Element, tag: str) -> Element:
+    """A tag that must be there."""
+    found = element.find(tag)
+    if found is None:
+        raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
+    return found
+
+
+def required(element: Element, attribute: str) -> str:
+    """Text of an attribute that must be there."""
+    text = (element.get(attribute) or "").strip()
+    if not text:
+        raise RobotFileError(f"{label(element)} has no {attribute}")
+    if not text.isprintable():
+        raise RobotFileError(f"{label(element)}: {attribute} must be printable, not {text!r:.60}")
+    return text
+
+
+def numbers(
+    element: Element, attribute: str, count: int = 1, default: str | None = None
+) -> tuple[float, ...]:
+    """Finite numbers of an attribute, which must be there unless it has a default."""
+    what, text = f"<{element.tag!s}> {attribute}", element.get(attribute, default)
+    if text is None:
+        raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
+    try:
+        read = exact_angle if attribute == "rpy" else float
+        values = tuple(read(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
+    # Limits are often the largest number there is.
+    if element.tag != "limit" and max(map(abs, values)) > LARGEST:
+        raise RobotFileError(f"{what} is too large: {text}")
+    return values
+
+
+def exact_angle(text: str) -> float:
+    """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
+
+    A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
+    each other, and parameters that no motor feels seem to have an effect of 1e-11.
+    """
+    value = float(text)
+    decimals = len(text.partition(".")[2])
+    steps = round(value / STEP) if math.isfinite(value) else 0
+    if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():
+        return value
+    exact = steps * STEP
+    return exact if abs(exact - value) < SLACK * 10.0**-decimals else value
+
+
+def placement(origin: Element | None) -> pin.SE3:
+    """Placement of an ``<origin>``; the identity without one."""
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (np.array(numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def _sound(element: Element) -> Element:
+    """What the tree needs of an element."""
+    tag, kind = str(element.tag), element.get("type", "").strip()
+    copy = etree.Element(tag, {"type": kind} if tag == "joint" else None)
+    if tag in NAMES:
+        copy.set(NAMES[tag], required(element, NAMES[tag]))
+    for attribute, (count, default) in NUMBERS.get(tag, {}).items():
+        copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
+    for inner in TAGS.get(tag, ()):
+        there = child(element, inner) if inner in REQUIRED else element.find(inner)
+        if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
+            copy.append(_sound(there))
+    return copy
+
+
+def _refuse_repetition(tag: str, names: Iterable[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise RobotFileError(f"<{tag} name={name!r}> appears {count} times")
+
+
+def _check_joint(joint: Joint) -> None:
+    if joint.type not in JOINT_TYPES:
+        listed = ", ".join(JOINT_TYPES)
+        raise RobotFileError(f"unknown type {joint.type!r}: choose among {listed}")
+    if np.abs(joint.axis).max() < LEAST_AXIS:
+        raise RobotFileError("<axis> is zero")
+    limit = joint.limit
+    if limit is None:
+        if joint.type in ("revolute", "prismatic"):
+            raise RobotFileError(f"a {joint.type} joint needs a <limit>")
+        return
+    if limit.lower > limit.upper:
+        raise RobotFileError(f"<limit> lower {limit.lower} exceeds upper {limit.upper}")
+    for key in ("effort", "velocity"):
+        if getattr(limit, key) < 0:
+            raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
+
+
+def _check_tree(robot: Robot) -> None:
+    """Refuse joints between links that are not there, and links that do not form one tree."""
+    links = {link.name for link in robot.links}
+    for joint in robot.joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
+    carriers = Counter(joint.child for joint in robot.joints)
+    for link, count in carriers.items():
+        if count > 1:
+            raise RobotFileError(f"link {link} is the child of {count} joints: not a tree")
+    roots = sorted(links - set(carriers))
+    if len(roots) != 1:
+        listed = ", ".join(roots) or "none"
+        raise RobotFileError(f"the links must form one tree with one root, but roots are: {listed}")
+    reached, more = set(roots), set(roots)
+    while more:
+        more = {joint.child for joint in robot.joints if joint.parent in more}
+        reached |= more
+    if reached != links:
+        lost = ", ".join(sorted(links - reached))
+        raise RobotFileError(f"links {lost} hang on a cycle of joints, not on root {roots[0]}")
 
 
 def _model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
@@ -115,17 +366,20 @@ def _model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
 
 
-# Mimics.
+# Closures: mimics, closing frames, and the tags of URDF+.
 
 
-def _mimics(urdf: UrdfFile) -> Couplings:
+def _mimics(all_joints: Iterable[Joint]) -> Couplings:
     """Joints that follow another one: follower = multiplier · leader + offset.
 
     A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
     """
-    joints = {joint.name: joint for joint in urdf.robot.joints}
-    followers = {n: j for n, j in joints.items() if j.mimic is not None and j.type != "fixed"}
-    leaders = {name: joint.mimic.joint for name, joint in followers.items()}
+    joints = {joint.name: joint for joint in all_joints}
+    leaders = {
+        name: joint.mimic.joint
+        for name, joint in joints.items()
+        if joint.mimic is not None and joint.type != "fixed"
+    }
     for name, leading in leaders.items():
         what = f"joint {name} mimics {leading!r}"
         if leading not in joints:
@@ -137,27 +391,19 @@ def _mimics(urdf: UrdfFile) -> Couplings:
                 raise RobotFileError(
                     f"{what}, but {end.name} is {end.type}: it has several coordinates"
                 )
-    _refuse_circles(leaders)
-    found = []
-    for name, joint in followers.items():
-        factor, offset = joint.mimic.multiplier, joint.mimic.offset
-        terms = {name: 1.0} | ({leaders[name]: -factor} if factor else {})
-        found.append((name, ClosureDescription(type="coupling", joints=terms, offset=offset)))
-    return found
-
-
-def _refuse_circles(leaders: Mapping[str, str]) -> None:
     for follower in leaders:
         chain = [follower]
         while chain[-1] in leaders and len(chain) <= len(leaders):
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
-                raise RobotFileError(
-                    f"joint {' mimics '.join(chain)}: a circle, with no joint to lead it"
-                )
-
-
-# Closing frames.
+                circle = " mimics ".join(chain)
+                raise RobotFileError(f"joint {circle}: a circle, with no joint to lead it")
+    found = {}
+    for name, leading in leaders.items():
+        factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
+        terms = {name: 1.0} | ({leading: -factor} if factor else {})
+        found[name] = ClosureDescription(type="coupling", joints=terms, offset=offset)
+    return found
 
 
 def _closing_frames(links: Collection[str]) -> list[ClosureDescription]:
@@ -186,9 +432,6 @@ def _closing_frames(links: Collection[str]) -> list[ClosureDescription]:
     return closures
 
 
-# URDF+.
-
-
 def _loops(root: Element, model: pin.Model) -> list[ClosureDescription]:
     """Closures of the ``<loop>`` tags, their frames mounted in the model.
 
@@ -205,41 +448,27 @@ def _loops(root: Element, model: pin.Model) -> list[ClosureDescription]:
                     f"unknown type {loop.get('type', '')!r}: choose among {listed}"
                 )
             links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-            ends = zip(SIDES, _ends(loop, links), strict=True)
-            content: dict[str, Any] = {"axes": (_axis(loop),) * 2} if kind in AXIAL else {}
-            content |= {"type": kind, "frames": [_mount(loop, *end, model) for end in ends]}
+            content: dict[str, Any] = {"type": kind, "frames": []}
+            ends = _ends(loop, links)
+            if kind in AXIAL:
+                axis = numbers(child(loop, "axis"), "xyz", 3)
+                if max(map(abs, axis)) < LEAST_AXIS:
+                    raise RobotFileError("<axis> is zero")
+                content["axes"] = (axis, axis)
+            for side, link in zip(SIDES, ends, strict=True):
+                name = f"{loop.get('name', '').strip()}_{side}"
+                if any(frame.name == name for frame in model.frames):
+                    raise RobotFileError(
+                        f"its frame cannot be called {name!r}, which is taken: rename the loop"
+                    )
+                add_frame(model, name, link, placement(loop.find(f"{side}/origin")))
+                content["frames"].append(name)
         closures.append(ClosureDescription.model_validate(content))
     return closures
 
 
-def _axis(loop: Element) -> tuple[float, ...]:
-    values = numbers(child(loop, "axis"), "xyz", 3)
-    if max(map(abs, values)) < LEAST_AXIS:
-        raise RobotFileError("<axis> is zero")
-    return values
-
-
-def _mount(loop: Element, side: str, link: str, model: pin.Model) -> str:
-    """Add the frame of one side to the model; gives its name."""
-    name = f"{loop.get('name', '').strip()}_{side}"
-    if any(frame.name == name for frame in model.frames):
-        raise RobotFileError(
-            f"its frame cannot be called {name!r}, which is taken: rename the loop"
-        )
-    add_frame(model, name, link, placement(loop.find(f"{side}/origin")))
-    return name
-
-
-def placement(origin: Element | None) -> pin.SE3:
-    """Placement of an ``<origin>``; the identity without one."""
-    if origin is None:
-        return pin.SE3.Identity()
-    xyz, rpy = (np.array(numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
-
-
-def _couplings(urdf: UrdfFile) -> Couplings:
-    """``<coupling>`` tags: gears and belts between two links.
+def _couplings(urdf: UrdfFile) -> list[tuple[str, ClosureDescription]]:
+    """``<coupling>`` tags: gears and belts between two links, each with the joint that follows.
 
     From the nearest link that carries both, joints lead to the predecessor and to the successor.
     The coordinates on the way to the successor add up to the ratio times those on the way to the
@@ -283,32 +512,27 @@ def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
 def _named_tags(root: Element, tag: str) -> list[Element]:
     """All tags of one kind, each with a name of its own."""
     elements = root.findall(tag)
-    for name, count in Counter(required(element, "name") for element in elements).items():
-        if count > 1:
-            raise RobotFileError(f"<{tag} name={name!r}> appears {count} times")
+    _refuse_repetition(tag, (required(element, "name") for element in elements))
     return elements
 
 
 def _ends(element: Element, links: Collection[str]) -> tuple[str, str]:
     """Links of predecessor and successor."""
-    found = []
-    for side in SIDES:
-        link = child(element, side).get("link", "").strip()
+    first, second = (child(element, side).get("link", "").strip() for side in SIDES)
+    for side, link in zip(SIDES, (first, second), strict=True):
         if link not in links:
             listed = ", ".join(links)
             raise RobotFileError(f"unknown link {link!r} in <{side}>: choose among {listed}")
-        found.append(link)
-    predecessor, successor = found
-    if predecessor == successor:
-        raise RobotFileError(f"link {predecessor!r} is its predecessor and its successor")
-    return predecessor, successor
+    if first == second:
+        raise RobotFileError(f"link {first!r} is its predecessor and its successor")
+    return first, second
 
 
 # Motors.
 
 
 def _motors(
-    urdf: UrdfFile, mimics: Collection[str], coupled: Collection[str], looped: bool
+    urdf: UrdfFile, mimics: Couplings, couplings: Iterable[tuple[str, Any]], looped: bool
 ) -> list[str] | None:
     """Joints with motors, in the order of the file; none where the file does not tell.
 
@@ -316,35 +540,23 @@ def _motors(
     follow others have no motors. Of the rest, in a robot with closures, those have motors that
     ``<transmission>`` tags name, if there are any.
     """
-    moving = [j.name for j in urdf.robot.joints if j.type not in ("fixed", "floating")]
-    independent = _independent(urdf.root)
-    if independent:
-        return [name for name in moving if independent.get(name, True) and name not in mimics]
-    followers = {*mimics, *coupled}
-    named = _named_by_transmissions(urdf) if looped else []
-    if not named and not followers:
-        return None
-    return [name for name in moving if name in (named or moving) and name not in followers]
-
-
-def _independent(root: Element) -> dict[str, bool]:
-    """The attribute of the joints that have it."""
-    declared = {}
-    for joint in root.findall("joint[@independent]"):
+    joints = {joint.name: joint.type for joint in urdf.robot.joints}
+    moving = [name for name, kind in joints.items() if kind not in ("fixed", "floating")]
+    independent = {}
+    for joint in urdf.root.findall("joint[@independent]"):
         text = joint.get("independent", "")
         if text.strip().lower() not in TRUTH:
             raise RobotFileError(f"{label(joint)}: independent must be true or false, not {text!r}")
-        declared[joint.get("name", "").strip()] = TRUTH[text.strip().lower()]
-    return declared
-
-
-def _named_by_transmissions(urdf: UrdfFile) -> list[str]:
-    joints, named = [joint.name for joint in urdf.robot.joints], []
-    for transmission in urdf.root.findall("transmission"):
+        independent[joint.get("name", "").strip()] = TRUTH[text.strip().lower()]
+    if independent:
+        return [name for name in moving if independent.get(name, True) and name not in mimics]
+    followers, named = {*mimics, *(name for name, _ in couplings)}, []
+    for transmission in urdf.root.findall("transmission") if looped else ():
         for joint in transmission.findall("joint"):
-            name = (joint.get("name") or "").strip()
-            if name not in joints:
-                what, listed = f"{label(transmission)}: unknown joint {name!r}", ", ".join(joints)
-                raise RobotFileError(f"{what}: choose among {listed}")
-            named.append(name)
-    return named
+            named.append((joint.get("name") or "").strip())
+            if named[-1] not in joints:
+                what, listed = f"unknown joint {named[-1]!r}", ", ".join(joints)
+                raise RobotFileError(f"{label(transmission)}: {what}: choose among {listed}")
+    if not named and not followers:
+        return None
+    return [name for name in moving if name in (named or moving) and name not in followers]

@@ -21,16 +21,16 @@ from loopid.logs.formats import (
     optional,
     refusals,
 )
-from loopid.logs.mapping import MOST_LISTED
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
 # The columns of the time: as the header says, and as the message was recorded.
 STAMP, RECEIVED = "time_ns", "received_ns"
 DESCRIPTION = "metadata.yaml"
-ENDINGS = (".mcap", ".db3")
 # What SQLite leaves beside a file that was not closed, with messages that are not yet in it.
 JOURNALS = ("-wal", "-journal")
+# Topics that a message lists.
+MOST_LISTED = 30
 
 
 class Topic:
@@ -42,17 +42,14 @@ class Topic:
         self.columns: dict[str, tuple[array[int], array[float]]] = {}
 
     def append(self, state: Any, received: int) -> None:
-        """Add a message; joints may come in any order, and any of them.
-
-        Raises
-        ------
-        LogError
-            When its joints and values do not belong together.
-        """
+        """Add a message; joints may come in any order, and any of them."""
         number = len(self.stamps)
         stamp = state.header.stamp
-        self.stamps.append(_stamp(stamp.sec * 10**9 + stamp.nanosec))
-        self.received.append(_stamp(received))
+        for column, time in (
+            (self.stamps, stamp.sec * 10**9 + stamp.nanosec),
+            (self.received, received),
+        ):
+            column.append(time if 0 <= time <= LARGEST_STAMP else int(NO_STAMP))
         parts = {what: getattr(state, what) for what in QUANTITIES}
         parts = {what: values for what, values in parts.items() if len(values)}
         names = [f"{joint}.{what}" for what in parts for joint in state.name]
@@ -63,26 +60,26 @@ class Topic:
                 f"{len(set(names))} columns, from {len(state.name)} joints"
             )
         for name, value in zip(names, values, strict=True):
-            if name not in self.columns:
-                self.columns[name] = array("q"), array("d")
-            messages, column = self.columns[name]
+            messages, cells = self.columns.setdefault(name, (array("q"), array("d")))
             messages.append(number)
-            column.append(value)
+            cells.append(value)
 
 
 class BagFormat(LogFormat):
     """Messages of type ``sensor_msgs/JointState``, of ROS 1 or 2."""
 
     name = "bag"
+    endings = (".bag", ".mcap", ".db3")
     choice = "topic"
     ordered = False
 
     @classmethod
     def accepts(cls, path: Path) -> bool:
-        if path.is_dir():
-            names = [file.name for file in path.iterdir()]
-            return DESCRIPTION in names or any(name.endswith(ENDINGS) for name in names)
-        return path.suffix.lower() in (".bag", *ENDINGS)
+        if not path.is_dir():
+            return super().accepts(path)
+        return any(
+            f.name == DESCRIPTION or f.name.endswith(cls.endings[1:]) for f in path.iterdir()
+        )
 
     @cached_property
     def _topics(self) -> dict[str, Topic]:
@@ -95,17 +92,17 @@ class BagFormat(LogFormat):
             # The message has been the same in all distributions.
             usual = get_typestore(Stores.ROS2_HUMBLE)
             with AnyReader([self.path], default_typestore=usual) as bag:
-                chosen = self._chosen(bag.topics)
-                topics = {name: Topic(f"{self.path} {name}") for name in chosen}
+                counts = self._chosen(bag.topics)
+                topics = {name: Topic(f"{self.path} {name}") for name in counts}
                 connections = [c for c in bag.connections if c.topic in topics]
                 for connection, received, data in bag.messages(connections):
                     state = bag.deserialize(data, connection.msgtype)
                     topics[connection.topic].append(state, received)
         for name, topic in topics.items():
-            if len(topic.stamps) != chosen[name]:
+            if len(topic.stamps) != counts[name]:
                 raise LogError(
                     f"{self.path} is damaged, or was not closed: {name} has {len(topic.stamps)} "
-                    f"messages, but its index says {chosen[name]}"
+                    f"messages, but its index says {counts[name]}"
                 )
         filled = {name: topic for name, topic in topics.items() if topic.columns}
         if not filled:
@@ -114,23 +111,19 @@ class BagFormat(LogFormat):
 
     def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
         """Topics with joint states, or the one that is asked for, and how many messages."""
-        suitable = {
-            n: topic.msgcount for n, topic in topics.items() if topic.msgtype == JOINT_STATE
-        }
-        if not suitable:
-            listed = [
-                f"{name} ({topic.msgtype or 'several types'})" for name, topic in topics.items()
-            ]
+        counts = {n: topic.msgcount for n, topic in topics.items() if topic.msgtype == JOINT_STATE}
+        if not counts:
+            listed = [f"{n} ({t.msgtype or 'several types'})" for n, t in topics.items()]
             there = ", ".join(listed[:MOST_LISTED]) or "no topics"
             raise LogError(f"{self.path} has no topic of type {JOINT_STATE}: it has {there}")
         if self.chosen is None:
-            return suitable
-        if self.chosen not in suitable:
+            return counts
+        if self.chosen not in counts:
             raise LogError(
                 f"{self.path} has no joint states in topic {self.chosen!r}: choose among "
-                f"{', '.join(suitable)}"
+                f"{', '.join(counts)}"
             )
-        return {self.chosen: suitable[self.chosen]}
+        return {self.chosen: counts[self.chosen]}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {name: (STAMP, RECEIVED, *sorted(t.columns)) for name, t in self._topics.items()}
@@ -160,10 +153,6 @@ class BagFormat(LogFormat):
         columns = {STAMP: stamps[messages], RECEIVED: received[messages]}
         columns |= {name: np.array(topic.columns[name][1]) for name in values}
         yield array_batch(topic.source, columns, messages + 1)
-
-
-def _stamp(nanoseconds: int) -> int:
-    return nanoseconds if 0 <= nanoseconds <= LARGEST_STAMP else int(NO_STAMP)
 
 
 def _refuse_unfinished(path: Path) -> None:

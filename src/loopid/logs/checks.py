@@ -41,20 +41,20 @@ CLEARLY_BETTER = 1.5
 
 
 def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
-    """The stream without impossible rows, and with turns counted on; warns of what looks wrong.
-
-    Raises
-    ------
-    LogError
-        When the time does not increase, or bad rows are too many: the unit is another.
-    """
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
     _check_stamps(stream)
     stream = _inside_limits(mechanism, stream)
     stream = _without_glitches(stream)
     stream = _unwrapped(mechanism, stream)
     seconds = np.diff(stream.stamps) / 1e9
+
+    def limit_of(limits: FloatArray, joint: str) -> float:
+        value = float(limits[mechanism.velocity_indices([joint])[0]])
+        return value if value > 0 else np.inf  # zero stands for none, as exporters write it
+
+    model = mechanism.model
     for joint, values in stream.signals("position"):
-        limit = _limit(mechanism, mechanism.model.upperVelocityLimit, joint)
+        limit = limit_of(model.upperVelocityLimit, joint)
         speed = np.abs(np.diff(values)) / seconds
         fast = np.flatnonzero(speed > limit * (1 + EXCESS))
         if len(fast):
@@ -64,7 +64,7 @@ def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
                 LogWarning,
             )
     for joint, values in stream.signals("force"):
-        limit = _limit(mechanism, mechanism.model.upperEffortLimit, joint)
+        limit = limit_of(model.upperEffortLimit, joint)
         strong = np.abs(values) > limit * (1 + EXCESS)
         if strong.any():
             warn(
@@ -113,12 +113,9 @@ def _check_stamps(stream: Stream) -> None:
         )
 
 
-# ---- limits -----------------------------------------------------------------------------------
-
-
 def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
     """The stream without rows where a position is far outside the limits of its joint."""
-    lost = np.zeros(len(stream), dtype=bool)
+    lost = np.zeros(len(stream.rows), dtype=bool)
     for joint, values in stream.signals("position"):
         lower, upper = mechanism.limits(joint)
         if not lower < upper:  # limits that leave no room are none
@@ -128,34 +125,24 @@ def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
         distance = np.maximum(lower - values, values - upper)
         outside = distance > OUTSIDE * (upper - lower)
         far = distance > FAR_OUTSIDE * (upper - lower)
-        if far.sum() > MOST_BAD_ROWS * len(values):
-            said = _outside(stream, joint, (lower, upper), values, far)
-            raise LogError(f"{said}; {_advice(mechanism, joint, (lower, upper), values)}")
-        if (outside & ~far).any():
-            said = _outside(stream, joint, (lower, upper), values, outside & ~far)
+        refused = far.sum() > MOST_BAD_ROWS * len(values)
+        told = far if refused else outside & ~far
+        if told.any():
+            said = (
+                f"{stream.source}: {joint} is outside its limits [{lower:g}, {upper:g}] in "
+                f"{rows_text(stream.rows[told])} of {len(values)}, at worst "
+                f"{values[told][np.argmax(distance[told])]:g}"
+            )
+            if refused:
+                straight = mechanism.velocity_indices([joint])[0] in mechanism.prismatic
+                raise LogError(f"{said}; {_advice(straight, lower, upper, values)}")
             warn(f"{said}: kept", LogWarning)
         lost |= far
     return stream.without(lost, "positions far outside the limits of their joints")
 
 
-def _outside(
-    stream: Stream, joint: str, limits: tuple[float, float], values: FloatArray, rows: BoolArray
-) -> str:
-    lower, upper = limits
-    found = values[rows]
-    worst = found[np.argmax(np.maximum(lower - found, found - upper))]
-    return (
-        f"{stream.source}: {joint} is outside its limits [{lower:g}, {upper:g}] in "
-        f"{rows_text(stream.rows[rows])} of {len(values)}, at worst {worst:g}"
-    )
-
-
-def _advice(
-    mechanism: Mechanism, joint: str, limits: tuple[float, float], values: FloatArray
-) -> str:
+def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
     """What change of unit or origin would bring values (R,) inside limits."""
-    lower, upper = limits
-    straight = mechanism.velocity_indices([joint])[0] in mechanism.prismatic
     for name, factor in (UNITS_OF_LENGTH if straight else UNITS_OF_ANGLE).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
@@ -165,18 +152,9 @@ def _advice(
     return "no change of unit brings them inside: are they those of another joint?"
 
 
-def _limit(mechanism: Mechanism, limits: FloatArray, joint: str) -> float:
-    """A limit of a joint; zero stands for none, as exporters write it."""
-    value = float(limits[mechanism.velocity_indices([joint])[0]])
-    return value if value > 0 else np.inf
-
-
-# ---- signals ----------------------------------------------------------------------------------
-
-
 def _without_glitches(stream: Stream) -> Stream:
     """The stream without rows where a force is out of all proportion."""
-    bad = np.zeros(len(stream), dtype=bool)
+    bad = np.zeros(len(stream.rows), dtype=bool)
     for _, values in stream.signals("force"):
         sizes = np.abs(values)
         usual = np.percentile(sizes, 99)
@@ -187,11 +165,10 @@ def _without_glitches(stream: Stream) -> Stream:
 
 def _unwrapped(mechanism: Mechanism, stream: Stream) -> Stream:
     """The stream with joints that turn without end counted on, not reset after each turn."""
-    turning = {j for j, _ in stream.signals("position") if mechanism.joint(j).nq == 2}
-    if not turning:
-        return stream
     values = tuple(
-        np.unwrap(signal) if what.quantity == "position" and what.joint in turning else signal
+        np.unwrap(signal)
+        if what.quantity == "position" and mechanism.joint(what.joint).nq == 2
+        else signal
         for what, signal in zip(stream.channels, stream.values, strict=True)
     )
     return replace(stream, values=values)
@@ -214,7 +191,14 @@ def check_forces(
     configurations, velocity, acceleration = (picked(values, rows) for values in state)
     predicted = force_parts(mechanism, configurations, velocity, acceleration).total
     force, used = picked(force, rows), picked(used, rows)
-    _check_size(name, force, predicted)
+    sizes = [float(np.sqrt((forces**2).mean())) for forces in (force, predicted)]
+    if min(sizes) > 0 and not 1 / WRONG_SIZE <= sizes[0] / sizes[1] <= WRONG_SIZE:
+        warn(
+            f"{name}: the forces are {sizes[0] / sizes[1]:.2g} times as large as the robot file "
+            f"predicts ({sizes[0]:.3g} instead of {sizes[1]:.3g} N or N m, root mean square): are "
+            "they in other units, such as kN, mN or V (force_scale)?",
+            LogWarning,
+        )
     left, factors = _fits(velocity, force, used, predicted)
     count: IntArray = used.sum(axis=0)
     # Motors without any sample have no say at all.
@@ -236,17 +220,6 @@ def check_forces(
                 f"friction of {factors[k, 1]:.3g} N or N m; is its force_scale negative?",
                 LogWarning,
             )
-
-
-def _check_size(name: str, measured: FloatArray, predicted: FloatArray) -> None:
-    sizes = [float(np.sqrt((force**2).mean())) for force in (measured, predicted)]
-    if min(sizes) > 0 and not 1 / WRONG_SIZE <= sizes[0] / sizes[1] <= WRONG_SIZE:
-        warn(
-            f"{name}: the forces are {sizes[0] / sizes[1]:.2g} times as large as the robot file "
-            f"predicts ({sizes[0]:.3g} instead of {sizes[1]:.3g} N or N m, root mean square): are "
-            "they in other units, such as kN, mN or V (force_scale)?",
-            LogWarning,
-        )
 
 
 def _fits(
@@ -275,21 +248,20 @@ def _fits(
 
 def _looks_exchanged(name: str, names: Sequence[str], left: FloatArray) -> bool:
     """Whether the forces fit clearly better in another order of the motors; warns if so."""
-    # Slow to import, and only needed for logs.
-    from scipy.optimize import linear_sum_assignment
+    from scipy.optimize import linear_sum_assignment  # slow to import
 
     order = linear_sum_assignment(left)[1]
     moved = np.flatnonzero(order != np.arange(len(order)))
     best, given = left[moved, order[moved]], left[moved, moved]
-    exchanged = len(moved) > 0 and bool(
-        (best < WELL_FITTED).all() and given.sum() > CLEARLY_BETTER * best.sum()
+    better = (best < WELL_FITTED).all() and given.sum() > CLEARLY_BETTER * best.sum()
+    if not (len(moved) and better):
+        return False
+    fits = ", ".join(f"that of {names[order[k]]} fits {names[k]}" for k in moved.tolist())
+    listed = ", ".join(names[k] for k in moved.tolist())
+    warn(
+        f"{name}: the forces or positions of {listed} look exchanged: "
+        f"of the forces, {fits} ({given.mean():.0%} of their squares stay unexplained in the given "
+        f"order, {best.mean():.0%} exchanged)",
+        LogWarning,
     )
-    if exchanged:
-        fits = ", ".join(f"that of {names[order[k]]} fits {names[k]}" for k in moved.tolist())
-        warn(
-            f"{name}: the forces or positions of {', '.join(names[k] for k in moved.tolist())} "
-            f"look exchanged: of the forces, {fits} ({given.mean():.0%} of their squares stay "
-            f"unexplained in the given order, {best.mean():.0%} exchanged)",
-            LogWarning,
-        )
-    return exchanged
+    return True

@@ -64,69 +64,60 @@ def filter_log(
 ) -> tuple[Filtered, tuple[Dropped, ...]]:
     """Filter, differentiate twice, and then keep as many samples as the cut-off calls for.
 
-    Parameters
-    ----------
-    lowpass : LowPass or None
-        None to differentiate without a filter.
-    saturation : FloatArray
-        (m,), infinite for drives without.
-    decimate : bool
-        Whether to leave samples out.
-    trim : bool
-        Whether to leave out the ends of the stretches.
-
-    Raises
-    ------
-    LogError
-        When all stretches are too short.
+    The saturation (m,) is infinite for drives without; ``decimate`` leaves out samples, and
+    ``trim`` the ends of the stretches.
     """
     from scipy.ndimage import binary_dilation  # here, as it takes a while to import
+
+    def smooth(signal: FloatArray) -> FloatArray:
+        return signal if lowpass is None else lowpass.apply(signal, rate)
 
     dropped, chosen = [], []
     for part in log.parts():
         rate, time = log.rate(part), log.time[part]
-        least = LEAST_SAMPLES if lowpass is None or rate == 0 else lowpass.least_samples(rate)
+        least = 0 if lowpass is None else lowpass.least_samples(rate)
         if len(time) < max(least, LEAST_SAMPLES):
             dropped.append(Dropped.at("stretch too short to filter", time))
             continue
+        reach, step = 0, 1
+        if lowpass is not None:
+            reach = int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
+            # Rates are measured: one a little short of a whole number of times is meant to be it.
+            step = max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)
         # Accelerations are wrong where a filter does not know what comes next.
-        end = _reach(lowpass, rate) if trim else 0
+        end = reach if trim else 0
         if end:
-            ends = np.append(time[:end], time[-end:])
-            dropped.append(Dropped.at("end of a stretch", ends))
-        step = _stride(rate, lowpass) if decimate else 1
-        chosen.append((part, np.arange(part.start + end, part.stop - end, step)))
+            dropped.append(Dropped.at("end of a stretch", np.append(time[:end], time[-end:])))
+        rows = np.arange(part.start + end, part.stop - end, step if decimate else 1)
+        chosen.append((part, reach, rows))
     if not chosen:
         longest = max(one.count for one in dropped)
         raise LogError(
             f"{log.name}: all stretches without gaps are too short to filter, the longest has "
             f"{longest} samples"
         )
-    samples = np.concatenate([rows for _, rows in chosen])
-    shape, full = (len(samples), len(log.joints)), np.empty((len(samples), len(log.joints)), bool)
+    samples = np.concatenate([rows for _, _, rows in chosen])
+    shape = len(samples), len(log.joints)
+    saturated = np.empty(shape, dtype=bool)
     position, velocity, acceleration, force = (empty_columns(*shape) for _ in range(4))
     done = 0
-    for part, rows in chosen:
+    for part, reach, rows in chosen:
         rate, inner, place = log.rate(part), rows - part.start, slice(done, done + len(rows))
-        around = np.ones(2 * _reach(lowpass, rate) + 1, dtype=bool)
         done += len(rows)
         for k, limit in enumerate(saturation):
             release_pages()
             raw, at = log.force[part, k], (place, k)
             near_limit = np.abs(raw) >= limit * (1.0 - SATURATION_TOLERANCE)
-            full[at] = binary_dilation(near_limit, around)[inner]
-            force[at] = _filtered(raw, lowpass, rate)[inner]
-            signal = _filtered(log.position[part, k], lowpass, rate)
+            saturated[at] = binary_dilation(near_limit, np.ones(2 * reach + 1, dtype=bool))[inner]
+            force[at] = smooth(raw)[inner]
+            signal = smooth(log.position[part, k])
             position[at] = signal[inner]
             signal = differentiate(signal, rate)
             velocity[at] = signal[inner]
             acceleration[at] = differentiate(signal, rate)[inner]
-    tables = position, velocity, acceleration, force
-    return Filtered(log.time[samples], *tables, full, log.stretches[samples]), (*dropped,)
-
-
-def _filtered(signal: FloatArray, lowpass: LowPass | None, rate: float) -> FloatArray:
-    return signal if lowpass is None else lowpass.apply(signal, rate)
+    tables = position, velocity, acceleration, force, saturated
+    filtered = Filtered(log.time[samples], *tables, log.stretches[samples])
+    return filtered, tuple(dropped)
 
 
 def idle_speeds(mechanism: Mechanism, velocity: FloatArray) -> FloatArray:
@@ -149,17 +140,3 @@ def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     largest = np.array([max(column.max(), -column.min()) for column in force.T])
     exceeded = largest > limits * (1.0 + SATURATION_TOLERANCE)
     return np.where((limits > 0) & ~exceeded, limits, np.inf)
-
-
-def _reach(lowpass: LowPass | None, rate: float) -> int:
-    """Samples around each other that a filter mixes."""
-    if lowpass is None:
-        return 0
-    return int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
-
-
-def _stride(rate: float, lowpass: LowPass | None) -> int:
-    if lowpass is None:
-        return 1
-    # Rates are measured: one that is a little short of a whole number of times is meant to be it.
-    return max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)

@@ -14,6 +14,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from decimal import Decimal
 from functools import cached_property
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.errors import LogError, LoopidError, MissingExtraError, MissingFileError
+from loopid.errors import LogError, LoopidError, MissingExtraError
 from loopid.scratch import row_blocks
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -62,6 +63,7 @@ class LogFormat(ABC):
     """A log of some format; of one with a ``choice``, perhaps only the chosen stream."""
 
     name: ClassVar[str]  # in a mapping
+    endings: ClassVar[tuple[str, ...]]  # of the files' names
     choice: ClassVar[str | None] = None  # the key of a mapping that chooses among the streams
     ordered: ClassVar[bool] = True  # whether the columns stand in an order that says something
 
@@ -70,9 +72,9 @@ class LogFormat(ABC):
         self.chosen = chosen
 
     @classmethod
-    @abstractmethod
     def accepts(cls, path: Path) -> bool:
         """Whether a path looks like a log of this format."""
+        return path.name.lower().endswith(cls.endings) and not path.is_dir()
 
     @abstractmethod
     def columns(self) -> Mapping[str, tuple[str, ...]]:
@@ -89,6 +91,15 @@ class LogFormat(ABC):
     @abstractmethod
     def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
         """Some columns of a stream that share their rows; a LogError when they cannot be read."""
+
+
+def stream_name(path: Path) -> str:
+    """Name of the stream in a file: the file's name without its endings."""
+    name = path.name
+    for ending in (PACKED, *TEXT_ENDINGS, *OTHER_ENDINGS):
+        if name.lower().endswith(ending):
+            name = name[: -len(ending)]
+    return name
 
 
 # ---- cells ------------------------------------------------------------------------------------
@@ -109,10 +120,7 @@ def numbers_in(source: str, column: polars.Series) -> FloatArray:
 def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
     """A column of times as whole nanoseconds (R,), exact; ``NO_STAMP`` for other cells.
 
-    Parameters
-    ----------
-    unit : int
-        Nanoseconds of one unit of the column; dates and durations know theirs.
+    The unit is in nanoseconds; dates and durations know theirs.
     """
     import polars
 
@@ -147,14 +155,19 @@ def _exact(cell: str | None, unit: int) -> int:
 # ---- text -------------------------------------------------------------------------------------
 
 
+class Header(NamedTuple):
+    """Names of the columns, what separates cells, and lines before the first sample."""
+
+    names: tuple[str, ...]
+    separator: str | None
+    lines: int
+
+
 class TextFormat(LogFormat):
     """One table of text: a header, then one sample a line; packed with gzip or not."""
 
     name = "csv"
-
-    @classmethod
-    def accepts(cls, path: Path) -> bool:
-        return is_text_name(path) and not path.is_dir()
+    endings = (*TEXT_ENDINGS, *(f"{ending}{PACKED}" for ending in TEXT_ENDINGS))
 
     @cached_property
     def _files(self) -> dict[str, Path]:
@@ -167,7 +180,37 @@ class TextFormat(LogFormat):
         return str(self._files[stream])
 
     def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
-        return read_text(self._files[stream], names)
+        """Some columns as text.
+
+        Polars splits the lines and Python counts their cells: Polars alone fills short rows, cuts
+        long ones, passes over blank ones, and numbers none.
+        """
+        path = self._files[stream]
+        header, read, found = read_header(path), 0, 0
+        separator, width = (header.separator or " ").encode(), len(header.names)
+        places = {name: header.names.index(name) for name in names}
+        with closing(_lines(path)) as blocks:
+            for lines in blocks:
+                numbered = [
+                    (row, line)
+                    for row, line in enumerate(lines, read + 1)
+                    if row > header.lines and line.strip()
+                ]
+                read, cut_off = read + len(lines), None
+                if numbered and not numbered[-1][1].endswith(b"\n"):
+                    cut_off, _ = numbered.pop()
+                if header.separator is None:
+                    numbered = [(row, b" ".join(line.split()) + b"\n") for row, line in numbered]
+                fine = [line.count(separator) == width - 1 for _, line in numbered]
+                text = b"".join(line for _, line in compress(numbered, fine))
+                if header.separator != ",":
+                    text = text.replace(b",", b".")  # decimal commas
+                rows, whole = np.array([row for row, _ in numbered], np.int64), np.array(fine, bool)
+                found += sum(fine)
+                cells = _cells(text, separator.decode(), places)
+                yield Batch(cells, rows[whole], rows[~whole], cut_off)
+        if not found:
+            raise LogError(f"{path} has no rows of {width} cells below its header")
 
 
 class FolderFormat(TextFormat):
@@ -181,7 +224,7 @@ class FolderFormat(TextFormat):
 
     @cached_property
     def _files(self) -> dict[str, Path]:
-        files = [file for file in sorted(self.path.glob("*")) if is_text_name(file)]
+        files = [f for f in sorted(self.path.glob("*")) if f.name.lower().endswith(self.endings)]
         if not files:
             raise LogError(
                 f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz"
@@ -196,38 +239,9 @@ class FolderFormat(TextFormat):
         return found
 
 
-class Header(NamedTuple):
-    """Names of the columns, what separates cells, and lines before the first sample."""
-
-    names: tuple[str, ...]
-    separator: str | None
-    lines: int
-
-
-def is_text_name(path: Path) -> bool:
-    """Whether a file is called like a table of text."""
-    return path.name.lower().removesuffix(PACKED).endswith(TEXT_ENDINGS)
-
-
-def stream_name(path: Path) -> str:
-    """Name of the stream in a file: the file's name without its endings."""
-    name = path.name
-    for ending in (PACKED, *TEXT_ENDINGS, *OTHER_ENDINGS):
-        if name.lower().endswith(ending):
-            name = name[: -len(ending)]
-    return name
-
-
 def read_header(path: Path) -> Header:
-    """The first line that is no comment or, above bare numbers, the last comment.
-
-    Raises
-    ------
-    MissingFileError, LogError
-        When there is no such file, or no header in it.
-    """
-    first: tuple[int, str] | None = None
-    comment: tuple[int, str] | None = None
+    """The first line that is no comment or, above bare numbers, the last comment."""
+    first = found = None
     with closing(_lines(path)) as blocks:
         for row, data in enumerate((line for block in blocks for line in block), 1):
             line = data.decode("utf-8", "replace").rstrip("\r\n")
@@ -235,20 +249,16 @@ def read_header(path: Path) -> Header:
             if not line.strip():
                 continue
             first = first or (row, line)
-            if not line.startswith(COMMENT):
-                if not _is_sample(line):
-                    return _header(path, row, line)
+            comment = line.startswith(COMMENT)
+            if comment or not _is_sample(line):
+                found = row, line.lstrip(COMMENT).strip()
+            if not comment:
                 break
-            comment = row, line
-    if comment is not None:
-        return _header(path, *comment)
     if first is None:
         raise LogError(f"{path} is empty")
-    raise LogError(f"{path} has no header: row {first[0]} holds numbers, {first[1]!r:.60}")
-
-
-def _header(path: Path, row: int, line: str) -> Header:
-    text = line.lstrip(COMMENT).strip()
+    if found is None:
+        raise LogError(f"{path} has no header: row {first[0]} holds numbers, {first[1]!r:.60}")
+    row, text = found
     if not text.replace("\t", " ").isprintable():
         raise LogError(f"{path} is no text: its first row is {text!r:.60}")
     separator = _separator(text)
@@ -272,43 +282,6 @@ def _is_sample(line: str) -> bool:
         return bool([float(cell) for cell in cells if cell])
     except ValueError:
         return False
-
-
-def read_text(path: Path, names: Sequence[str]) -> Iterator[Batch]:
-    """Some columns of a table of text, as text.
-
-    Polars splits the lines and Python counts their cells: Polars alone fills short rows, cuts long
-    ones, passes over blank ones, and numbers none.
-
-    Raises
-    ------
-    MissingFileError, LogError
-        When it is not there, or no table.
-    """
-    header, read, found = read_header(path), 0, 0
-    separator, width = (header.separator or " ").encode(), len(header.names)
-    places = {name: header.names.index(name) for name in names}
-    with closing(_lines(path)) as blocks:
-        for lines in blocks:
-            numbered = [(row, line) for row, line in enumerate(lines, read + 1) if line.strip()]
-            numbered = [(row, line) for row, line in numbered if row > header.lines]
-            read, cut_off = read + len(lines), None
-            if numbered and not numbered[-1][1].endswith(b"\n"):
-                cut_off, _ = numbered.pop()
-            if header.separator is None:
-                numbered = [(row, b" ".join(line.split()) + b"\n") for row, line in numbered]
-            whole: list[tuple[int, bytes]] = []
-            garbled: list[tuple[int, bytes]] = []
-            for row, line in numbered:
-                (whole if line.count(separator) == width - 1 else garbled).append((row, line))
-            found += len(whole)
-            text = b"".join(line for _, line in whole)
-            if header.separator != ",":
-                text = text.replace(b",", b".")  # decimal commas
-            rows, others = (np.array([n for n, _ in part], np.int64) for part in (whole, garbled))
-            yield Batch(_cells(text, separator.decode(), places), rows, others, cut_off)
-    if not found:
-        raise LogError(f"{path} has no rows of {len(header.names)} cells below its header")
 
 
 def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.DataFrame:
@@ -338,8 +311,6 @@ def _lines(path: Path) -> Generator[list[bytes]]:
             content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
             while lines := content.readlines(BATCH_BYTES):
                 yield lines
-    except FileNotFoundError as error:
-        raise MissingFileError(f"there is no log {path}") from error
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{path} cannot be read: {error}") from error
 
@@ -351,10 +322,7 @@ class NpzFormat(LogFormat):
     """Arrays (R,) are columns; a matrix ``x`` (R, k) stands for columns ``x_0`` to ``x_k-1``."""
 
     name = "npz"
-
-    @classmethod
-    def accepts(cls, path: Path) -> bool:
-        return path.suffix.lower() == ".npz" and not path.is_dir()
+    endings = (".npz",)
 
     @cached_property
     def _columns(self) -> dict[str, NDArray[Any]]:
@@ -376,18 +344,14 @@ class NpzFormat(LogFormat):
         columns = {name: self._columns[name] for name in names}
         lengths = {name: len(column) for name, column in columns.items()}
         for rows in row_blocks(common_length(self.path, lengths), BATCH_ROWS):
-            numbers = np.arange(rows.start + 1, rows.stop + 1)
-            yield array_batch(self.path, {n: c[rows] for n, c in columns.items()}, numbers)
+            yield array_batch(self.path, {n: c[rows] for n, c in columns.items()}, numbers(rows))
 
 
 class ParquetFormat(LogFormat):
     """One table."""
 
     name = "parquet"
-
-    @classmethod
-    def accepts(cls, path: Path) -> bool:
-        return path.suffix.lower() in (".parquet", ".pq") and not path.is_dir()
+    endings = (".parquet", ".pq")
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         with refusals(self.path, "Parquet file"):
@@ -407,7 +371,7 @@ class ParquetFormat(LogFormat):
                     raise LogError(
                         f"{self.path} is damaged: it has fewer rows than it says, {count}"
                     )
-                yield Batch(part, np.arange(rows.start + 1, rows.stop + 1))
+                yield Batch(part, numbers(rows))
 
     def _scan(self) -> polars.LazyFrame:
         import polars
@@ -420,13 +384,7 @@ class Column(NamedTuple):
     """A column in an HDF5 file: all of an array, a column of a matrix, or a field of a table."""
 
     array: str
-    place: int | str | None
-
-    def of(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """The column (R,) in some rows of its array."""
-        if self.place is None:
-            return rows
-        return rows[self.place] if isinstance(self.place, str) else rows[:, self.place]
+    place: Any = ...  # index behind that of the rows, or name of the field
 
 
 class Hdf5Format(LogFormat):
@@ -437,12 +395,9 @@ class Hdf5Format(LogFormat):
     """
 
     name = "hdf5"
+    endings = (".h5", ".hdf5")
     choice = "group"
     ordered = False  # groups list their arrays by name
-
-    @classmethod
-    def accepts(cls, path: Path) -> bool:
-        return path.suffix.lower() in (".h5", ".hdf5") and not path.is_dir()
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {stream: tuple(columns) for stream, columns in self._streams.items()}
@@ -454,9 +409,12 @@ class Hdf5Format(LogFormat):
             lengths = {name: len(arrays[place.array]) for name, place in places.items()}
             for rows in row_blocks(common_length(self.path, lengths), BATCH_ROWS):
                 blocks = {array: values[rows] for array, values in arrays.items()}
-                columns = {name: place.of(blocks[place.array]) for name, place in places.items()}
-                numbers = np.arange(rows.start + 1, rows.stop + 1)
-                yield array_batch(self.path, columns, numbers)
+                columns = {
+                    name: block[place if isinstance(place, str) else (slice(None), place)]
+                    for name, (array, place) in places.items()
+                    for block in (blocks[array],)
+                }
+                yield array_batch(self.path, columns, numbers(rows))
 
     @contextmanager
     def _opened(self) -> Iterator[h5py.File]:
@@ -474,12 +432,13 @@ class Hdf5Format(LogFormat):
         with optional("h5py"):
             import h5py
         streams: dict[str, dict[str, Column]] = {}
+        groups: list[str] = []
 
         def collect(_: str, item: Any) -> None:
             if not isinstance(item, h5py.Dataset) or not item.shape:
                 return
             columns = streams.setdefault(item.parent.name, {})
-            for name, column in _hdf5_columns(self.path, item).items():
+            for name, column in self._columns_of(item).items():
                 if name in columns:
                     raise LogError(
                         f"{self.path}: group {item.parent.name} has column {name!r} in "
@@ -490,7 +449,11 @@ class Hdf5Format(LogFormat):
         with self._opened() as file:
             start = file if self.chosen is None else file.get(self.chosen)
             if not isinstance(start, h5py.Group):
-                raise LogError(f"{self.path} has no group {self.chosen!r}: {_groups(file)}")
+                file.visititems(
+                    lambda at, x: groups.append(at) if isinstance(x, h5py.Group) else None
+                )
+                valid = f"choose among {', '.join(groups)}" if groups else "it has no groups"
+                raise LogError(f"{self.path} has no group {self.chosen!r}: {valid}")
             start.visititems(collect)
             place = start.name
         streams = {name: columns for name, columns in streams.items() if columns}
@@ -498,36 +461,27 @@ class Hdf5Format(LogFormat):
             raise LogError(f"{self.path} holds no arrays with one or two axes in {place}")
         return streams
 
-
-def _groups(file: h5py.File) -> str:
-    import h5py
-
-    names: list[str] = []
-    file.visititems(lambda at, item: names.append(at) if isinstance(item, h5py.Group) else None)
-    return f"choose among {', '.join(names)}" if names else "it has no groups"
-
-
-def _hdf5_columns(path: Path, array: h5py.Dataset) -> dict[str, Column]:
-    name = array.name.rsplit("/", 1)[-1]
-    if array.ndim == 1:
-        if array.dtype.names is None:
-            return {name: Column(array.name, None)}
-        fields = [field for field in array.dtype.names if not array.dtype[field].shape]
-        return {field: Column(array.name, field) for field in fields}
-    if array.ndim != 2 or array.shape[1] > WIDEST:
-        return {}
-    names = [f"{name}_{k}" for k in range(array.shape[1])]
-    given = array.attrs.get("columns")
-    if given is not None:  # as texts, or as one text with commas
-        cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
-        texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
-        names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
-    if len(names) != array.shape[1] or len(set(names)) < len(names):
-        raise LogError(
-            f"{path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
-            f"different names, not {', '.join(names)}"
-        )
-    return {name: Column(array.name, k) for k, name in enumerate(names)}
+    def _columns_of(self, array: h5py.Dataset) -> dict[str, Column]:
+        name = array.name.rsplit("/", 1)[-1]
+        if array.ndim == 1:
+            if array.dtype.names is None:
+                return {name: Column(array.name)}
+            fields = [field for field in array.dtype.names if not array.dtype[field].shape]
+            return {field: Column(array.name, field) for field in fields}
+        if array.ndim != 2 or array.shape[1] > WIDEST:
+            return {}
+        names = [f"{name}_{k}" for k in range(array.shape[1])]
+        given = array.attrs.get("columns")
+        if given is not None:  # as texts, or as one text with commas
+            cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
+            texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
+            names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
+        if len(names) != array.shape[1] or len(set(names)) < len(names):
+            raise LogError(
+                f"{self.path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
+                f"different names, not {', '.join(names)}"
+            )
+        return {name: Column(array.name, k) for k, name in enumerate(names)}
 
 
 def common_length(path: Path, lengths: Mapping[str, int]) -> int:
@@ -542,6 +496,11 @@ def common_length(path: Path, lengths: Mapping[str, int]) -> int:
     return next(iter(lengths.values()))
 
 
+def numbers(rows: slice) -> IntArray:
+    """Numbers of rows, from 1."""
+    return np.arange(rows.start + 1, rows.stop + 1)
+
+
 def array_batch(source: str | Path, columns: Mapping[str, NDArray[Any]], rows: IntArray) -> Batch:
     """Columns (R,) of numbers or times, with the numbers of their rows."""
     import polars
@@ -552,7 +511,7 @@ def array_batch(source: str | Path, columns: Mapping[str, NDArray[Any]], rows: I
             raise LogError(f"{source}: column {name!r} holds {column.dtype}, not numbers")
         # Polars takes neither every size and order of bytes, nor every unit of time.
         kind: Any = np.float64 if column.dtype.kind == "f" else column.dtype.newbyteorder("=")
-        if kind != np.float64 and kind.kind in "mM":
+        if column.dtype.kind in "mM":
             unit = np.datetime_data(kind)[0]
             kind = f"{kind.kind}8[{unit if unit in ('ms', 'us', 'ns') else 'ms'}]"
         cells[name] = column.astype(kind, copy=False)
@@ -572,12 +531,17 @@ def refusals(path: Path, kind: str) -> Iterator[None]:
 
     try:
         yield
-    except FileNotFoundError as error:
-        raise MissingFileError(f"there is no log {path}") from error
     except (LoopidError, Warning):
         raise
     except (Exception, PanicException) as error:
-        raise LogError(f"{path} is no {kind}, or is damaged: {_reason(error)}") from error
+        said = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, MemoryError | OverflowError):
+            said = "a size in it is beyond all memory"
+        elif isinstance(error, KeyError) and error.args:
+            name = error.args[0]
+            said = f"{name.decode() if isinstance(name, bytes) else name!r} is missing"
+        said = said if len(said) <= LONGEST_REASON else f"{said[:LONGEST_REASON]} ..."
+        raise LogError(f"{path} is no {kind}, or is damaged: {said}") from error
 
 
 @contextmanager
@@ -587,13 +551,3 @@ def optional(package: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise MissingExtraError(package, "logs") from error
-
-
-def _reason(error: BaseException) -> str:
-    if isinstance(error, MemoryError | OverflowError):
-        return "a size in it is beyond all memory"
-    if isinstance(error, KeyError):
-        name = error.args[0] if error.args else ""
-        return f"{name.decode() if isinstance(name, bytes) else name!r} is missing"
-    said = " ".join(str(error).split()) or type(error).__name__
-    return said if len(said) <= LONGEST_REASON else f"{said[:LONGEST_REASON]} ..."

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, LogError, MissingFileError, OptionError
 from loopid.files import why_no_file
-from loopid.logs.alignment import align
 from loopid.logs.bags import BagFormat
 from loopid.logs.checks import check_moving, checked_stream
 from loopid.logs.formats import (
@@ -27,9 +25,8 @@ from loopid.logs.formats import (
     stream_name,
 )
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
-from loopid.logs.streams import Dropped, Stream, make_stream
-from loopid.robot import Mechanism
-from loopid.robot.locking import lock_options
+from loopid.logs.streams import Dropped, Stream, align, make_stream
+from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
 # The first that accepts a path reads it.
@@ -81,7 +78,7 @@ class Log:
         time = finite_rows(self.time, "time")
         if time.ndim != 1 or not len(time) or (np.diff(time) <= 0).any():
             raise DataError("the time of a log must be a row of increasing numbers")
-        numbers: NDArray[Any] = self.stretches
+        numbers: Any = self.stretches
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu":
             numbers = finite(numbers, "stretches")
         if numbers.shape != time.shape or (np.diff(numbers) < 0).any():
@@ -181,38 +178,15 @@ def read_log(
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
     streams = [checked_stream(mechanism, stream) for stream in read_streams(place, joints, mapping)]
     check_moving(streams)
-    aligned = align(streams, joints)
-    saturation = mapping.by_joint(str(place), "saturation", joints)
-    return Log(
-        name=stream_name(place.resolve()),
-        joints=joints,
-        time=aligned.time,
-        position=aligned.position,
-        force=aligned.force,
-        stretches=aligned.stretches,
-        dropped=aligned.dropped,
-        saturation=None if mapping.saturation is None else np.array(saturation),
-        idle_speed=mapping.idle_speed,
-    )
+    saturation = None
+    if mapping.saturation is not None:
+        saturation = np.array(mapping.by_joint(str(place), "saturation", joints))
+    name, aligned = stream_name(place.resolve()), align(streams, joints)
+    return Log(name, joints, *aligned, saturation, mapping.idle_speed)
 
 
 def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> list[Stream]:
     """The streams that hold positions or forces, that of the first position first."""
-    chosen = _format(path, mapping)
-    log = chosen(path, getattr(mapping, chosen.choice) if chosen.choice else None)
-    finder = ColumnFinder(str(path), log.columns(), chosen, mapping)
-    streams = []
-    for name, channels in finder.channels(joints).items():
-        time = finder.time(name)
-        for columns in log.together(name, [channel.column for channel in channels]):
-            batches = log.batches(name, [*time.names, *columns])
-            here = tuple(channel for channel in channels if channel.column in columns)
-            streams.append(make_stream(log.source(name), batches, time, here))
-    return streams
-
-
-def _format(path: Path, mapping: LogMapping) -> type[LogFormat]:
-    """The format that a mapping names, by default what the path looks like."""
     for known in FORMATS:
         if known.name == mapping.format or (mapping.format is None and known.accepts(path)):
             break
@@ -228,17 +202,20 @@ def _format(path: Path, mapping: LogMapping) -> type[LogFormat]:
                 f"{path}: {key} {getattr(mapping, key)!r} of the mapping chooses nothing in a log "
                 f"of format {known.name}"
             )
-    return known
+    log = known(path, getattr(mapping, known.choice) if known.choice else None)
+    finder = ColumnFinder(str(path), log.columns(), known, mapping)
+    streams = []
+    for name, channels in finder.channels(joints).items():
+        time = finder.time(name)
+        for columns in log.together(name, [channel.column for channel in channels]):
+            batches = log.batches(name, [*time.names, *columns])
+            here = tuple(channel for channel in channels if channel.column in columns)
+            streams.append(make_stream(log.source(name), batches, time, here))
+    return streams
 
 
 def require_known_motion(mechanism: Mechanism) -> None:
-    """Refuse mechanisms whose configuration does not follow from one position a motor.
-
-    Raises
-    ------
-    OptionError
-        Naming the coordinates that no motor tells, or the motors with several.
-    """
+    """Refuse mechanisms whose configuration does not follow from one position a motor."""
     if mechanism.free:
         raise OptionError(
             f"a log of the motors does not tell where {', '.join(mechanism.free)} of "

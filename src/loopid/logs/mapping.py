@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-import polars
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import checked
@@ -16,6 +16,9 @@ from loopid.arrays import IntArray
 from loopid.errors import LogError, MissingFileError, OptionError
 from loopid.loading import Section, first_problem, read_yaml
 from loopid.logs.formats import NO_STAMP, UNITS, LogFormat, stamps_in
+
+if TYPE_CHECKING:
+    import polars
 
 # Names that are known without a mapping, whatever their case: of the time,
 TIME_PAIRS = (("time_sec", "time_nanosec"), ("sec", "nanosec"), ("secs", "nsecs"))
@@ -128,12 +131,18 @@ class LogMapping(Section):
                 raise ValueError(f"{name} must not be 0")
         return self
 
-    def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[float]:
-        """Numbers in the order of the motors, from one for all or one each."""
+    def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
+        """What is given for all or by joint, in the order of the motors."""
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        _refuse_other_joints(source, key, given, joints)
+        unknown = [name for name in given if name not in joints]
+        missing = [name for name in joints if name not in given]
+        if unknown or missing:
+            problem = f"names {unknown[0]!r}" if unknown else f"leaves out {missing[0]}"
+            raise LogError(
+                f"{source}: {key} of the mapping {problem}: give the motors {', '.join(joints)}"
+            )
         return [given[joint] for joint in joints]
 
 
@@ -209,18 +218,18 @@ class ColumnFinder:
     mapping: LogMapping
 
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
-        """The columns of positions and forces by stream, that of the first position first.
-
-        Raises
-        ------
-        LogError
-            Naming the joint, and the columns that there are.
-        """
+        """The columns of positions and forces by stream, that of the first position first."""
         found: dict[Place, Channel] = {}
         for quantity in ("position", "force"):
+            places = self._motor_columns(joints, quantity)
+            if len(places) != len(joints):
+                raise LogError(
+                    f"{self.source} has {len(places)} columns for the {quantity} "
+                    f"({', '.join(place.column for place in places)}), but the robot has "
+                    f"{len(joints)} motors: {', '.join(joints)}"
+                )
             scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
             offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
-            places = self._motor_columns(joints, quantity)
             for joint, place, *linear in zip(joints, places, scales, offsets, strict=True):
                 if place in found:
                     raise LogError(
@@ -234,25 +243,19 @@ class ColumnFinder:
         return streams
 
     def time(self, stream: str) -> TimeColumn:
-        """The time of a stream.
-
-        Raises
-        ------
-        LogError
-            When it is not found, or there are several.
-        """
+        """The time of a stream; a LogError when it is not found, or there are several."""
         given = self.mapping.time
         if given is not None:
             columns = [n for n in (given.column, given.seconds, given.nanoseconds) if n is not None]
             for name in columns:
-                if name not in self._of_stream(stream):
+                if name not in self.streams[stream]:
                     raise LogError(
                         f"{self.source}: {stream} has no column {name!r} for the time: "
                         f"{self._choices()}"
                     )
             unit = UNITS[given.unit] if given.column is not None else UNITS["s"]
             return TimeColumn(columns[0], unit, *columns[1:])
-        names = {name.casefold(): name for name in self._of_stream(stream)}
+        names = {name.casefold(): name for name in self.streams[stream]}
         for seconds, nanoseconds in TIME_PAIRS:
             if seconds in names and nanoseconds in names:
                 return TimeColumn(names[seconds], UNITS["s"], names[nanoseconds])
@@ -266,28 +269,47 @@ class ColumnFinder:
         )
 
     def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
+        """Columns of a quantity in the order of the motors."""
         given = self.mapping.position if quantity == "position" else self.mapping.force
         if isinstance(given, StreamColumns):
-            places = self._listed(given)
-        elif given is not None:
-            _refuse_other_joints(self.source, quantity, given, joints)
-            places = [self._find(given[joint]) for joint in joints]
-        else:
-            places = self._numbered(quantity)
-            places = places or [self._named(joint, quantity) for joint in joints]
-        if len(places) != len(joints):
-            raise LogError(
-                f"{self.source} has {len(places)} columns for the {quantity} "
-                f"({', '.join(place.column for place in places)}), but the robot has "
-                f"{len(joints)} motors: {', '.join(joints)}"
-            )
+            return self._listed(given)
+        if given is not None:
+            return [
+                self._find(name) for name in self.mapping.by_joint(self.source, quantity, joints)
+            ]
+        for prefix in WITH_NUMBER[quantity]:  # such as position_0
+            places: list[Place] = []
+            while found := self._matching([f"{prefix}_{len(places)}"]):
+                places.append(self._only(f"motor {len(places)}", quantity, found))
+            if places:
+                return places
+        for joint in joints:  # such as leg1.force, leg1_force, force.leg1; a position also leg1
+            names = [
+                name
+                for word in WITH_JOINT[quantity]
+                for name in (
+                    f"{joint}.{word}",
+                    f"{joint}_{word}",
+                    f"{word}.{joint}",
+                    f"{word}_{joint}",
+                )
+            ]
+            found = self._matching([*names, joint] if quantity == "position" else names)
+            if not found:
+                raise LogError(
+                    f"{self.source} has no {quantity} of {joint}: call a column {names[0]}, or "
+                    f"name it in a mapping; {self._choices()}"
+                )
+            places.append(self._only(joint, quantity, found))
         return places
 
     def _listed(self, given: StreamColumns) -> list[Place]:
         """Columns in the order of the motors; by default all of a stream but its time."""
         if given.stream is None:
             return [self._find(name) for name in given.columns or []]
-        names = self._of_stream(given.stream)
+        if given.stream not in self.streams:
+            valid = ", ".join(self.streams)
+            raise LogError(f"{self.source} has no stream {given.stream!r}: choose among {valid}")
         if given.columns is not None:
             return [self._find(f"{given.stream}:{name}") for name in given.columns]
         if not self.format.ordered:
@@ -295,31 +317,8 @@ class ColumnFinder:
                 f"{self.source}: the columns of {given.stream} stand in no order: list them in "
                 f"that of the motors; {self._choices()}"
             )
-        times = self.time(given.stream).names
+        times, names = self.time(given.stream).names, self.streams[given.stream]
         return [Place(given.stream, name) for name in names if name not in times]
-
-    def _numbered(self, quantity: str) -> list[Place]:
-        """Columns such as ``position_0``, in the order of the motors; none without a first."""
-        for prefix in WITH_NUMBER[quantity]:
-            places: list[Place] = []
-            while found := self._matching([f"{prefix}_{len(places)}"]):
-                places.append(self._only(f"motor {len(places)}", quantity, found))
-            if places:
-                return places
-        return []
-
-    def _named(self, joint: str, quantity: str) -> Place:
-        """As in ``leg1.force``, ``leg1_force``, ``force.leg1``; a position may be the joint."""
-        names = []
-        for word in WITH_JOINT[quantity]:
-            names += [f"{joint}.{word}", f"{joint}_{word}", f"{word}.{joint}", f"{word}_{joint}"]
-        found = self._matching([*names, joint] if quantity == "position" else names)
-        if not found:
-            raise LogError(
-                f"{self.source} has no {quantity} of {joint}: call a column {names[0]}, or "
-                f"name it in a mapping; {self._choices()}"
-            )
-        return self._only(joint, quantity, found)
 
     def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
         if len(found) > 1:
@@ -333,7 +332,7 @@ class ColumnFinder:
 
     def _find(self, reference: str) -> Place:
         """The column called ``column`` or ``stream:column``."""
-        found = [place for place in self._places() if reference in (place.column, str(place))]
+        found = [place for place in self._places if reference in (place.column, str(place))]
         if not found:
             raise LogError(f"{self.source} has no column {reference!r}: {self._choices()}")
         if len(found) > 1:
@@ -344,36 +343,18 @@ class ColumnFinder:
     def _matching(self, names: Iterable[str]) -> list[Place]:
         """Columns with one of the names, whatever their case."""
         wanted = {name.casefold() for name in names}
-        return [place for place in self._places() if place.column.casefold() in wanted]
-
-    def _of_stream(self, stream: str) -> tuple[str, ...]:
-        if stream not in self.streams:
-            valid = ", ".join(self.streams)
-            raise LogError(f"{self.source} has no stream {stream!r}: choose among {valid}")
-        return self.streams[stream]
+        return [place for place in self._places if place.column.casefold() in wanted]
 
     def _choices(self) -> str:
         """The columns, for messages."""
         several = len(self.streams) > 1
-        names = [str(place) if several else place.column for place in self._places()]
+        names = [str(place) if several else place.column for place in self._places]
         more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
         listed = ", ".join(f"{name:.60}" for name in names[:MOST_LISTED])
         unread = [stream for stream, columns in self.streams.items() if not columns]
         ends = f" (no header in {', '.join(unread)})" if unread else ""
         return f"choose among {listed}{more}{ends}"
 
+    @cached_property
     def _places(self) -> list[Place]:
         return [Place(stream, column) for stream, names in self.streams.items() for column in names]
-
-
-def _refuse_other_joints(
-    source: str, key: str, given: Mapping[str, object], joints: Sequence[str]
-) -> None:
-    """Refuse a mapping by joint that names others, or leaves some out."""
-    unknown = [name for name in given if name not in joints]
-    missing = [name for name in joints if name not in given]
-    if unknown or missing:
-        problem = f"names {unknown[0]!r}" if unknown else f"leaves out {missing[0]}"
-        raise LogError(
-            f"{source}: {key} of the mapping {problem}: give the motors {', '.join(joints)}"
-        )

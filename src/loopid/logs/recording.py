@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from html import escape
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.checks import check_forces
-from loopid.logs.filtering import Filtered, default_lowpass, filter_log, idle_speeds, saturation_of
+from loopid.logs.filtering import default_lowpass, filter_log, idle_speeds, saturation_of
 from loopid.logs.log import Log, require_known_motion
-from loopid.logs.streams import Dropped, flagged
+from loopid.logs.streams import Dropped
 from loopid.parameters import html_table
 from loopid.progress import Progress
 from loopid.robot import Mechanism
@@ -117,9 +117,8 @@ class Recording:
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""
-        motion = JointMotion(*(getattr(self.motion, f.name)[rows] for f in fields(JointMotion)))
         chosen = {name: getattr(self, name)[rows] for name in ("force", "used", "stretches")}
-        return replace(self, motion=motion, **chosen)
+        return replace(self, motion=self.motion.select(rows), **chosen)
 
 
 @checked
@@ -206,9 +205,15 @@ def prepare_recording(
         limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
     signals, ends = filter_log(log, chosen, limits, decimate, trim)
     columns = [log.joints.index(name) for name in mechanism.independent]
-    path = _follow(mechanism, log.name, signals, columns, start, progress)
-    stretches = _renumbered(signals.stretches, path.good)
-    signals = signals.select(path.good)
+
+    def of_independent(values: FloatArray) -> FloatArray:
+        return mapped_rows(lambda rows: values[rows][:, columns], len(values))
+
+    configurations, singularity, good, lost = _assembled(
+        mechanism, log.name, signals.time, of_independent(signals.position), start, progress
+    )
+    stretches = _renumbered(signals.stretches, good)
+    signals = signals.select(good)
     known = log.idle_speed if idle_speed is None else idle_speed
     if known is None:
         speeds = idle_speeds(mechanism, signals.velocity)
@@ -218,19 +223,12 @@ def prepare_recording(
     used = ~(idle | signals.saturated)
     if not used.any():
         raise LogError(f"{log.name}: no force can be used, as all motors stand or are saturated")
-    unused = (
-        *flagged([f"{joint} stands still" for joint in log.joints], idle, signals.time),
-        *flagged(
-            [f"{joint} is saturated" for joint in log.joints], signals.saturated, signals.time
-        ),
-    )
-    velocity, acceleration = (
-        mapped_rows(lambda rows, v=values: v[rows][:, columns], len(values))  # type: ignore[misc]
-        for values in (signals.velocity, signals.acceleration)
-    )
-    motion = JointMotion(
-        signals.time, path.configurations, velocity, acceleration, path.singularity
-    )
+    unused = [
+        *_flagged([f"{joint} stands still" for joint in log.joints], idle, signals.time),
+        *_flagged([f"{j} is saturated" for j in log.joints], signals.saturated, signals.time),
+    ]
+    rates = of_independent(signals.velocity), of_independent(signals.acceleration)
+    motion = JointMotion(signals.time, configurations, *rates, singularity)
     force, used = on_independent(mechanism, motion, signals.force, used)
     check_forces(mechanism, log.name, motion, force, used)
     return Recording(
@@ -240,48 +238,48 @@ def prepare_recording(
         force=force,
         used=used,
         stretches=stretches,
-        dropped=(*log.dropped, *ends, *path.dropped, *unused),
+        dropped=(*log.dropped, *ends, *lost, *unused),
         cutoff=None if chosen is None else chosen.cutoff,
     )
 
 
-class _Path(NamedTuple):
-    """Configurations (K, nq) and singularity measures (K,) of the samples that are good (N,)."""
-
-    configurations: FloatArray
-    singularity: FloatArray
-    good: BoolArray
-    dropped: tuple[Dropped, ...]
+def _flagged(reasons: Sequence[str], flags: BoolArray, time: FloatArray) -> list[Dropped]:
+    """For each column of flags (N, k) that is set anywhere, what is left out at times (N,)."""
+    columns = zip(reasons, flags.T, strict=True)
+    return [Dropped.at(reason, time[column]) for reason, column in columns if column.any()]
 
 
-def _follow(
+def _assembled(
     mechanism: Mechanism,
     name: str,
-    signals: Filtered,
-    columns: Sequence[int],
+    time: FloatArray,
+    position: FloatArray,
     start: FloatArray | None,
     progress: Progress | None,
-) -> _Path:
-    """Assemble the samples one after the other, and leave out those that cannot be used."""
-    count = len(signals.time)
-    configurations, residuals, measures, assembled = Spool(), [], [], []
+) -> tuple[FloatArray, FloatArray, BoolArray, list[Dropped]]:
+    """Configurations and singularity measures of the good samples, which they are, and the others.
+
+    Samples are assembled one after the other; those that do not close or are near a singularity
+    are left out.
+    """
+    count = len(time)
+    configurations, residuals, measures, closed = Spool(), [], [], []
     for rows in row_blocks(count, BLOCK):
-        position = signals.position[rows][:, columns]
-        outcome = try_assemble(mechanism, position, start=start, trajectory=True)
+        outcome = try_assemble(mechanism, position[rows], start=start, trajectory=True)
         found = outcome.configurations[outcome.assembled]
         measure = singularity_measure(mechanism, found)
         configurations.append(found[measure >= SINGULARITY_MARGIN])
         residuals.append(outcome.residual)
         measures.append(measure)
-        assembled.append(outcome.assembled)
+        closed.append(outcome.assembled)
         start = found[-1] if len(found) else start
         if progress is not None:
             progress(rows.stop, count)
-    residual, measure = np.concatenate(residuals), np.concatenate(measures)
-    lost, near = ~np.concatenate(assembled), np.zeros(count, dtype=bool)
-    near[~lost] = ~(measure >= SINGULARITY_MARGIN)
-    dropped = flagged(
-        ("loops do not close", "near a singularity"), np.stack([lost, near], axis=1), signals.time
+    measure, lost = np.concatenate(measures), ~np.concatenate(closed)
+    regular, near = measure >= SINGULARITY_MARGIN, np.zeros(count, dtype=bool)
+    near[~lost] = ~regular
+    dropped = _flagged(
+        ("loops do not close", "near a singularity"), np.stack([lost, near], axis=1), time
     )
     where = [
         f"{one.count} of {count} samples, between {one.first:.2f} and {one.last:.2f} s"
@@ -290,7 +288,7 @@ def _follow(
     if lost.any():
         said = (
             f"{name}: the loops do not close in {where.pop(0)} (they stay open by up to "
-            f"{residual[lost].max():.1e} m)"
+            f"{np.concatenate(residuals)[lost].max():.1e} m)"
         )
         if lost.sum() > MOST_UNASSEMBLED * count:
             raise AssemblyError(
@@ -306,8 +304,7 @@ def _follow(
         if (lost | near).all():
             raise LogError(said)
         warn(f"{said}: left out", LogWarning)
-    regular = measure[measure >= SINGULARITY_MARGIN]
-    return _Path(configurations.array(), regular, ~(lost | near), dropped)
+    return configurations.array(), measure[regular], ~(lost | near), dropped
 
 
 def _renumbered(numbers: IntArray, good: BoolArray) -> IntArray:

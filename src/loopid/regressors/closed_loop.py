@@ -1,20 +1,67 @@
-"""The closed-loop regressor: what the bodies ask of the independent coordinates, K = Gᵀ Y."""
+"""Regressors: forces of the tree's joints, Y, and of the independent coordinates, K = Gᵀ Y.
+
+Y(q, v, a) π are the joint forces of the open tree for the parameters π of all bodies. The motion
+that the loops allow, v = G u̇ and a = G ü + γ, does work with Gᵀ of them only. At rest, v = a = 0,
+with the columns m, mx, my, mz of Y, Gᵀ Y is the paper's K_G.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, samples
-from loopid.kinematics import ClosedMotion
-from loopid.kinematics.blocks import in_blocks
-from loopid.kinematics.layout import joint_layout
-from loopid.kinematics.projected_blocks import BlockProjection, Partition, in_projected_blocks
-from loopid.kinematics.tree import tree_motion, tree_pose
-from loopid.regressors.bodies import moving_columns, resting_columns
-from loopid.regressors.tree import tree_regressor
+from loopid.arrays import FloatArray, finite, samples
+from loopid.errors import DataError
+from loopid.kinematics import ClosedMotion, closed_motion, project, torque_regressors
+from loopid.parameters import ParameterSet, model_kinds
+from loopid.regressors.joint_terms import JointTerms
 from loopid.robot import Mechanism
-from loopid.robot.identical import tie_indices
+
+
+@checked
+def tree_regressor(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray | None = None,
+    accelerations: FloatArray | None = None,
+    model: str = "full",
+) -> FloatArray:
+    """Regressor of the open tree's joint forces.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq).
+    velocities, accelerations : FloatArray, optional
+        (N, nv); zero by default.
+    model : str
+        ``"full"``, or ``"gravity"`` for the columns of masses and first moments only.
+
+    Returns
+    -------
+    FloatArray
+        (N, nv, n) in N or N m per unit of ``mechanism.parameters(model)``.
+
+    Raises
+    ------
+    DataError
+        When an array has another shape, or entries that are not finite.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.tree_regressor(robot, robot.reference).shape
+    (1, 13, 90)
+    """
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    v, a = (
+        None if motion is None else samples(motion, mechanism.model.nv, name, len(q))
+        for motion, name in ((velocities, "velocities"), (accelerations, "accelerations"))
+    )
+    return torque_regressors(mechanism, q, v, a, model)
 
 
 @checked
@@ -33,15 +80,22 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     -------
     FloatArray
         (N, dof, n), rows in the order of ``mechanism.independent``.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``project``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.gravity_regressor(robot, robot.reference).shape
+    (1, 4, 36)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    places = _places(mechanism)
-
-    def columns(block: BlockProjection, _: slice) -> tuple[FloatArray, ...]:
-        return (_tied(mechanism, resting_columns(block.pose.tree, places, block.G)),)
-
-    width = _width(mechanism, "gravity")
-    return in_projected_blocks(mechanism, q, Partition(mechanism), columns, width)[0]
+    G = project(mechanism, q).G  # of the closure Jacobian, to the actuated joints
+    return torque_regressors(mechanism, q, model="gravity", G=G)  # Gᵀ Y at v = a = 0
 
 
 @checked
@@ -64,84 +118,140 @@ def dynamic_regressor(
     -------
     FloatArray
         (N, dof, n), rows in the order of ``mechanism.independent``.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``closed_motion``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.dynamic_regressor(robot, robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]).shape
+    (1, 4, 90)
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    dof = len(mechanism.independent)
-    rates = samples(velocities, dof, "independent velocities", len(q))
-    second = samples(accelerations, dof, "accelerations", len(q))
-    partition = Partition(mechanism)
-    if mechanism.rows == 0 == len(partition.dependent):
-        v, a = np.empty_like(rates), np.empty_like(second)
-        v[:, partition.chosen], a[:, partition.chosen] = rates, second
-        return _tree_rows(mechanism, q, v, a, partition.chosen)
-    places = _places(mechanism)
-
-    def columns(block: BlockProjection, rows: slice) -> tuple[FloatArray, ...]:
-        motion = block.moving(rates[rows].T)
-        a = motion.gamma + np.einsum("ijn,nj->in", block.G, second[rows])
-        found = moving_columns(block.pose.tree, places, block.G, motion.tree, a)
-        return (_tied(mechanism, found),)
-
-    width = _width(mechanism, "full")
-    return in_projected_blocks(mechanism, q, partition, columns, width)[0]
+    motion = closed_motion(mechanism, configurations, velocities, accelerations)
+    return motion_regressor(mechanism, motion)
 
 
-def resting_regressor(
-    mechanism: Mechanism, configurations: FloatArray, G: FloatArray
+@checked
+def motion_parameters(
+    mechanism: Mechanism, model: str = "full", joint_terms: JointTerms | None = None
+) -> ParameterSet:
+    """Names of the columns of ``motion_regressor``."""
+    bodies = mechanism.parameters(model)
+    return bodies if joint_terms is None else bodies + joint_terms.parameters(mechanism)
+
+
+@checked
+def motion_regressor(
+    mechanism: Mechanism,
+    motion: ClosedMotion,
+    model: str = "full",
+    joint_terms: JointTerms | None = None,
 ) -> FloatArray:
-    """As ``gravity_regressor``, with the projection G (N, nv, dof) known."""
-    places, q = _places(mechanism), np.atleast_2d(configurations)
+    """Actuator forces per unit of the parameters of all bodies, then of the joint terms.
 
-    def columns(rows: slice) -> tuple[FloatArray, ...]:
-        pose = tree_pose(mechanism, q[rows])
-        return (_tied(mechanism, resting_columns(pose, places, np.moveaxis(G[rows], 0, 2))),)
+    Parameters
+    ----------
+    motion : ClosedMotion
+    model : str
+        ``"full"``, or ``"gravity"`` for what holds the robot at rest in each configuration.
+    joint_terms : JointTerms, optional
+        Of the motion, in either model.
 
-    return in_blocks(len(G), columns, _width(mechanism, "gravity"))[0]
-
-
-def moving_regressor(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
-    """As ``dynamic_regressor``, with the motion of all coordinates known."""
-    places, G = _places(mechanism), motion.projection.G
-    if mechanism.rows == 0:
-        state = motion.configurations, motion.velocities, motion.accelerations
-        return _tree_rows(mechanism, *state, motion.projection.independent)
-
-    def columns(rows: slice) -> tuple[FloatArray, ...]:
-        pose = tree_pose(mechanism, motion.configurations[rows])
-        moving = tree_motion(pose, motion.velocities[rows].T)
-        a = motion.accelerations[rows].T
-        found = moving_columns(pose, places, np.moveaxis(G[rows], 0, 2), moving, a)
-        return (_tied(mechanism, found),)
-
-    return in_blocks(len(G), columns, _width(mechanism, "full"))[0]
-
-
-def _tree_rows(
-    mechanism: Mechanism, q: FloatArray, v: FloatArray, a: FloatArray, chosen: IntArray
-) -> FloatArray:
-    """Where nothing is projected, Pinocchio's own recursion is the shortest way."""
-    Y = tree_regressor(mechanism, q, v, a)
-    return Y if np.array_equal(chosen, np.arange(Y.shape[1])) else Y[:, chosen]
+    Returns
+    -------
+    FloatArray
+        (N, dof, n), columns named by ``motion_parameters``.
+    """
+    q, G = motion.configurations, motion.projection.G
+    if model_kinds(model) == model_kinds("full"):
+        v, a = motion.velocities, motion.accelerations
+        bodies = torque_regressors(mechanism, q, v, a, model, G)
+    else:
+        bodies = torque_regressors(mechanism, q, model=model, G=G)
+    if joint_terms is None:
+        return bodies
+    return np.concatenate([bodies, joint_terms.columns(mechanism, motion)], axis=2)
 
 
-def _width(mechanism: Mechanism, model: str) -> int:
-    """Numbers per sample in the regressor of all bodies."""
-    return len(mechanism.columns(model)) * len(mechanism.independent)
+@dataclass(frozen=True, repr=False)
+class ForceParts:
+    """Parts of the actuator forces, each (N, dof) in N or N m.
+
+    Attributes
+    ----------
+    inertial : FloatArray
+        Linear in the accelerations of the independent coordinates.
+    coriolis : FloatArray
+        Quadratic in their velocities, through the tree's own terms and γ.
+    gravity : FloatArray
+        What holds the robot at rest.
+    """
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+
+    def __repr__(self) -> str:
+        count, dof = self.gravity.shape
+        return f"ForceParts of {dof} coordinates, {count} samples"
+
+    @property
+    def total(self) -> FloatArray:
+        """Their sum, the forces of ``dynamic_regressor``."""
+        return self.inertial + self.coriolis + self.gravity
 
 
-def _places(mechanism: Mechanism) -> IntArray:
-    """Where the joints that carry the bodies are in the joint layout."""
-    ids = joint_layout(mechanism).joint_ids.tolist()
-    return np.array([ids.index(body.joint_id) for body in mechanism.bodies], dtype=np.int64)
+@checked
+def force_parts(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    standard_parameters: FloatArray | None = None,
+) -> ForceParts:
+    """Split the actuator forces of a motion by their cause.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the independent coordinates.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``closed_motion``.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> parts = loopid.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> bool(np.allclose(parts.total, parts.gravity))
+    True
+    """
+    pi = standard_values(mechanism, standard_parameters)
+    motion = closed_motion(mechanism, configurations, velocities, accelerations)
+    q, v, gamma, G = motion.configurations, motion.velocities, motion.gamma, motion.projection.G
+    still = np.zeros_like(v)
+    gravity, accelerated, moving = (
+        torque_regressors(mechanism, q, rate, a, G=G) @ pi
+        for rate, a in ((still, still), (still, motion.accelerations - gamma), (v, gamma))
+    )
+    return ForceParts(accelerated - gravity, moving - gravity, gravity)
 
 
-def _tied(mechanism: Mechanism, columns: FloatArray) -> FloatArray:
-    """Columns (dof, n, N) from those of the bodies, with those of tied links added up."""
-    if mechanism.ties:
-        places = tie_indices(mechanism.links, mechanism.ties)
-        sums = np.zeros((int(places.max()) + 1, *columns.shape[1:]))
-        for place, own in zip(places, columns, strict=True):
-            sums[place] += own
-        columns = sums
-    bodies, kinds, dof, count = columns.shape
-    return np.moveaxis(columns.reshape(bodies * kinds, dof, count), 0, 1)
+def standard_values(mechanism: Mechanism, given: FloatArray | None) -> FloatArray:
+    """Standard parameters (n,), by default those of the robot file."""
+    pi = finite(mechanism.standard_parameters() if given is None else given, "standard parameters")
+    if pi.shape != (len(mechanism.parameters()),):
+        expected = len(mechanism.parameters())
+        raise DataError(f"standard parameters must have shape ({expected},), not {pi.shape}")
+    return pi

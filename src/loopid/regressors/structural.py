@@ -8,15 +8,14 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.kinematics import closed_motion, random_motions
-from loopid.kinematics.sampling import configuration_batches
+from loopid.kinematics import closed_motion, configuration_batches, random_motions
 from loopid.observation import Observation
 from loopid.progress import Progress
-from loopid.regressors.closed_loop import gravity_regressor
+from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.motion import motion_parameters, motion_regressor
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
+from loopid.threads import one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
@@ -50,6 +49,22 @@ def structural_observation(
         Called with the numbers of poses done and in all.
     joint_terms : JointTerms, optional
         Drives, friction and offsets as further columns.
+
+    Returns
+    -------
+    Observation
+        The same to the bit with any number of BLAS threads.
+
+    Raises
+    ------
+    OptionError, AssemblyError
+        As ``random_configurations``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.structural_observation(loopid.load_mechanism("five_bar"), samples=50).rows
+    100
     """
     parameters = motion_parameters(mechanism, model, joint_terms)
     if samples is None:
@@ -57,14 +72,11 @@ def structural_observation(
         samples = max(LEAST_SAMPLES, enough)
     regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin)
     parts = regressors if progress is None else _reported(regressors, samples, progress)
-    length, natural = mechanism.length, _natural_size(mechanism)
-    return Observation.from_parts(parts, parameters, length, keep_matrix, natural)
-
-
-def _natural_size(mechanism: Mechanism) -> float:
-    """Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one."""
+    # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
-    return gravity * min(1.0, mechanism.length)
+    natural = gravity * min(1.0, mechanism.length)
+    with one_blas_thread():
+        return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
 
 
 def _random_regressors(

@@ -10,10 +10,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, expression, name_coefficients
-from loopid.base_parameters.expressions import equations
-from loopid.kinematics import Factorisation, mobility, scaled_constraint, singularity_measure
-from loopid.kinematics.projection import NEAR_SINGULARITY
+from loopid.base_parameters import BaseParameters, equations, expression, name_coefficients
+from loopid.kinematics import (
+    NEAR_SINGULARITY,
+    Factorisation,
+    mobility,
+    scaled_constraint,
+    singularity_measure,
+)
 from loopid.lengths import NamedLength
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links

@@ -1,27 +1,47 @@
 """What the robot is: tree, loop closures, actuated joints, bodies with parameters."""
 
-from loopid.robot.alike import unequal_links
-from loopid.robot.body import Body
-from loopid.robot.closure import CLOSURE_ROWS, JointCoupling, LoopClosure
-from loopid.robot.identical import LinkGroup, tie_matrix
-from loopid.robot.inertia import InertiaDefect, inertia_defects
+from loopid.robot.checks import InertiaDefect, inertia_defects, unequal_links
+from loopid.robot.closures import (
+    CLOSURE_KINDS,
+    FramePair,
+    JointCoupling,
+    LoopClosure,
+    PairRates,
+    SymbolicPose,
+    relative_quaternion,
+)
 from loopid.robot.lengths import named_lengths
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import (
+    Body,
+    LinkGroup,
+    Mechanism,
+    in_groups,
+    lock_options,
+    tie_indices,
+    tie_matrix,
+)
 from loopid.robot.platform import ROTATIONS, TRANSLATIONS, Platform
 
 __all__ = [
-    "CLOSURE_ROWS",
+    "CLOSURE_KINDS",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",
+    "FramePair",
     "InertiaDefect",
     "JointCoupling",
     "LinkGroup",
     "LoopClosure",
     "Mechanism",
+    "PairRates",
     "Platform",
+    "SymbolicPose",
+    "in_groups",
     "inertia_defects",
+    "lock_options",
     "named_lengths",
+    "relative_quaternion",
+    "tie_indices",
     "tie_matrix",
     "unequal_links",
 ]

@@ -5,7 +5,7 @@ All are measured in the frame of a body's parameters, that of the link which its
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,9 +15,7 @@ import pinocchio as pin
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.lengths import NamedLength
-from loopid.robot.closure import LoopClosure
-from loopid.robot.identical import in_groups
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, in_groups
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
 ZERO_LENGTH = 1e-12
@@ -53,20 +51,17 @@ def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
         distances between two of a link. Points of a link that coincide count once, by their
         first name.
     """
-    model, links = mechanism.model, _carried_links(mechanism.model)
-    closures = mechanism.closures
-    frames = list(_frame_points(model, closures, links))
-    points = [*frames, *_joint_points(model, links, {point.name for point in frames})]
+    points = [*_points(mechanism)]
     tolerance = ZERO_LENGTH * max((point.largest for point in points), default=0.0)
     points = _distinct(points, tolerance)
-    lengths = [*_rods(model, closures, links), *_coordinates(points)]
+    lengths = [*_rods(mechanism), *_coordinates(points)]
     lengths += [*_distances_from_origins(points, tolerance), *_distances(points, tolerance)]
-    return tuple(_of_groups(mechanism, x) for x in lengths if abs(x.value) > tolerance)
-
-
-def _of_groups(mechanism: Mechanism, length: NamedLength) -> NamedLength:
-    """The length with groups of tied links in place of their members."""
-    return replace(length, links=frozenset(in_groups(length.links, mechanism.ties)))
+    # Groups of tied links stand in place of their members.
+    return tuple(
+        replace(x, links=frozenset(in_groups(x.links, mechanism.ties)))
+        for x in lengths
+        if abs(x.value) > tolerance
+    )
 
 
 def _carried_links(model: pin.Model) -> list[str]:
@@ -78,29 +73,21 @@ def _carried_links(model: pin.Model) -> list[str]:
     return links
 
 
-def _held(model: pin.Model, closure: LoopClosure, links: Sequence[str]) -> frozenset[str]:
-    """The two links that a closure ties together."""
-    return frozenset(links[model.frames[k].parentJoint] for k in closure.frame_ids)
-
-
-def _frame_points(
-    model: pin.Model, closures: Iterable[LoopClosure], links: Sequence[str]
-) -> Iterator[_Point]:
-    for closure in closures:
-        for frame in (model.frames[k] for k in closure.frame_ids):
+def _points(mechanism: Mechanism) -> Iterator[_Point]:
+    """Frames of the closures, then joints in the links that carry them."""
+    model, links, taken = mechanism.model, _carried_links(mechanism.model), set()
+    for closure in mechanism.closures:
+        frames = [model.frames[k] for k in closure.frame_ids]
+        held = frozenset(links[frame.parentJoint] for frame in frames)
+        for frame in frames:
+            taken.add(frame.name)
             position = frame.placement.translation.copy()
-            link = links[frame.parentJoint]
-            yield _Point(frame.name, link, position, _held(model, closure, links))
-
-
-def _joint_points(model: pin.Model, links: Sequence[str], taken: set[str]) -> Iterator[_Point]:
+            yield _Point(frame.name, links[frame.parentJoint], position, held)
     for k in range(1, model.njoints):
-        name = model.names[k]
         # A closure frame may have a joint's name and be elsewhere.
-        unique = f"joint {name}" if name in taken else name
-        parent = links[model.parents[k]]
-        position = model.jointPlacements[k].translation.copy()
-        yield _Point(unique, parent, position, frozenset((parent, links[k])))
+        name = f"joint {model.names[k]}" if model.names[k] in taken else model.names[k]
+        parent, position = links[model.parents[k]], model.jointPlacements[k].translation.copy()
+        yield _Point(name, parent, position, frozenset((parent, links[k])))
 
 
 def _distinct(points: Iterable[_Point], tolerance: float) -> list[_Point]:
@@ -117,11 +104,11 @@ def _distinct(points: Iterable[_Point], tolerance: float) -> list[_Point]:
     return distinct
 
 
-def _rods(
-    model: pin.Model, closures: Iterable[LoopClosure], links: Sequence[str]
-) -> Iterator[NamedLength]:
-    for closure in closures:
-        held, meaning = _held(model, closure, links), f"length of closure {closure.name}"
+def _rods(mechanism: Mechanism) -> Iterator[NamedLength]:
+    model, links = mechanism.model, _carried_links(mechanism.model)
+    for closure in mechanism.closures:
+        held = frozenset(links[model.frames[k].parentJoint] for k in closure.frame_ids)
+        meaning = f"length of closure {closure.name}"
         yield NamedLength(f"length({closure.name})", closure.length, meaning, held)
 
 

@@ -1,32 +1,107 @@
-"""The robot: a tree, the closures of its loops, and the joints that have motors."""
+"""The robot: Pinocchio's tree, the closures of its loops, the joints with motors, the bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arguments import checked
+from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
+from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, model_kinds
-from loopid.robot.body import Body
-from loopid.robot.closure import JointCoupling, LoopClosure
-from loopid.robot.identical import LinkGroup, tie_indices, tied_names
+from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.platform import Platform
-from loopid.robot.tree import Tree
+
+ANGULAR, LINEAR = ("wx", "wy", "wz"), ("vx", "vy", "vz")
+# Velocity components of Pinocchio's joints, in its order, along the axes of the joint's own frame.
+COMPONENTS = {
+    "JointModelFreeFlyer": LINEAR + ANGULAR,
+    "JointModelSpherical": ANGULAR,
+    "JointModelPlanar": ("vx", "vy", "wz"),
+    "JointModelTranslation": LINEAR,
+}
 
 
 @dataclass(frozen=True)
-class Mechanism(Tree):
+class Body:
+    """A rigid body that carries parameters: all the links fixed to one joint.
+
+    Attributes
+    ----------
+    link : str
+        The link that the joint carries; the parameters are in its frame.
+    joint_id : int
+        Index of the joint in the Pinocchio model.
+    """
+
+    link: str
+    joint_id: int
+
+
+@dataclass(frozen=True)
+class LinkGroup:
+    """Links with the same parameters, each in its own frame.
+
+    Attributes
+    ----------
+    name : str
+        Stands for any of them in the labels of parameters.
+    links : tuple of str
+    """
+
+    name: str
+    links: tuple[str, ...]
+
+
+def in_groups(links: Iterable[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
+    """Names of links (n,) with the groups' in place of their members'."""
+    group_of = {link: group.name for group in groups for link in group.links}
+    return tuple(group_of.get(link, link) for link in links)
+
+
+def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
+    """For each link (n,) the position of its name, or its group's, among the distinct ones."""
+    names = in_groups(links, groups)
+    distinct = list(dict.fromkeys(names))
+    return np.array([distinct.index(name) for name in names], dtype=np.int64)
+
+
+@checked
+def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:
+    """T (width n, width m) with π = T π_tied, for ``width`` parameters a link.
+
+    Links declared alike, as the legs of a parallel robot, share one set of parameters. The
+    regressor of the shared ones is Y T: the sum of the links' columns.
+
+    Raises
+    ------
+    OptionError
+        When the width is negative.
+    """
+    if width < 0:
+        raise OptionError(f"width must be a number of parameters from 0 on, not {width}")
+    indices = tie_indices(links, groups)
+    selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
+    return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
+
+
+@dataclass(frozen=True, repr=False)
+class Mechanism:
     """A robot with or without closed loops.
 
     Attributes
     ----------
-    name, path, model
-        As in ``Tree``.
+    name : str
+    path : Path
+        File it was loaded from.
+    model : pinocchio.Model
+        The open tree. Never changed after loading.
     closures : tuple of LoopClosure
     actuated : tuple of str
         Joints with motors.
@@ -37,19 +112,29 @@ class Mechanism(Tree):
     platform : Platform or None
     couplings : tuple of JointCoupling
     free : tuple of str
-        Passive coordinates that the motors leave free: "= 0" is what their rows read.
+        Passive coordinates that the motors leave free; their rows read "= 0".
     redundant : tuple of str
         Actuated coordinates that follow from the others: redundant actuation.
     identical : tuple of LinkGroup
         Links declared alike.
     tied : bool
         Whether links declared alike share their parameters.
-    closure_gap : float
+    closure_residual : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot.actuated, robot.rows, len(robot.parameters())
+    (('left_crank_joint', 'right_crank_joint'), 3, 40)
     """
 
+    name: str
+    path: Path
+    model: pin.Model
     closures: tuple[LoopClosure, ...]
     actuated: tuple[str, ...]
     bodies: tuple[Body, ...]
@@ -60,11 +145,113 @@ class Mechanism(Tree):
     redundant: tuple[str, ...] = ()
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
-    closure_gap: float = 0.0
+    closure_residual: float = 0.0
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
+
+    def __repr__(self) -> str:
+        return (
+            f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
+            f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
+            f"  actuated: {_listed(self.actuated)}\n"
+            f"  independent: {_listed(self.independent)}"
+        )
+
+    # Joints and their coordinates.
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints of the tree, in Pinocchio's order."""
+        return tuple(self.model.names)[1:]
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of velocity coordinates: the joint's where it has one, else as ``ball.wx``."""
+        return self.coordinates_of(self.joints)
+
+    def coordinates_of(self, joints: Iterable[str]) -> tuple[str, ...]:
+        """Names of the velocity coordinates of some joints."""
+        return tuple(part for name in joints for part in self._parts(name))
+
+    def _parts(self, name: str) -> tuple[str, ...]:
+        joint = self.joint(name)
+        if joint.nv == 1:
+            return (name,)
+        numbered = tuple(f"v{k}" for k in range(joint.nv))
+        return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
+
+    def joint(self, name: str) -> pin.JointModel:
+        """Pinocchio's joint of a name.
+
+        Raises
+        ------
+        OptionError
+            Listing the joints.
+        """
+        if name not in self.joints:
+            raise OptionError.unknown("joint", name, self.joints)
+        return self.model.joints[self.model.getJointId(name)]
+
+    def velocity_indices(self, names: Iterable[str]) -> IntArray:
+        """Positions (k,) in a velocity vector of single coordinates, or of all those of joints."""
+        found: list[int] = []
+        for name in names:
+            if name in self.coordinates:
+                found.append(self.coordinates.index(name))
+            else:
+                joint = self.joint(name)
+                found.extend(range(joint.idx_v, joint.idx_v + joint.nv))
+        return np.array(found, dtype=np.int64)
+
+    @cached_property
+    def first_positions(self) -> IntArray:
+        """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
+        joints = [self.joint(name) for name in self.joints]
+        return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
+
+    @cached_property
+    def prismatic(self) -> IntArray:
+        """Velocity indices of sliding coordinates: in m, all others in rad."""
+        sliding = []
+        for name in self.joints:
+            joint = self.joint(name)
+            if joint.nv == 1:
+                sliding.append(joint.shortname().startswith("JointModelP"))
+            else:
+                sliding += [part.rpartition(".")[2] in LINEAR for part in self._parts(name)]
+        return np.flatnonzero(sliding)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Lower and upper limit of a joint with one coordinate, infinite where there is none.
+
+        Limits that are both zero are a placeholder of the file, not limits.
+        """
+        joint = self.joint(name)
+        low, high = (
+            float(limit[joint.idx_q])
+            for limit in (self.model.lowerPositionLimit, self.model.upperPositionLimit)
+        )
+        return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
+
+    @cached_property
+    def position_limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper limits (nq,) of all joints, infinite where there are none."""
+        lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
+        for name in self.joints:
+            if self.joint(name).nq == 1:
+                q = self.joint(name).idx_q
+                lower[q], upper[q] = self.limits(name)
+        return frozen(lower), frozen(upper)
+
+    @property
+    def floating(self) -> tuple[str, ...]:
+        """Joints of floating bases."""
+        kind = "JointModelFreeFlyer"
+        return tuple(name for name in self.joints if self.joint(name).shortname() == kind)
+
+    # Which coordinates determine the motion.
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -90,20 +277,87 @@ class Mechanism(Tree):
         """Joints without motors."""
         return tuple(joint for joint in self.joints if joint not in self.actuated)
 
+    # Equations of the closures, and their units.
+
     @property
     def rows(self) -> int:
         """Number of scalar closure equations, redundant ones and couplings included."""
         return len(self.row_names)
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """The closure or coupling that each scalar equation belongs to."""
         loops = (closure.name for closure in self.closures for _ in range(closure.rows))
         return (*loops, *(coupling.name for coupling in self.couplings))
 
+    def supports(self, frame_ids: Iterable[int]) -> BoolArray:
+        """Which coordinates move each of some frames; shape (frames, nv)."""
+        moved = []
+        for frame_id in frame_ids:
+            path = set(self.model.supports[self.model.frames[frame_id].parentJoint])
+            moved.append([joint in path for joint in self._joint_ids])
+        return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
+
+    @cached_property
+    def _joint_ids(self) -> list[int]:
+        """Index of the joint that each velocity coordinate belongs to."""
+        joints = list(self.model.joints)[1:]
+        return [k for k, joint in enumerate(joints, start=1) for _ in range(joint.nv)]
+
+    @cached_property
+    def closure_frames(self) -> tuple[tuple[int, ...], BoolArray]:
+        """Indices of the frames of all closures, two a closure, and what moves them."""
+        ids = tuple(frame for closure in self.closures for frame in closure.frame_ids)
+        return ids, self.supports(ids)
+
+    @cached_property
+    def length(self) -> float:
+        """Characteristic length in m: the widest distance between joints at the reference."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, self.reference)
+        points = np.array([placement.translation for placement in list(data.oMi)[1:]])
+        spread = np.linalg.norm(points[:, None] - points[None], axis=2)
+        return float(spread.max()) or 1.0
+
+    @cached_property
+    def coordinate_scales(self) -> FloatArray:
+        """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m."""
+        scales = np.ones(self.model.nv)
+        scales[self.prismatic] = self.length
+        return frozen(scales)
+
+    @cached_property
+    def row_scales(self) -> FloatArray:
+        """Factors (rows,) that turn every row of the closure residual into metres."""
+        scales = [
+            self.length if part.angular else 1.0
+            for closure in self.closures
+            for part in closure.equations
+            for _ in range(part.count)
+        ]
+        for coupling in self.couplings:
+            units = self.coordinate_scales[list(coupling.v_indices)]
+            scales.append(
+                self.length / float(np.abs(np.array(coupling.coefficients) * units).max())
+            )
+        return frozen(scales)
+
+    # Bodies and their parameters.
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Links that name the bodies with parameters."""
+        return tuple(body.link for body in self.bodies)
+
+    @property
+    def ties(self) -> tuple[LinkGroup, ...]:
+        """The groups of links that share their parameters."""
+        return self.identical if self.tied else ()
+
     def parameters(self, model: str = "full") -> ParameterSet:
         """Standard parameters of all bodies in ``"gravity"`` or ``"full"`` form."""
-        return ParameterSet.of_links(tied_names(self.links, self.ties), model_kinds(model))
+        names = dict.fromkeys(in_groups(self.links, self.ties))
+        return ParameterSet.of_links(names, model_kinds(model))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
@@ -117,27 +371,24 @@ class Mechanism(Tree):
         tied = [values[place == k].mean(axis=0) for k in range(place.max() + 1)]
         return np.concatenate(tied)
 
-    @property
-    def links(self) -> tuple[str, ...]:
-        """Links that name the bodies with parameters."""
-        return tuple(body.link for body in self.bodies)
-
-    @property
-    def ties(self) -> tuple[LinkGroup, ...]:
-        """The groups of links that share their parameters."""
-        return self.identical if self.tied else ()
-
     def columns(self, model: str = "full") -> IntArray:
         """Columns of Pinocchio's tree regressor that the bodies occupy; shape (n,)."""
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
 
-    @cached_property
-    def length(self) -> float:
-        """Characteristic length in m: the widest distance between joints at the reference."""
-        data = self.model.createData()
-        pin.forwardKinematics(self.model, data, self.reference)
-        points = np.array([placement.translation for placement in list(data.oMi)[1:]])
-        spread = np.linalg.norm(points[:, None] - points[None], axis=2)
-        return float(spread.max()) or 1.0
+
+def lock_options(mechanism: Mechanism) -> str:
+    """Options that lock all that the motors leave free: joints, or single turns of ball joints."""
+    free, found = set(mechanism.free), dict[str, None]()
+    for name in mechanism.free:
+        joint = name if name in mechanism.joints else name.rpartition(".")[0]
+        ball = mechanism.joint(joint).shortname() == "JointModelSpherical"
+        some = ball and not free.issuperset(mechanism.coordinates_of([joint]))
+        found[name if some else joint] = None
+    return " ".join(f"--lock {name}" for name in found)
+
+
+def _listed(names: Sequence[str], most: int = 8) -> str:
+    more = f", ... ({len(names)} in all)" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -54,7 +54,7 @@ class LowPass:
 
     def least_samples(self, rate: float) -> int:
         """Fewest samples at a rate (Hz) that can be filtered."""
-        return self._padding(rate) + 1
+        return int(np.ceil(PADDING * max(self.order, 2) * rate / self.cutoff)) + 1
 
     @checked
     def apply(self, values: FloatArray, rate: float) -> FloatArray:
@@ -68,25 +68,22 @@ class LowPass:
             When there are fewer than ``least_samples``.
         """
         signal = _signal(values, rate)
+        padding = self.least_samples(rate) - 1
         if not self.cutoff < 0.5 * rate:
             raise OptionError(
                 f"the cut-off frequency must be below half the sample rate, {0.5 * rate:g} Hz, "
                 f"not {self.cutoff:g} Hz"
             )
-        if len(signal) < self.least_samples(rate):
+        if len(signal) <= padding:
             raise DataError(
                 f"{len(signal)} samples are too few to filter at {self.cutoff:g} Hz: it takes "
-                f"{self.least_samples(rate)} at {rate:g} Hz"
+                f"{padding + 1} at {rate:g} Hz"
             )
-        # Slow to import, and only needed for logs.
-        from scipy.signal import butter, sosfiltfilt
+        from scipy.signal import butter, sosfiltfilt  # slow to import
 
         sections = butter(self.order, self.cutoff, fs=rate, output="sos")
-        filtered = sosfiltfilt(sections, signal, axis=0, padlen=self._padding(rate))
+        filtered = sosfiltfilt(sections, signal, axis=0, padlen=padding)
         return np.asarray(filtered, dtype=np.float64)
-
-    def _padding(self, rate: float) -> int:
-        return int(np.ceil(PADDING * max(self.order, 2) * rate / self.cutoff))
 
 
 @checked

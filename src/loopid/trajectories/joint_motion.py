@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from html import escape
 
 import numpy as np
@@ -10,16 +10,17 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import assemble, closed_motion, platform_motion, singularity_measure
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics import (
+    DEFAULT_MARGIN,
+    assemble,
+    closed_motion,
+    platform_motion,
+    singularity_measure,
+)
 from loopid.parameters import html_table
-from loopid.robot import Mechanism
-from loopid.robot.locking import lock_options
+from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
-
-# Of each array.
-AXES = {"time": 1, "configurations": 2, "velocities": 2, "accelerations": 2, "singularity": 1}
 
 
 @checked_fields
@@ -49,8 +50,9 @@ class JointMotion:
 
     def __post_init__(self) -> None:
         count = finite_rows(self.time, "time").shape[:1]
-        for name, axes in AXES.items():
+        for name in (field.name for field in fields(self)):
             values = finite_rows(getattr(self, name), name)
+            axes = 1 if name in ("time", "singularity") else 2
             if values.ndim != axes or values.shape[:1] != count:
                 shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
                 raise DataError(
@@ -68,9 +70,9 @@ class JointMotion:
             f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
         )
 
-    def select(self, rows: BoolArray | IntArray) -> JointMotion:
-        """Some of the samples, by a mask (N,) or by number."""
-        return JointMotion(*(getattr(self, name)[rows] for name in AXES))
+    def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
+        """Some of the samples, by a mask (N,), by number or as a slice."""
+        return JointMotion(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 @checked
@@ -113,7 +115,12 @@ def joint_motion(
         q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
         v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(mechanism.joints):
-        _refuse_free_parts(mechanism)
+        free = [name for name in mechanism.free if name not in mechanism.joints]
+        if free:
+            raise OptionError(
+                f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
+                f"which the motors leave free: lock them ({lock_options(mechanism)})"
+            )
         q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
         whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
         v, a = whole.velocities, whole.accelerations
@@ -127,33 +134,14 @@ def joint_motion(
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
 
 
-def _refuse_free_parts(mechanism: Mechanism) -> None:
-    """Free coordinates that are no joints of their own cannot be part of a motion of joints."""
-    free = [name for name in mechanism.free if name not in mechanism.joints]
-    if free:
-        raise OptionError(
-            f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
-            f"which the motors leave free: lock them ({lock_options(mechanism)})"
-        )
-
-
 @dataclass(frozen=True)
 class JointRange:
-    """What a joint with one coordinate passes through.
-
-    Attributes
-    ----------
-    joint : str
-    lowest, highest : float
-        Least and greatest value of the motion, in m or rad.
-    lower, upper : float
-        Limits in the robot file, infinite where there are none.
-    """
+    """What a joint with one coordinate passes through, in m or rad."""
 
     joint: str
-    lowest: float
+    lowest: float  # of the motion
     highest: float
-    lower: float
+    lower: float  # limits in the robot file, infinite where there are none
     upper: float
 
     @property

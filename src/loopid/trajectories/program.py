@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -234,20 +234,6 @@ def read_motion_program(path: str | Path) -> MotionProgram:
 
 
 @dataclass(frozen=True)
-class _Way:
-    """From a pose to a pose, both (c,), in some seconds."""
-
-    start: FloatArray
-    end: FloatArray
-    seconds: float
-    arcs: tuple[Arc, ...] = ()
-
-    def backwards(self) -> _Way:
-        """The same path and time from end to start: arcs are symmetric."""
-        return _Way(self.end, self.start, self.seconds, self.arcs)
-
-
-@dataclass(frozen=True)
 class _StepReader:
     """Follows steps from pose to pose; ``place`` says in errors where they are written."""
 
@@ -259,11 +245,9 @@ class _StepReader:
         missing = [name for name in self.coordinates if name not in motion.start]
         if missing:
             raise RobotFileError(f"{place}.start: leaves out {', '.join(missing)}")
-        nowhere = np.zeros(len(self.coordinates))
-        start = self._pose(motion.start, nowhere, f"{place}.start")
+        start = self._pose(motion.start, np.zeros(len(self.coordinates)), f"{place}.start")
         ways = self._ways(motion.steps, start, f"{place}.steps")
-        waypoints = tuple(Waypoint(way.end, way.seconds, way.arcs) for way in ways)
-        return PlannedMotion(motion.description, start, waypoints)
+        return PlannedMotion(motion.description, start, tuple(ways))
 
     def check(self, names: Iterable[str], place: str) -> None:
         """Refuse names that are no coordinates."""
@@ -277,48 +261,48 @@ class _StepReader:
         self.check(values, place)
         return frozen([values.get(n, x) for n, x in zip(self.coordinates, start, strict=True)])
 
-    def _ways(self, steps: Sequence[Step], start: FloatArray, place: str) -> list[_Way]:
-        found: list[_Way] = []
+    def _ways(self, steps: Sequence[Step], start: FloatArray, place: str) -> list[Waypoint]:
+        found: list[Waypoint] = []
         for number, step in enumerate(steps):
-            here = found[-1].end if found else start
+            here = found[-1].position if found else start
             found += self._step(step, here, f"{place}.{number}")
             if len(found) > MOST_WAYS:
                 raise RobotFileError(f"{place}.{number}: more than {MOST_WAYS} ways in one motion")
         return found
 
-    def _step(self, step: Step, here: FloatArray, place: str) -> list[_Way]:
+    def _step(self, step: Step, here: FloatArray, place: str) -> list[Waypoint]:
         match step:
             case HoldStep():
-                return [_Way(here, here, step.hold)]
+                return [Waypoint(here, step.hold)]
             case MoveStep():
-                return [self._move(step, here, place)]
+                end = self._pose(step.to, here, f"{place}.to")
+                self.check(step.arcs, f"{place}.arcs")
+                arcs = tuple(Arc(name, arc.height, arc.flatness) for name, arc in step.arcs.items())
+                seconds = step.seconds
+                if seconds is None:
+                    seconds = self._seconds(step.speed, end - here, place)
+                return [Waypoint(end, seconds, arcs)]
             case RepeatStep():
                 # Each round starts where the one before ended, which need not be its start.
                 found = self._ways(step.steps, here, f"{place}.steps")
                 if step.repeat * len(found) > MOST_WAYS:
                     raise RobotFileError(f"{place}: more than {MOST_WAYS} ways in one motion")
                 for _ in range(step.repeat - 1):
-                    found += self._ways(step.steps, found[-1].end, f"{place}.steps")
+                    found += self._ways(step.steps, found[-1].position, f"{place}.steps")
                 return found
             case ThereAndBackStep():
                 there = self._ways(step.there_and_back, here, f"{place}.there_and_back")
-                far = there[-1].end
+                far = there[-1].position
                 between = self._ways(step.between or [], far, f"{place}.between")
-                if between and (between[-1].end != far).any():
+                if between and (between[-1].position != far).any():
                     raise RobotFileError(
                         f"{place}.between: must end where it begins, at {self._said(far)}, "
-                        f"not at {self._said(between[-1].end)}"
+                        f"not at {self._said(between[-1].position)}"
                     )
-                return [*there, *between, *(way.backwards() for way in reversed(there))]
-
-    def _move(self, step: MoveStep, here: FloatArray, place: str) -> _Way:
-        end = self._pose(step.to, here, f"{place}.to")
-        self.check(step.arcs, f"{place}.arcs")
-        arcs = tuple(Arc(name, arc.height, arc.flatness) for name, arc in step.arcs.items())
-        seconds = step.seconds
-        if seconds is None:
-            seconds = self._seconds(step.speed, end - here, place)
-        return _Way(here, end, seconds, arcs)
+                # The same paths and times from end to start: arcs are symmetric.
+                starts = [here, *(way.position for way in there[:-1])]
+                back = [replace(w, position=s) for w, s in zip(there, starts, strict=True)]
+                return [*there, *between, *reversed(back)]
 
     def _seconds(self, speed: float | None, change: FloatArray, place: str) -> float:
         """Time for a change (c,) at the speed of its only coordinate, or at those of the file."""

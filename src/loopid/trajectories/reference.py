@@ -62,8 +62,29 @@ def read_reference(
         raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
     if not 0 < rate < np.inf:
         raise OptionError(f"the rate must be positive, not {rate} Hz")
-    file = Path(path)
-    rows = [_row(file, number, line, names) for number, line in enumerate(_lines(file), 1)]
+    file, rows = Path(path), []
+    problem = why_no_file(file)
+    if problem:
+        raise MissingFileError(f"{file} {problem}")
+    try:
+        packed = file.read_bytes()
+        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise LogError(f"{file} cannot be read as text: {error}") from error
+    for number, line in enumerate(text.rstrip().splitlines(), 1):
+        words = line.split()
+        if len(words) != len(names):
+            raise LogError(
+                f"{file}, line {number}: {len(words)} columns, but {len(names)} coordinates "
+                f"({', '.join(names)})"
+            )
+        rows.append([_number(word) for word in words])
+        if not np.isfinite(rows[-1]).all():
+            column = int(np.flatnonzero(~np.isfinite(rows[-1]))[0])
+            raise LogError(
+                f"{file}, line {number}: column {column + 1} must be a finite number, not "
+                f"{words[column]!r:.30}"
+            )
     least = lowpass.least_samples(rate)
     if len(rows) < least:
         raise LogError(
@@ -76,34 +97,8 @@ def read_reference(
     return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))
 
 
-def _lines(file: Path) -> list[str]:
-    """All lines, without empty ones at the end."""
-    problem = why_no_file(file)
-    if problem:
-        raise MissingFileError(f"{file} {problem}")
+def _number(word: str) -> float:
     try:
-        packed = file.read_bytes()
-        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise LogError(f"{file} cannot be read as text: {error}") from error
-    return text.rstrip().splitlines()
-
-
-def _row(file: Path, number: int, line: str, names: Sequence[str]) -> list[float]:
-    """The finite numbers (c,) of a line."""
-    words, values = line.split(), []
-    if len(words) != len(names):
-        raise LogError(
-            f"{file}, line {number}: {len(words)} columns, but {len(names)} coordinates "
-            f"({', '.join(names)})"
-        )
-    for column, word in enumerate(words, 1):
-        try:
-            values.append(float(word))
-        except ValueError:
-            values.append(np.nan)
-        if not np.isfinite(values[-1]):
-            raise LogError(
-                f"{file}, line {number}: column {column} must be a finite number, not {word!r:.30}"
-            )
-    return values
+        return float(word)
+    except ValueError:
+        return np.nan

@@ -1,12 +1,16 @@
 """Search strategies behind one interface, one a file."""
 
-from __future__ import annotations
-
-from loopid.base_parameters.search.exact import ExactSearch
+from loopid.base_parameters.search.exact import TIME_LIMIT, ExactSearch
 from loopid.base_parameters.search.exhaustive import ExhaustiveSearch
-from loopid.base_parameters.search.problem import CRITERIA, ChoiceProblem
+from loopid.base_parameters.search.problem import (
+    CRITERIA,
+    TIE_TOLERANCE,
+    ChoiceProblem,
+    Exclusion,
+    SearchResult,
+    SearchStrategy,
+)
 from loopid.base_parameters.search.qr import PivotedQR
-from loopid.base_parameters.search.strategy import SearchResult, SearchStrategy
 from loopid.base_parameters.search.subgroup import SubgroupSearch
 from loopid.errors import OptionError
 
@@ -28,8 +32,11 @@ def make_strategy(search: str | SearchStrategy) -> SearchStrategy:
 __all__ = [
     "CRITERIA",
     "STRATEGIES",
+    "TIE_TOLERANCE",
+    "TIME_LIMIT",
     "ChoiceProblem",
     "ExactSearch",
+    "Exclusion",
     "ExhaustiveSearch",
     "PivotedQR",
     "SearchResult",

@@ -1,22 +1,25 @@
-"""A block: k of n vectors to select, with both extreme eigenvalues of their Gram matrix in view.
+"""Blocks: the parts of a choice problem that can be searched apart.
 
-The squared singular values of the selected rows X_S are the eigenvalues of X_S X_Sᵀ; "smallest"
-and "largest" mean these throughout the exact search.
+A block asks for k of its vectors. The squared singular values of the selected rows X_S are the
+eigenvalues of X_S X_Sᵀ; "smallest" and "largest" mean these throughout the exact search.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 
 import numpy as np
-from scipy.linalg import qr
 
 from loopid.arrays import FloatArray, IntArray
+from loopid.base_parameters.regrouping import base_columns
+from loopid.base_parameters.search.problem import ChoiceProblem
+from loopid.base_parameters.structure import independent_blocks
 
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10
-LEAST_GAIN = 1.01  # a swap must enlarge the volume by at least this factor
+NEARLY_PARALLEL = 1e-6  # of the product of norms, by which the inner product falls short of it
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Levels:
         return self.largest / self.smallest if self.smallest > 0 else np.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Vectors of which ``count`` are to be selected.
 
@@ -41,18 +44,27 @@ class Block:
 
     Attributes
     ----------
+    columns : IntArray
+        (n,), columns of the problem, ascending.
+    null_basis : FloatArray
+        (n, d), null vectors of these columns only.
     vectors : FloatArray
-        (n, k), one row a representative, of rank k.
-    columns : tuple of IntArray
-        For each representative the columns it stands for, ascending.
+        (m, k), one row a representative, of rank k.
+    groups : tuple of IntArray
+        For each representative the positions in ``columns`` it stands for, ascending.
+    selects_dependent : bool
+        Whether a selection means dependent parameters (``nullspace``) or base ones.
     """
 
+    columns: IntArray
+    null_basis: FloatArray
     vectors: FloatArray
-    columns: tuple[IntArray, ...]
+    groups: tuple[IntArray, ...]
+    selects_dependent: bool
 
     @property
     def size(self) -> int:
-        """Number n of representatives."""
+        """Number m of representatives."""
         return len(self.vectors)
 
     @property
@@ -62,51 +74,106 @@ class Block:
 
     @cached_property
     def gram(self) -> FloatArray:
-        """X Xᵀ, shape (n, n)."""
+        """X Xᵀ, shape (m, m)."""
         return self.vectors @ self.vectors.T
+
+    @cached_property
+    def svd(self) -> tuple[FloatArray, FloatArray]:
+        """U (m, k) and singular values (k,) of X = U S Vᵀ."""
+        U, values, _ = np.linalg.svd(self.vectors, full_matrices=False)
+        return U, values
 
     def levels(self, selection: IntArray) -> Levels:
         """Extreme eigenvalues for a selection (k,) of representatives."""
-        values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
-        return Levels(float(values[-1]), float(values[0]))
+        key = selection.tobytes()
+        if key not in self._levels:
+            values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
+            self._levels[key] = Levels(float(values[-1]), float(values[0]))
+        return self._levels[key]
 
+    @cached_property
+    def _levels(self) -> dict[bytes, Levels]:
+        """Those asked for so far."""
+        return {}
+
+    @cached_property
     def least_largest(self) -> float:
-        """What the largest eigenvalue of every selection reaches at least.
+        """What the largest eigenvalue of every regular selection reaches at least.
 
-        It exceeds every diagonal entry, and k of them are selected; and leaving n - k rows out
-        lowers it at most to the eigenvalue that follows as many others (Cauchy interlacing).
+        It exceeds every diagonal entry, and k of those above zero are selected; and leaving m - k
+        rows out lowers it at most to the eigenvalue that follows as many others (interlacing).
         """
-        entry = np.sort(np.diag(self.gram))[self.count - 1]
-        values = np.linalg.svd(self.vectors, compute_uv=False) ** 2
+        entries = np.sort(np.diag(self.gram))
+        entry = entries[entries > 0][: self.count].max(initial=0.0)
         left_out = self.size - self.count
-        return float(max(entry, values[left_out] if left_out < self.count else 0.0))
+        return float(max(entry, self.svd[1][left_out] ** 2 if left_out < self.count else 0.0))
 
-    def start(self) -> IntArray:
-        """A good selection: pivoted Cholesky, then swaps that enlarge the volume.
+    def dependent(self, selections: IntArray) -> IntArray:
+        """Positions (c, d) of the dependent columns for selections (c, k) of representatives.
 
-        These are the pivots of a strong rank-revealing factorisation [Gu1996].
+        Of columns that stand for each other the first becomes dependent.
         """
-        if self.size == self.count:
-            return np.arange(self.size)
-        _, _, order = qr(self.vectors.T, mode="economic", pivoting=True)
-        chosen = order[: self.count].copy()
-        # Swapping row i of the selection for vector j changes the volume by C[j, i]. Every swap
-        # enlarges it by a factor, so this ends.
-        while True:
-            C = self.vectors @ np.linalg.inv(self.vectors[chosen])
-            j, i = np.unravel_index(np.abs(C).argmax(), C.shape)
-            if abs(C[j, i]) < LEAST_GAIN:
-                return np.sort(chosen)
-            chosen[i] = j
+        if self.selects_dependent:
+            first = np.array([group[0] for group in self.groups])
+            return np.sort(first[selections], axis=1)
+        last = np.array([group[-1] for group in self.groups])
+        return np.array([base_columns(len(self.columns), base) for base in last[selections]])
+
+    def ways(self, selection: IntArray) -> int:
+        """Choices that the selection stands for."""
+        return prod(len(self.groups[representative]) for representative in selection)
 
 
-def make_block(vectors: FloatArray, columns: IntArray) -> Block:
-    """Build a block from vectors (n, m) of rank k <= m and the columns (n,) they belong to."""
-    differences = vectors[:, None] - vectors
-    sums = vectors[:, None] + vectors
-    apart = np.minimum(np.linalg.norm(differences, axis=2), np.linalg.norm(sums, axis=2))
-    same = apart <= PARALLEL * np.linalg.norm(vectors, axis=1)
+def split(problem: ChoiceProblem) -> tuple[tuple[Block, ...], float]:
+    """The blocks of a problem, and how far they are from it.
+
+    The null-space criterion falls apart into independent blocks; those without a null vector need
+    no choice. The regressor criterion is one block.
+
+    Returns
+    -------
+    tuple of Block
+    float
+        Bound on the change of every singular value of every choice: what was neglected between
+        blocks and among vectors that stand for each other.
+    """
+    V2 = problem.structure.null_basis
+    if problem.criterion == "regressor":
+        vectors, groups, error = _representatives(problem.vectors)
+        everything = np.arange(problem.size)
+        return (Block(everything, V2, vectors, groups, selects_dependent=False),), error
+    blocks, errors = [], []
+    joint = np.zeros((problem.size, 0))
+    for columns in independent_blocks(V2):
+        # Singular values of these rows are 0 or 1: the ones are the null vectors of the block.
+        left, values, _ = np.linalg.svd(V2[columns], full_matrices=False)
+        if values[0] <= 0.5:
+            continue
+        own = left[:, values > 0.5]
+        vectors, groups, error = _representatives(own)
+        blocks.append(Block(columns, own, vectors, groups, selects_dependent=True))
+        errors.append(error)
+        part = np.zeros((problem.size, own.shape[1]))
+        part[columns] = own
+        joint = np.concatenate([joint, part], axis=1)
+    # The nearest rotation of V2 to the blocks' vectors shows what lies between.
+    turned, _, other = np.linalg.svd(V2.T @ joint, full_matrices=False)
+    apart = float(np.linalg.norm(V2 @ (turned @ other) - joint))
+    return tuple(blocks), float(np.linalg.norm(errors)) + apart
+
+
+def _representatives(vectors: FloatArray) -> tuple[FloatArray, tuple[IntArray, ...], float]:
+    """One of all vectors (n, k) that are equal up to sign, their groups, and the error made."""
+    norms = np.linalg.norm(vectors, axis=1)
+    gram = vectors @ vectors.T
+    # Only of vectors with almost the same direction the difference is worth its memory.
+    i, j = np.nonzero(np.abs(gram) >= (1 - NEARLY_PARALLEL) * np.outer(norms, norms))
+    apart = np.full(gram.shape, np.inf)
+    signs = np.where(gram[i, j] < 0, -1.0, 1.0)
+    apart[i, j] = np.linalg.norm(vectors[i] - signs[:, None] * vectors[j], axis=1)
+    same = apart <= PARALLEL * norms
     first = same.argmax(axis=0)
-    representatives = np.unique(first)
-    groups = tuple(columns[first == representative] for representative in representatives)
-    return Block(np.ascontiguousarray(vectors[representatives]), groups)
+    chosen = np.unique(first)
+    groups = tuple(np.flatnonzero(first == representative) for representative in chosen)
+    error = float(np.linalg.norm(apart[first, np.arange(len(vectors))]))
+    return np.ascontiguousarray(vectors[chosen]), groups, error

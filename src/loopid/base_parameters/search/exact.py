@@ -1,34 +1,55 @@
 """Exact search: the least condition number of all choices, with a certificate.
 
-The null-space criterion falls apart into independent blocks, which are solved by branch and
-bound and combined along a staircase. The regressor criterion is one block of its own. Ties are
-counted and broken towards readable parameters.
+The null-space criterion falls apart into independent blocks; the regressor criterion is one
+block. With s and l the smallest and largest eigenvalue over all blocks, the squared condition
+number is l / s. If ρ is the best value so far, a better joint selection has l in an interval:
+``floor`` <= l < ``ceiling`` = ρ ``highest``, with s at most ``highest``. Boxes without a selection,
+each shown by branch and bound, shrink the interval from both ends until it is empty. Ties are then
+listed and the most readable one is returned. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import islice
-from math import prod, sqrt
+from itertools import count, islice
+from math import sqrt
 from time import perf_counter
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import IntArray
-from loopid.base_parameters.search.block import Levels
-from loopid.base_parameters.search.engines import BranchEngine
-from loopid.base_parameters.search.parts import Part, separate
-from loopid.base_parameters.search.problem import ChoiceProblem
-from loopid.base_parameters.search.staircase import Optimum, least_ratio
-from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
-from loopid.base_parameters.search.threshold import Budget, OutOfBudgetError
-from loopid.base_parameters.search.ties import MOST_TIES, NOTHING, Readability, most_readable
+from loopid.base_parameters.search.block import Block, Levels, split
+from loopid.base_parameters.search.guess import FRACTIONS, good_selection, walked
+from loopid.base_parameters.search.problem import (
+    TIE_TOLERANCE,
+    ChoiceProblem,
+    Exclusion,
+    SearchResult,
+    SearchStrategy,
+)
+from loopid.base_parameters.search.ties import NOTHING, Readability, most_readable, readabilities
+from loopid.base_parameters.search.tree import (
+    UNIT_ROUND_OFF,
+    Budget,
+    Leaves,
+    OutOfBudgetError,
+    margin,
+    selections_between,
+)
 from loopid.errors import OptionError
 
 TIME_LIMIT = 10.0  # s
-# Nodes spent on listing the ties of a large block, of which there may be any number.
-MOST_TIE_NODES = 1000
+# No certificate is given to a coarser tolerance than this.
+MOST_TOLERANCE = 1e-6
+# Boxes are asked about with so many nodes at the first effort, and so many times more at every
+# further one; ends of the interval that are this close are worth no further question.
+FIRST_NODES, MORE_NODES, FINENESS, NEAR = 1024, 4, 1e-2, 1.05
+# Ties of a block are listed up to this many, found in at most so many nodes; where there are more,
+# the dependent columns that come first decide.
+MOST_TIES, MOST_TIE_NODES = 20_000, 4096
+
+Selections = list[IntArray]
 
 
 class ExactSearch(SearchStrategy):
@@ -38,79 +59,345 @@ class ExactSearch(SearchStrategy):
     ----------
     time_limit : float
         Seconds after which the best choice so far is returned, not certified.
+    record : bool
+        Whether the result keeps the proof, as ``SearchResult.record``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> base = loopid.find_base_parameters(observation, loopid.ExactSearch(time_limit=5.0))
+    >>> base.search.certified, base.search.gap
+    (True, 1.0)
     """
 
     name = "exact"
 
     @checked
-    def __init__(self, time_limit: float = TIME_LIMIT) -> None:
+    def __init__(self, time_limit: float = TIME_LIMIT, record: bool = False) -> None:
         if not time_limit > 0:
             raise OptionError(f"time_limit must be positive, not {time_limit} s")
-        self.time_limit = time_limit
+        self.time_limit, self.record = time_limit, record
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        parts = separate(problem)
-        budget = Budget(perf_counter() + self.time_limit)
-        optimum = least_ratio([part.engine for part in parts], budget)
-        if optimum.certified:
-            choice, ties = _break_ties(parts, optimum, budget)
-        else:
-            choice, ties = _unlisted(parts, optimum), None
-        dependent = np.array(choice.dependent, dtype=np.int64)
+        blocks, apart = split(problem)
+        interval = _Interval(blocks, apart, Budget(perf_counter() + self.time_limit), self.record)
+        ties, reason = None, "round-off"
+        dependent = _joint_dependent(blocks, interval.best)
+        if interval.tolerance <= MOST_TOLERANCE:
+            try:
+                interval.close()
+                choice, ties, near = _most_readable_tie(interval)
+                dependent, reason = choice.dependent, "near ties" if near else ""
+            except OutOfBudgetError:
+                dependent, reason = _joint_dependent(blocks, interval.best), "time limit"
         return SearchResult(
             name=self.name,
             criterion=problem.criterion,
-            dependent=choice.dependent,
-            condition_number=problem.condition_number(dependent),
-            certified=optimum.certified,
-            gap=sqrt(optimum.levels.ratio / optimum.least),
+            dependent=dependent,
+            condition_number=problem.condition_number(np.array(dependent, dtype=np.int64)),
+            certified=not reason,
+            gap=interval.gap if reason != "round-off" else np.inf,
             candidates=problem.candidates,
-            evaluated=budget.leaves,
-            nodes=budget.nodes,
+            evaluated=interval.budget.leaves,
+            nodes=interval.budget.nodes,
             ties=ties,
+            tolerance=interval.tolerance,
+            reason=reason,
+            record=tuple(interval.record),
         )
 
 
-def _break_ties(
-    parts: Sequence[Part], optimum: Optimum, budget: Budget
-) -> tuple[Readability, int | None]:
-    """The most readable of the best choices, and how many there are."""
-    best, ties = [], 0
-    for levels in optimum.tied or [optimum.levels]:
-        tied = [_tied_selections(part, levels, budget) for part in parts]
-        if not all(tied):
-            return _unlisted(parts, optimum), None
-        ties += prod(
-            sum(part.ways(selection) for selection in selections)
-            for part, selections in zip(parts, tied, strict=True)
-        )
-        best.append(_readable(parts, tied))
-    return min(best), ties
+class _Interval:
+    """What is known of better joint selections: floor <= largest < ceiling, smallest <= highest.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+    apart : float
+        How far singular values of the blocks may be from those of the problem.
+    budget : Budget
+    keep : bool
+        Whether to record the proof.
+    """
+
+    def __init__(self, blocks: Sequence[Block], apart: float, budget: Budget, keep: bool) -> None:
+        self.blocks, self.budget, self.keep = blocks, budget, keep
+        self.record: list[Exclusion] = []
+        least_largest = max(block.least_largest for block in blocks)
+        self.best = [good_selection(block, least_largest) for block in blocks]
+        self._known = [
+            [(own, block.levels(own))] for block, own in zip(blocks, self.best, strict=True)
+        ]
+        self.levels = self._joint(self.best)
+        self.tied = [self.levels]
+        self.tolerance = self._tolerance(apart)
+        self._fine = self.tolerance / 16
+        lowest = min(float(block.svd[1][-1]) + margin(block.count, block.size) for block in blocks)
+        self.highest = lowest**2
+        self.floor = least_largest * (1 - 4 * self._fine)
+        top = max(float(block.svd[1][0]) ** 2 for block in blocks)
+        self.ceiling = min(top, self.levels.ratio * self.highest) * (1 + 4 * self._fine)
+
+    def _tolerance(self, apart: float) -> float:
+        """Relative tolerance of condition numbers that covers all round-off four times, in decades.
+
+        Singular values of a selection are computed to a small multiple of the unit round-off times
+        the largest one, and those of the blocks are within ``apart`` of the problem's.
+        """
+        largest = max(block.count for block in self.blocks)
+        computed = 4 * largest * UNIT_ROUND_OFF * (sqrt(self.levels.ratio) + 1)
+        if not self.levels.smallest > 0:
+            return np.inf
+        neglected = apart * (1 / sqrt(self.levels.smallest) + 1 / sqrt(self.levels.largest))
+        decades = np.ceil(np.log10(4 * (computed + neglected) / TIE_TOLERANCE))
+        return TIE_TOLERANCE * 10 ** max(0.0, float(decades))
+
+    @property
+    def closed(self) -> bool:
+        """Whether no better joint selection is left, up to the tolerance."""
+        least = self.levels.ratio * (1 - 8 * self._fine)
+        return self.ceiling <= self.floor or least * self.highest <= self.floor
+
+    @property
+    def gap(self) -> float:
+        """Best condition number over a lower bound of all."""
+        if self.closed:
+            return 1.0
+        return max(1.0, sqrt(self.levels.ratio * self.highest / self.floor))
+
+    def close(self) -> None:
+        """Shrink the interval until it is empty.
+
+        Raises
+        ------
+        OutOfBudgetError
+            When time runs out before.
+        """
+        for effort in count():
+            self.budget.check()
+            self._raise_floor(effort)
+            self._lower_ceiling(effort)
+            if self.closed:
+                return
+
+    def _raise_floor(self, effort: int) -> None:
+        """Rule out largest eigenvalues below u: better selections have s = l / ρ > floor / ρ.
+
+        Boxes become smaller where one is undecided, and where one holds selections that are not
+        better; if it is small already, its end goes beside such a selection.
+        """
+        undecided, step, barrier = np.inf, np.inf, np.inf
+        while True:
+            self.budget.check()
+            goal = min(self.levels.largest * (1 - self._fine), self.ceiling)
+            if self.floor >= goal or undecided <= self.floor * (1 + FINENESS):
+                return
+            asked = min(goal, self.floor * step, barrier, sqrt(self.floor * undecided))
+            above = self.floor / self.levels.ratio * (1 + 2 * self._fine)
+            try:
+                found = self._ask(above, asked, effort)
+            except OutOfBudgetError:
+                undecided = asked
+                continue
+            if found is None:
+                self.floor, step, barrier = asked, step * step, np.inf
+            elif self._offer(found):
+                undecided, barrier = np.inf, np.inf
+            elif asked <= self.floor * (1 + FINENESS):
+                barrier = self._joint(found).largest * (1 - self._fine)
+            else:
+                step = sqrt(asked / self.floor)
+
+    def _lower_ceiling(self, effort: int) -> None:
+        """Rule out smallest eigenvalues above t, so that better selections have l = ρ s <= ρ t."""
+        # With more effort the middle comes first, until the ends are near each other.
+        wide = effort > 0 and self.highest > NEAR * self.levels.smallest
+        undecided, step, barrier = self.levels.smallest if wide else 0.0, np.inf, 0.0
+        while not self.closed and self.levels.largest < self.ceiling:
+            self.budget.check()
+            if self.highest <= undecided * (1 + FINENESS):
+                return
+            least = self.levels.smallest * (1 + self._fine)
+            asked = max(least, self.highest / step, barrier, sqrt(self.highest * undecided))
+            try:
+                found = self._ask(asked, self.ceiling, effort)
+            except OutOfBudgetError:
+                undecided = asked
+                continue
+            if found is None:
+                self.highest, step, barrier = asked, step * step, 0.0
+                below = self.levels.ratio * self.highest * (1 - 4 * self._fine)
+                self.ceiling = min(self.ceiling, below)
+            elif self._offer(found):
+                undecided, barrier = 0.0, 0.0
+            elif self.highest <= asked * (1 + FINENESS):
+                barrier = self._joint(found).smallest * (1 + self._fine)
+            else:
+                step = sqrt(self.highest / asked)
+
+    def _ask(self, above: float, below: float, effort: int) -> Selections | None:
+        """Joint selections in a box, or None where some block has none.
+
+        Raises
+        ------
+        OutOfBudgetError
+            Where the effort does not decide.
+        """
+        found, undecided = [], False
+        most = FIRST_NODES * MORE_NODES**effort
+        for b in sorted(range(len(self.blocks)), key=lambda b: self._known[b][-1][1].smallest):
+            known = [own for own, levels in self._known[b] if _inside(levels, above, below)]
+            if not known:
+                part = self.budget.part(most)
+                leaves: Leaves | None = [] if self.keep else None
+                try:
+                    own = next(
+                        selections_between(self.blocks[b], above, below, part, leaves=leaves), None
+                    )
+                except OutOfBudgetError:
+                    self.budget.check()
+                    undecided = True
+                    continue
+                finally:
+                    self.budget.add(part)
+                if own is None:
+                    if leaves is not None:
+                        vectors = self.blocks[b].vectors
+                        self.record.append(Exclusion(b, vectors, above, below, tuple(leaves)))
+                    return None
+                known = [self._polished(b, own, below)]
+            found.append((b, known[-1]))
+        if undecided:
+            raise OutOfBudgetError
+        return [own for _, own in sorted(found, key=lambda pair: pair[0])]
+
+    def _polished(self, b: int, selection: IntArray, below: float) -> IntArray:
+        """The selection after swaps that raise its smallest eigenvalue, if it stays below."""
+        block = self.blocks[b]
+        better = walked(block, selection, FRACTIONS[-1])
+        before, after = block.levels(selection), block.levels(better)
+        if after.largest < below and after.smallest > before.smallest:
+            selection, before = better, after
+        self._known[b].append((selection, before))
+        return selection
+
+    def _offer(self, selections: Selections) -> bool:
+        """Take note of a joint selection; whether it is the best so far."""
+        levels, least = self._joint(selections), self.levels.ratio
+        better = levels.ratio < least
+        if better:
+            self.best, self.levels = selections, levels
+            below = levels.ratio * self.highest * (1 + 4 * self._fine)
+            self.ceiling = min(self.ceiling, below)
+        candidates = [*self.tied, levels]
+        self.tied = []
+        for one in candidates:
+            ties = one.ratio <= self.levels.ratio * (1 + 2 * self.tolerance)
+            if ties and not any(_equal(one, other, 2 * self.tolerance) for other in self.tied):
+                self.tied.append(one)
+        return better
+
+    def _joint(self, selections: Selections) -> Levels:
+        """Extreme eigenvalues over all blocks."""
+        levels = [block.levels(own) for block, own in zip(self.blocks, selections, strict=True)]
+        return Levels(min(x.smallest for x in levels), max(x.largest for x in levels))
 
 
-def _tied_selections(part: Part, levels: Levels, budget: Budget) -> list[IntArray]:
-    """All selections of a part that keep to the levels; none where they are too many to list."""
-    above, below = levels.smallest * (1 - TIE_TOLERANCE), levels.largest * (1 + TIE_TOLERANCE)
-    large = isinstance(part.engine, BranchEngine)
-    own = Budget(budget.deadline, most_nodes=MOST_TIE_NODES if large else np.inf)
-    selections = part.engine.between(above, below, own)
-    try:
-        listed = list(islice(selections, MOST_TIES + 1))
-    except OutOfBudgetError:
-        return []
-    finally:
-        budget.nodes += own.nodes
-        budget.leaves += own.leaves
-    return listed if len(listed) <= MOST_TIES else []
+def _inside(levels: Levels, above: float, below: float) -> bool:
+    return levels.smallest > above and levels.largest < below
 
 
-def _unlisted(parts: Sequence[Part], optimum: Optimum) -> Readability:
-    return _readable(parts, [[selection] for selection in optimum.selections])
-
-
-def _readable(parts: Sequence[Part], selections: Sequence[list[IntArray]]) -> Readability:
-    keys = (
-        most_readable(part.null_basis, part.dependent(chosen), part.columns)
-        for part, chosen in zip(parts, selections, strict=True)
+def _equal(one: Levels, other: Levels, tolerance: float) -> bool:
+    return (
+        abs(one.smallest - other.smallest) <= tolerance * other.smallest
+        and abs(one.largest - other.largest) <= tolerance * other.largest
     )
-    return sum(keys, start=NOTHING)
+
+
+def _joint_dependent(blocks: Sequence[Block], selections: Selections) -> tuple[int, ...]:
+    parts = [
+        block.columns[block.dependent(own[None])[0]]
+        for block, own in zip(blocks, selections, strict=True)
+    ]
+    return tuple(np.sort(np.concatenate(parts)).tolist())
+
+
+def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bool]:
+    """The most readable of the best choices, how many there are, and whether some nearly tie."""
+    choices, ties, near = [], 0, False
+    for levels in interval.tied:
+        choice, ways = NOTHING, 1
+        for block in interval.blocks:
+            selections, nearly = _listed(block, levels, interval.tolerance, interval.budget)
+            near |= nearly
+            if selections:
+                ways *= sum(block.ways(own) for own in selections)
+            else:
+                ways = 0
+                selections = [_first(block, levels, interval.tolerance, interval.budget)]
+            dependent = block.dependent(np.array(selections))
+            if len(dependent) * len(interval.tied) == 1:  # nothing to compare
+                choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
+                continue
+            choice += most_readable(readabilities(block.null_basis, dependent, block.columns))
+        choices.append(choice)
+        ties = ties + ways if ways and (ties or len(choices) == 1) else 0
+    return most_readable(choices), None if near else ties or None, near
+
+
+def _listed(
+    block: Block, levels: Levels, tolerance: float, budget: Budget
+) -> tuple[Selections, bool]:
+    """All selections that keep to the levels, and whether some nearly do; none if too many.
+
+    What is within half of the tolerance keeps to them, what is beyond twice of it does not;
+    selections between are near ties, which round-off would decide.
+    """
+    if block.size == block.count:
+        return [np.arange(block.size)], False
+    above, below = levels.smallest * (1 - 2 * tolerance), levels.largest * (1 + 2 * tolerance)
+    part = budget.part(MOST_TIE_NODES)
+    try:
+        listed = list(islice(selections_between(block, above, below, part), MOST_TIES + 1))
+    except OutOfBudgetError:
+        budget.check()
+        return [], False
+    finally:
+        budget.add(part)
+    if len(listed) > MOST_TIES:
+        return [], False
+    above, below = levels.smallest * (1 - tolerance / 2), levels.largest * (1 + tolerance / 2)
+    kept = [own for own in listed if _inside(block.levels(own), above, below)]
+    return kept, len(kept) < len(listed)
+
+
+def _first(block: Block, levels: Levels, tolerance: float, budget: Budget) -> IntArray:
+    """The selection that keeps to the levels and makes the first columns dependent.
+
+    Column after column is made dependent where some selection allows it: an answer that does not
+    depend on how selections are found.
+    """
+    above, below = levels.smallest * (1 - tolerance), levels.largest * (1 + tolerance)
+    settled: tuple[list[int], list[int]] = ([], [])
+    dependent, base = settled if block.selects_dependent else settled[::-1]
+
+    def some(row: list[int]) -> IntArray | None:
+        dependent.extend(row)
+        taken, left = (np.array(rows, dtype=np.int64) for rows in settled)
+        found = next(selections_between(block, above, below, budget, taken, left), None)
+        del dependent[len(dependent) - len(row) :]
+        return found
+
+    witness = some([])
+    if witness is None:  # a selection with these levels is known
+        raise OutOfBudgetError
+    for row in range(block.size):
+        if (row in witness) != block.selects_dependent:
+            found = some([row])
+            if found is None:
+                base.append(row)
+                continue
+            witness = found
+        dependent.append(row)
+    return witness

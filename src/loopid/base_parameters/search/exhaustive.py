@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from math import comb
 from multiprocessing import get_context
 from os import cpu_count
 
@@ -21,10 +22,14 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray
-from loopid.base_parameters.search.combinations import unrank
-from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbers
-from loopid.base_parameters.search.strategy import TIE_TOLERANCE, SearchResult, SearchStrategy
-from loopid.base_parameters.search.ties import MOST_TIES, most_readable
+from loopid.base_parameters.search.problem import (
+    TIE_TOLERANCE,
+    ChoiceProblem,
+    SearchResult,
+    SearchStrategy,
+    condition_numbers,
+)
+from loopid.base_parameters.search.ties import most_readable, readabilities
 from loopid.errors import OptionError, SearchError
 from loopid.progress import Progress
 from loopid.threads import one_blas_thread
@@ -35,6 +40,7 @@ TASK = 1 << 18  # combinations that one worker takes at a time
 TASKS_PER_WAVE = 4
 # Round-off of a determinant, relative, for matrices that could be the best.
 DETERMINANT_SLACK = 1e-6
+MOST_TIES = 20_000  # selections listed to choose the most readable among; the others are counted
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,13 @@ class Best:
     value: float
     selections: IntArray
     ties: int
+
+    @classmethod
+    def of(cls, values: FloatArray, selections: IntArray) -> Best:
+        """The best of selections (c, k) with condition numbers (c,)."""
+        least = float(values.min(initial=np.inf))
+        tied = np.flatnonzero((values <= least * (1 + TIE_TOLERANCE)) & (least < np.inf))
+        return cls(least, selections[tied[:MOST_TIES]], len(tied))
 
     def merge(self, other: Best) -> Best:
         """The better of two, or both where they tie."""
@@ -83,7 +96,7 @@ class ExhaustiveSearch(SearchStrategy):
             )
         best = self._evaluate_all(problem.vectors, total)
         choices = problem.dependent(best.selections)
-        chosen = most_readable(problem.structure.null_basis, choices)
+        chosen = most_readable(readabilities(problem.structure.null_basis, choices))
         return SearchResult(
             name=self.name,
             criterion=problem.criterion,
@@ -135,17 +148,38 @@ def best_in_range(vectors: FloatArray, incumbent: float, ranks: tuple[int, int])
             least = np.sqrt(mean_square) * quotient ** (count - 1) * (1 - DETERMINANT_SLACK)
             kept = np.flatnonzero(np.abs(np.linalg.det(matrices)) >= least)
             if len(kept):
-                values = condition_numbers(matrices[kept])
-                best = best.merge(_least(values, selections[kept]))
+                best = best.merge(Best.of(condition_numbers(matrices[kept]), selections[kept]))
     return best
 
 
-def _least(values: FloatArray, selections: IntArray) -> Best:
-    least = float(values.min())
-    if np.isinf(least):
-        return nothing_yet(selections.shape[1])
-    tied = np.flatnonzero(values <= least * (1 + TIE_TOLERANCE))
-    return Best(least, selections[tied[:MOST_TIES]], len(tied))
+def unrank(ranks: IntArray, size: int, count: int) -> IntArray:
+    """Combinations with the given lexicographic ranks.
+
+    Parameters
+    ----------
+    ranks : IntArray
+        (c,), in 0 ... C(size, count) - 1, which must fit in 64 bits.
+    size, count : int
+        Choose ``count`` of ``range(size)``.
+
+    Returns
+    -------
+    IntArray
+        (c, count), ascending in each row.
+    """
+    # The combinatorial number system counts backwards: C(n, k) - 1 - rank = Σ C(c_j, k - j),
+    # and the element chosen at place j is n - 1 - c_j.
+    left = comb(size, count) - 1 - np.asarray(ranks, dtype=np.int64)
+    chosen = np.empty((len(left), count), dtype=np.int64)
+    largest = np.iinfo(np.int64).max
+    for place in range(count):
+        # Entries beyond every rank only have to stay beyond them.
+        entries = [min(comb(c, count - place), largest) for c in range(size)]
+        table = np.array(entries, dtype=np.int64)
+        digit = np.searchsorted(table, left, side="right") - 1
+        left = left - table[digit]
+        chosen[:, place] = size - 1 - digit
+    return chosen
 
 
 @contextmanager

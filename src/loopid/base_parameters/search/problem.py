@@ -1,9 +1,12 @@
-"""The choice: which parameters become dependent, and what makes one choice better."""
+"""The choice of the dependent parameters, the interface of all searches, and their answer."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import comb
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from math import comb, inf
+from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,9 +15,14 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.structure import Structure
 from loopid.errors import OptionError
+from loopid.threads import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
+# Choices whose condition numbers differ by less than this fraction are ties.
+TIE_TOLERANCE = 1e-9
+# Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
+ROUND_OFF_COLUMN = 1e-13
 
 
 @checked_fields
@@ -30,6 +38,11 @@ class ChoiceProblem:
     structure : Structure
     criterion : str
         One of ``CRITERIA``.
+
+    Raises
+    ------
+    OptionError
+        For an unknown criterion.
     """
 
     structure: Structure
@@ -56,11 +69,12 @@ class ChoiceProblem:
 
     @property
     def vectors(self) -> FloatArray:
-        """The n vectors (n, k), k of which are to be selected, scaled to a largest of 1."""
+        """The n vectors (n, k), k of which are to be selected, scaled to a norm of 1."""
         if self.criterion == "nullspace":
             return self.structure.null_basis
-        columns = self.structure.row_factor.T
-        return np.asarray(columns / np.linalg.norm(columns, 2), dtype=np.float64)
+        columns = self.structure.row_factor.T / np.linalg.norm(self.structure.row_factor, 2)
+        columns[np.linalg.norm(columns, axis=1) <= ROUND_OFF_COLUMN] = 0.0
+        return np.asarray(columns, dtype=np.float64)
 
     def dependent(self, selections: IntArray) -> IntArray:
         """Dependent columns (c, d) of selections (c, k) of vectors."""
@@ -74,16 +88,11 @@ class ChoiceProblem:
         chosen = np.asarray(dependent)
         if self.criterion == "regressor":
             chosen = base_columns(self.size, chosen)
-        return condition_number(self.vectors[chosen])
-
-
-def condition_number(matrix: FloatArray) -> float:
-    """Largest over smallest singular value; 1 for an empty matrix, infinite for a singular one."""
-    return float(condition_numbers(matrix[None])[0])
+        return float(condition_numbers(self.vectors[chosen][None])[0])
 
 
 def condition_numbers(matrices: FloatArray) -> FloatArray:
-    """Condition numbers (c,) of matrices (c, m, n)."""
+    """Condition numbers (c,) of matrices (c, m, n): 1 for empty, infinite for singular ones."""
     if 0 in matrices.shape[1:]:
         return np.ones(len(matrices))
     values = np.linalg.svd(matrices, compute_uv=False)
@@ -91,3 +100,127 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
     ratio = np.full(len(values), np.inf)
     np.divide(largest, smallest, out=ratio, where=smallest > 0)
     return ratio
+
+
+@dataclass(frozen=True, eq=False)
+class Exclusion:
+    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it.
+
+    Attributes
+    ----------
+    block : int
+        Which block of the problem.
+    vectors : FloatArray
+        (m, k), k rows of which are to be selected.
+    above, below : float
+        No selection has all eigenvalues of X_S X_Sᵀ in this open range.
+    leaves : tuple
+        For each leaf the rows taken and the rows left out there. Every selection agrees with
+        exactly one leaf.
+    """
+
+    block: int
+    vectors: FloatArray
+    above: float
+    below: float
+    leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What a search found.
+
+    Attributes
+    ----------
+    name, criterion : str
+    dependent : tuple of int or None
+        Dependent columns, ascending, among those with an effect; None where nothing was found.
+    condition_number : float
+        The criterion's value; infinite where nothing was found.
+    certified : bool
+        Whether no choice is better by more than ``tolerance`` times the value, and the choice
+        among ties is final: it depends neither on the processor nor on the time limit.
+    reason : str
+        Why an exact search is not certified: the time limit, round-off, or near ties.
+    gap : float
+        No choice has a condition number of less than the value over this, up to ``tolerance``: 1
+        where it is certified, infinite where nothing was proven.
+    candidates : int
+        Number of combinations there are.
+    evaluated : int
+        Number of combinations that were looked at one by one.
+    nodes : int
+        Nodes of the search tree, 0 for strategies without one.
+    ties : int or None
+        Number of best choices; None where they were not counted.
+    tolerance : float
+        Relative; see ``certified``.
+    seconds : float
+    record : tuple of Exclusion
+        The proof, where ``ExactSearch`` was asked to keep it.
+    """
+
+    name: str
+    criterion: str
+    dependent: tuple[int, ...] | None
+    condition_number: float
+    certified: bool
+    candidates: int
+    evaluated: int
+    nodes: int = 0
+    ties: int | None = None
+    gap: float = inf
+    tolerance: float = TIE_TOLERANCE
+    reason: str = ""
+    seconds: float = 0.0
+    record: tuple[Exclusion, ...] = field(default=(), repr=False)
+
+    @property
+    def found(self) -> bool:
+        """Whether there is an answer at all."""
+        return self.dependent is not None
+
+    def __repr__(self) -> str:
+        proven = "certified" if self.certified else f"not certified, gap {self.gap:.4g}"
+        proven += f" ({self.reason})" if self.reason else ""
+        ties = "ties not counted" if self.ties is None else f"{self.ties:,} tied"
+        return (
+            f"SearchResult({self.name}, {self.criterion}: {self.condition_number:.6g}, {proven}, "
+            f"{ties}, {self.seconds:.3g} s)"
+        )
+
+
+class SearchStrategy(ABC):
+    """A way of choosing the dependent parameters."""
+
+    name: ClassVar[str]
+
+    def search(self, problem: ChoiceProblem) -> SearchResult:
+        """Solve a choice problem, on one BLAS thread: the matrices are small.
+
+        Raises
+        ------
+        SearchError
+            Where the strategy cannot be applied.
+        """
+        start = perf_counter()
+        with one_blas_thread():
+            result = self._search(problem) if problem.dependent_count else self._no_choice(problem)
+        return replace(result, seconds=perf_counter() - start)
+
+    @abstractmethod
+    def _search(self, problem: ChoiceProblem) -> SearchResult: ...
+
+    def _no_choice(self, problem: ChoiceProblem) -> SearchResult:
+        """The only answer where every parameter is a base parameter."""
+        return SearchResult(
+            name=self.name,
+            criterion=problem.criterion,
+            dependent=(),
+            condition_number=problem.condition_number(np.empty(0, dtype=np.int64)),
+            certified=True,
+            candidates=1,
+            evaluated=1,
+            ties=1,
+            gap=1.0,
+        )

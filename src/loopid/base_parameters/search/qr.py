@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import qr
 
-from loopid.arrays import IntArray
-from loopid.base_parameters.search.problem import ChoiceProblem
-from loopid.base_parameters.search.strategy import SearchResult, SearchStrategy
+from loopid.arrays import FloatArray, IntArray
+from loopid.base_parameters.regrouping import base_columns
+from loopid.base_parameters.search.problem import ChoiceProblem, SearchResult, SearchStrategy
+
+# Remaining norms that differ by less than this fraction are equal: the first vector is taken.
+EQUAL_NORMS = 1e-6
 
 
 class PivotedQR(SearchStrategy):
-    """Take the columns of W greedily, each the one farthest from those taken."""
+    """Take the columns of W greedily, each the one farthest from the span of those taken."""
 
     name = "qr"
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        dependent = pivoted_dependent(problem)
+        structure = problem.structure
+        base = pivots(structure.row_factor.T, structure.rank)
+        dependent = base_columns(problem.size, base)
         return SearchResult(
             name=self.name,
             criterion=problem.criterion,
-            dependent=tuple(int(j) for j in dependent),
+            dependent=tuple(dependent.tolist()),
             condition_number=problem.condition_number(dependent),
             certified=False,
             candidates=problem.candidates,
@@ -28,7 +32,15 @@ class PivotedQR(SearchStrategy):
         )
 
 
-def pivoted_dependent(problem: ChoiceProblem) -> IntArray:
-    """Columns that pivoted QR of the regressor leaves for last, ascending; shape (d,)."""
-    _, _, order = qr(problem.structure.row_factor, mode="economic", pivoting=True)
-    return np.sort(order[problem.structure.rank :]).astype(np.int64)
+def pivots(vectors: FloatArray, count: int) -> IntArray:
+    """Rows (count,) of vectors (n, m) in the order of pivoted QR; round-off decides no pivot."""
+    rest, chosen = np.array(vectors), np.empty(0, dtype=np.int64)
+    for _ in range(count):
+        norms = np.linalg.norm(rest, axis=1)
+        norms[chosen] = -1.0
+        pivot = int(np.argmax(norms >= norms.max() * (1 - EQUAL_NORMS)))
+        chosen = np.append(chosen, pivot)
+        direction = rest[pivot] / (norms[pivot] or 1.0)
+        for _ in range(2):  # once more for what round-off left
+            rest -= np.outer(rest @ direction, direction)
+    return chosen

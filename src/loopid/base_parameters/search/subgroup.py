@@ -1,10 +1,12 @@
-"""The subgroup search of the knee-rehabilitation paper, as its pseudocode has it.
+"""The subgroup search of the knee-rehabilitation paper [its section II.C].
 
 It looks at n* = (1 + α) r rows of V2 at a time, tries all C(n*, d) choices among them, then drops
 the row that occurs most often in the worse half of the invalid choices and takes in the next one.
-What the paper leaves open is decided here and explained in docs/paper.md: n* is rounded up and at
-most n, ties for the most frequent row go to the first, and without invalid choices the first row
-of the group makes room.
+The pseudocode tells rank by the last bits of the smallest singular value and orders rank-deficient
+choices by condition numbers that are round-off, so its outcome depends on the processor. The
+default variant decides both by what round-off cannot change, and takes rows in the order of
+pivoted QR, so that the first group holds a valid choice. Further decisions that the paper leaves
+open are explained in docs/paper.md.
 """
 
 from __future__ import annotations
@@ -15,13 +17,22 @@ from math import ceil, comb
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray
-from loopid.base_parameters.search.problem import ChoiceProblem, condition_numbers
-from loopid.base_parameters.search.strategy import SearchResult, SearchStrategy
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.base_parameters.search.problem import (
+    ChoiceProblem,
+    SearchResult,
+    SearchStrategy,
+    condition_numbers,
+)
+from loopid.base_parameters.search.qr import pivots
 from loopid.errors import OptionError, SearchError
 
-VARIANTS = ("pseudocode", "text")
+VARIANTS = ("gap", "pseudocode", "text")
 MEMORY_BOUND = 2**30  # bytes that the combinations and matrices of one group may take
+# Singular values below this fraction of the largest are zero to the variant "gap": null vectors
+# are known to some 1e-12, and regular choices of robots stay above 1e-4.
+RANK_TOLERANCE = 1e-8
+DIGITS = 6  # that condition numbers are compared with
 
 
 class SubgroupSearch(SearchStrategy):
@@ -34,15 +45,25 @@ class SubgroupSearch(SearchStrategy):
     alpha : float
         Group rising factor, 0 < alpha <= 0.5.
     variant : str
-        What becomes of full-rank choices at or above the limit: ``"pseudocode"`` drops them,
-        ``"text"`` counts them as invalid ones (M_nc).
+        ``"gap"``: rank by a gap, invalid choices in the order of their rank and of the condition
+        number of what is not zero, rows in the order of pivoted QR. ``"pseudocode"``: as printed
+        in the paper. ``"text"``: as ``"pseudocode"``, but full-rank choices at or above the limit
+        count as invalid, as the paper's text has it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> base = loopid.find_base_parameters(observation, loopid.SubgroupSearch(alpha=0.5))
+    >>> base.search.found, base.search.certified
+    (True, False)
     """
 
     name = "subgroup"
 
     @checked
     def __init__(
-        self, condition_limit: float = 2000.0, alpha: float = 0.25, variant: str = "pseudocode"
+        self, condition_limit: float = 2000.0, alpha: float = 0.25, variant: str = "gap"
     ) -> None:
         if not 0 < alpha <= 0.5:
             raise OptionError(f"alpha must be in (0, 0.5], not {alpha}")
@@ -81,64 +102,73 @@ class SubgroupSearch(SearchStrategy):
     def _search(self, problem: ChoiceProblem) -> SearchResult:
         size, d = self.group_size(problem), problem.dependent_count
         places = np.array(list(combinations(range(size), d)), dtype=np.int64)
-        group = np.arange(size)
+        order = self._order(problem)
+        group = order[:size]
         best: IntArray | None = None
         least, evaluated = np.inf, 0
-        for last in range(size, problem.size + 1):
+        for incoming in [*order[size:].tolist(), None]:
             choices = np.sort(group[places], axis=1)
-            valid, invalid, conditions = self._judge(problem, choices)
+            valid, worse = self._judge(problem.structure.null_basis[choices])
             evaluated += len(choices)
-            value, choice = _best_valid(problem, choices[valid])
+            value, choice = self._best_valid(problem, choices[valid])
             if value < least:
                 least, best = value, choice
-            if last < problem.size:
-                worst = _most_frequent(choices[invalid], conditions[invalid], group)
-                group = np.append(group[group != worst], last)
+            if incoming is not None:
+                # Without invalid choices the first row makes room.
+                counts = (choices[worse][:, :, None] == group).sum(axis=(0, 1))
+                group = np.append(np.delete(group, counts.argmax()), incoming)
         return SearchResult(
             name=self.name,
             criterion=problem.criterion,
-            dependent=None if best is None else tuple(int(j) for j in best),
-            condition_number=float(least),
+            dependent=None if best is None else tuple(best.tolist()),
+            condition_number=np.inf if best is None else problem.condition_number(best),
             certified=False,
             candidates=problem.candidates,
             evaluated=evaluated,
         )
 
-    def _judge(
-        self, problem: ChoiceProblem, choices: IntArray
-    ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Valid and invalid choices, and the condition numbers of all."""
-        V22 = problem.structure.null_basis[choices]
+    def _order(self, problem: ChoiceProblem) -> IntArray:
+        """The order in which rows come into the group."""
+        if self.variant != "gap":
+            return np.arange(problem.size)
+        V2 = problem.structure.null_basis
+        first = pivots(V2, problem.dependent_count)
+        return np.concatenate([first, np.setdiff1d(np.arange(problem.size), first)])
+
+    def _judge(self, V22: FloatArray) -> tuple[BoolArray, IntArray]:
+        """Which choices (c, d, d) are valid, and the worse half of the invalid ones."""
         values = np.linalg.svd(V22, compute_uv=False)
-        largest, smallest = values[:, 0], values[:, -1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            conditions = np.where(smallest > 0, largest / smallest, np.inf)
-        # The numerical rank of MATLAB and NumPy.
-        full_rank = smallest > V22.shape[1] * np.finfo(float).eps * largest
+        if self.variant == "gap":
+            ranks = (values > RANK_TOLERANCE * values[:, :1]).sum(axis=1)
+            counted = np.maximum(ranks, 1) - 1
+            last = values[np.arange(len(values)), counted]
+            conditions = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)
+            full_rank = ranks == V22.shape[1]
+            # Choices of lower rank are worse; rounded, so that equal ones stay in their order.
+            order = np.lexsort((np.log(conditions).round(DIGITS), -ranks))
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+            # The numerical rank of MATLAB and NumPy.
+            full_rank = values[:, -1] > V22.shape[1] * np.finfo(float).eps * values[:, 0]
+            order = np.argsort(conditions, kind="stable")
         valid = full_rank & (conditions < self.condition_limit)
-        invalid = ~full_rank if self.variant == "pseudocode" else ~valid
-        return np.flatnonzero(valid), np.flatnonzero(invalid), conditions
+        invalid = order[~(full_rank if self.variant == "pseudocode" else valid)[order]]
+        return valid, invalid[len(invalid) // 2 :]
 
-
-def _best_valid(problem: ChoiceProblem, choices: IntArray) -> tuple[float, IntArray | None]:
-    """The first of the valid choices with the least value of the criterion."""
-    if len(choices) == 0:
-        return np.inf, None
-    if problem.criterion == "nullspace":
+    def _best_valid(
+        self, problem: ChoiceProblem, choices: IntArray
+    ) -> tuple[float, IntArray | None]:
+        """The first of the valid choices with the least value of the criterion."""
+        if len(choices) == 0:
+            return np.inf, None
         selections = choices
-    else:
-        is_base = np.ones((len(choices), problem.size), dtype=bool)
-        np.put_along_axis(is_base, choices, False, axis=1)
-        selections = np.nonzero(is_base)[1].reshape(len(choices), -1)
-    values = condition_numbers(problem.vectors[selections])
-    first = int(values.argmin())
-    return float(values[first]), choices[first]
-
-
-def _most_frequent(choices: IntArray, conditions: FloatArray, group: IntArray) -> int:
-    """The row of the group that occurs most often in the worse half of the invalid choices."""
-    if len(choices) == 0:
-        return int(group[0])
-    worse = choices[np.argsort(conditions, kind="stable")[len(choices) // 2 :]]
-    counts = (worse[:, :, None] == group).sum(axis=(0, 1))
-    return int(group[counts.argmax()])
+        if problem.criterion == "regressor":
+            is_base = np.ones((len(choices), problem.size), dtype=bool)
+            np.put_along_axis(is_base, choices, False, axis=1)
+            selections = np.nonzero(is_base)[1].reshape(len(choices), -1)
+        values = condition_numbers(problem.vectors[selections])
+        if self.variant == "gap":
+            values = 10.0 ** np.log10(values).round(DIGITS)
+        first = int(values.argmin())
+        return float(values[first]), choices[first]

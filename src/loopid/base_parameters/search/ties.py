@@ -6,6 +6,7 @@ the answer is unique, and does not depend on the strategy that found it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +14,14 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import regrouping_matrix
 
-# Selections listed to choose among: of one part in exact search, of all in exhaustive search.
-MOST_TIES = 20_000
 # Sums of coefficients that differ by less than this are equal.
 EQUAL_COEFFICIENTS = 1e-6
+BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Readability:
-    """Sort key of a choice: less is better."""
+    """What makes a choice readable: few terms, small coefficients."""
 
     terms: int
     coefficients: float
@@ -38,10 +38,20 @@ class Readability:
 NOTHING = Readability(0, 0.0, ())
 
 
-def most_readable(
+def most_readable(choices: Iterable[Readability]) -> Readability:
+    """The first choice in the order of terms, coefficients and columns."""
+    every = list(choices)
+    terms = min(choice.terms for choice in every)
+    every = [choice for choice in every if choice.terms == terms]
+    enough = min(choice.coefficients for choice in every) + EQUAL_COEFFICIENTS
+    every = [choice for choice in every if choice.coefficients <= enough]
+    return min(every, key=lambda choice: choice.dependent)
+
+
+def readabilities(
     null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
-) -> Readability:
-    """The best of several choices.
+) -> list[Readability]:
+    """Readability of several choices.
 
     Parameters
     ----------
@@ -52,12 +62,14 @@ def most_readable(
     columns : IntArray, optional
         (n,), the columns that the rows belong to, if not 0 ... n - 1.
     """
-    beta = np.abs(regrouping_matrix(null_basis, choices))
-    terms, totals = (beta > 0).sum(axis=(1, 2)), beta.sum(axis=(1, 2))
-    fewest = np.flatnonzero(terms == terms.min())
-    smallest = totals[fewest].min() + EQUAL_COEFFICIENTS
-    kept = fewest[totals[fewest] <= smallest]
-    names = np.sort(choices[kept] if columns is None else columns[choices[kept]], axis=1)
-    first = min(tuple(int(j) for j in dependent) for dependent in names)
-    # Rounded, so that sums which are equal compare equal.
-    return Readability(int(terms.min()), round(float(totals[fewest].min()), 5), first)
+    names = choices if columns is None else columns[choices]
+    size = max(1, BATCH // null_basis.size)
+    terms, totals = [], []
+    for start in range(0, len(choices), size):
+        beta = np.abs(regrouping_matrix(null_basis, choices[start : start + size]))
+        terms += (beta > 0).sum(axis=(1, 2)).tolist()
+        totals += beta.sum(axis=(1, 2)).tolist()
+    return [
+        Readability(count, total, tuple(sorted(own)))
+        for count, total, own in zip(terms, totals, names.tolist(), strict=True)
+    ]

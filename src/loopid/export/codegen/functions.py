@@ -11,15 +11,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from loopid.arrays import IntArray
 from loopid.experiment import ForceModel
 from loopid.export.codegen.closures import closure_residual, position_rates
 from loopid.export.codegen.tree import Frame, tree_frames
-from loopid.kinematics.projected_blocks import Partition
-from loopid.kinematics.scaling import coordinate_scales
+from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
-from loopid.regressors import JointTerms
-from loopid.robot import Mechanism
-from loopid.robot.identical import tie_indices
+from loopid.regressors import JOINT_TERMS, JointState, JointTerms
+from loopid.robot import Mechanism, tie_indices
 
 OPTIONS: dict[str, Any] = {
     "with_mem": False,
@@ -37,34 +36,35 @@ def c_functions(model: ForceModel, name: str) -> str:
     ``columns(q, v, a, X) -> K``: with X (dependent, dof) of M = [A B], A X = B, and K row by row.
     """
     generator = ca.CodeGenerator(name, OPTIONS)
-    parts = Partition(model.mechanism)
-    if len(parts.dependent):
+    parts = partition(model.mechanism)
+    if len(parts[1]):
         generator.add(_closures(model.mechanism, parts, f"{name}_closures"))
     generator.add(_columns(model, parts, f"{name}_columns"))
     return str(generator.dump())
 
 
-def _closures(mechanism: Mechanism, parts: Partition, name: str) -> ca.Function:
+def _closures(mechanism: Mechanism, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
     model = mechanism.model
     q, still = ca.SX.sym("q", model.nq), ca.SX(model.nv, 1)
     frames = tree_frames(model, q, still, still, ca.SX(model.nv, 0))
     residual = closure_residual(mechanism, q, frames)
     jacobian = ca.jacobian(residual, q) @ position_rates(model, q)
-    scaled = jacobian @ ca.diag(ca.DM(coordinate_scales(mechanism)))
-    M = scaled[:, [*parts.dependent.tolist(), *parts.chosen.tolist()]]
+    scaled = jacobian @ ca.diag(ca.DM(mechanism.coordinate_scales))
+    chosen, dependent = parts
+    M = scaled[:, [*dependent.tolist(), *chosen.tolist()]]
     return ca.Function(name, [q], [ca.densify(M), ca.densify(residual)])
 
 
-def _columns(model: ForceModel, parts: Partition, name: str) -> ca.Function:
-    mechanism = model.mechanism
-    nq, nv, dof = mechanism.model.nq, mechanism.model.nv, len(parts.chosen)
+def _columns(model: ForceModel, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
+    mechanism, (chosen, dependent) = model.mechanism, parts
+    nq, nv, dof = mechanism.model.nq, mechanism.model.nv, len(chosen)
     q, v, a = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("a", nv)
-    X = ca.SX.sym("X", len(parts.dependent), dof)
-    G, scales = ca.SX(nv, dof), coordinate_scales(mechanism)
-    for column, chosen in enumerate(parts.chosen.tolist()):
-        G[chosen, column] = 1
-        for row, dependent in enumerate(parts.dependent.tolist()):
-            G[dependent, column] = -X[row, column] * (scales[dependent] / scales[chosen])
+    X = ca.SX.sym("X", len(dependent), dof)
+    G, scales = ca.SX(nv, dof), mechanism.coordinate_scales
+    for column, j in enumerate(chosen.tolist()):
+        G[j, column] = 1
+        for row, i in enumerate(dependent.tolist()):
+            G[i, column] = -X[row, column] * (scales[i] / scales[j])
     K = _base_columns(model, q, v, a, G)
     return ca.Function(name, [q, v, a, X], [ca.densify(K.T)])
 
@@ -89,7 +89,7 @@ def _base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
                 force, moment = wrenches[joint][KINDS.index(parameter.kind)]
                 column += frames[joint].shift.T @ force + frames[joint].turn.T @ moment
         else:
-            column = _joint_term(mechanism, model.joint_terms, parameter, v, a, G)
+            column = _joint_term(mechanism, model.joint_terms, parameter, q, v, a, G)
         columns.append(column)
     return ca.horzcat(*columns)
 
@@ -117,14 +117,12 @@ def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
 
 
 def _joint_term(
-    mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, v: Any, a: Any, G: Any
+    mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, *state: Any
 ) -> Any:
-    """A drive inertia, friction or offset, as ``JointTerms`` has them."""
+    """A drive inertia, friction or offset, by the law of its kind."""
+    q, v, a, G = state
     index = int(mechanism.velocity_indices([parameter.link])[0])
-    kind, rate = parameter.kind, v[index]
-    if kind == "Fc" and terms is not None:
-        sign = ca.tanh(rate / terms.smoothing) if terms.smoothing else ca.sign(rate)
-        signal = ca.if_else(ca.fabs(rate) > terms.dead_zone, sign, 0) if terms.dead_zone else sign
-    else:
-        signal = {"Ia": a[index], "Fv": rate, "Fo": ca.SX(1)}[kind]
-    return G[index, :].T * signal
+    joint = mechanism.joint(parameter.link)
+    position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
+    term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
+    return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)

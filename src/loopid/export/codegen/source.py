@@ -1,25 +1,36 @@
-"""The regressor as a C file and its header, from templates and CasADi's functions."""
+"""The regressor as a C file and its header, from templates and CasADi's functions.
+
+Compiled and called from Python it is verified and measured.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import re
-from collections.abc import Iterable
+import shutil
+import subprocess
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, finite
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.arrays import FloatArray, IntArray, finite, samples
+from loopid.errors import DataError, MissingExtraError, OptionError, OutputError
 from loopid.experiment import ForceModel
 from loopid.files import write_files
-from loopid.kinematics.projected_blocks import Partition
+from loopid.kinematics import partition
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
 SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
+COMPILERS = ("cc", "gcc", "clang")
+NUMBERS = ctypes.POINTER(ctypes.c_double)
 
 
 @checked_fields
@@ -77,13 +88,24 @@ def regressor_code(
         raise MissingExtraError("casadi", "codegen")
     from loopid.export.codegen.functions import c_functions  # here, as it needs CasADi
 
-    chosen = _identifier(model.mechanism.name) if name is None else name
+    chosen = name
+    if chosen is None:
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", model.mechanism.name).strip("_")
+        chosen = plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
     if not IDENTIFIER.fullmatch(chosen):
         raise OptionError(
             "the name of C functions must be letters and digits with single _ between them, not "
             f"{chosen!r}"
         )
-    fields = _fields(model, chosen) | _value_fields(model, chosen, values)
+    fields = _fields(model, chosen)
+    if values is not None:
+        phi, count = finite(values, "base parameters"), len(model.parameters)
+        if phi.shape != (count,):
+            raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
+        declared = f"const double {chosen}_values[{chosen.upper()}_PARAMETERS]"
+        listed = ",\n    ".join(map(repr, phi.tolist()))
+        fields["VALUES_DECLARATION"] = f"/* Identified values of phi. */\nextern {declared};\n"
+        fields["VALUES"] = f"{declared} = {{\n    {listed}}};\n"
     loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
     parts = (_filled(template, fields) for template in ("regressor.c", loops))
     functions = c_functions(model, f"{chosen}_casadi")
@@ -130,10 +152,86 @@ def export_regressor(
     return regressor_code(model, name, values).save(folder)
 
 
-def _identifier(name: str) -> str:
-    """A C identifier made of a robot's name."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
-    return plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
+@checked_fields
+@dataclass(frozen=True)
+class CompiledRegressor:
+    """The functions of generated C, on arrays.
+
+    Attributes
+    ----------
+    model : ForceModel
+        That the code was generated from.
+    name : str
+    library : Path
+    """
+
+    model: ForceModel
+    name: str
+    library: Path
+
+    def __call__(
+        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Regressors (N, dof, n) and statuses (N,), 0 where all is well.
+
+        Parameters
+        ----------
+        configurations, velocities, accelerations : FloatArray
+            (N, nq), (N, nv), (N, nv), of all joints.
+        """
+        model = self.model.mechanism.model
+        q = samples(configurations, model.nq, "configurations")
+        v = samples(velocities, model.nv, "velocities", len(q))
+        a = samples(accelerations, model.nv, "accelerations", len(q))
+        shape = len(q), len(self.model.mechanism.independent), len(self.model.parameters)
+        K, status = np.empty(shape), np.empty(len(q), dtype=np.int64)
+        call = self.function("regressor", ctypes.c_int, 4)
+        states = (np.ascontiguousarray(part) for part in (q, v, a))
+        for k, state in enumerate(zip(*states, K, strict=True)):
+            status[k] = call(*(row.ctypes.data_as(NUMBERS) for row in state))
+        return K, status
+
+    def closure_residuals(self, configurations: FloatArray) -> FloatArray:
+        """Largest closure residuals (N,) in m at configurations (N, nq)."""
+        q = samples(configurations, self.model.mechanism.model.nq, "configurations")
+        call = self.function("closure_residual", ctypes.c_double, 1)
+        rows = np.ascontiguousarray(q)
+        return np.array([call(row.ctypes.data_as(NUMBERS)) for row in rows])
+
+    def function(self, ending: str, result: Any, arguments: int) -> Any:
+        """A C function of arrays of numbers."""
+        call = getattr(ctypes.CDLL(str(self.library)), f"{self.name}_{ending}")
+        call.restype, call.argtypes = result, [NUMBERS] * arguments
+        return call
+
+
+@checked
+def compile_regressor(
+    model: ForceModel,
+    code: RegressorCode,
+    folder: str | Path,
+    flags: Sequence[str] = ("-O2",),
+) -> CompiledRegressor:
+    """Write generated C to a folder and make a shared library of it.
+
+    Raises
+    ------
+    OptionError
+        When there is no C compiler.
+    OutputError
+        When the compiler fails.
+    """
+    compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
+    if compiler is None:
+        raise OptionError(f"there is no C compiler: install one of {', '.join(COMPILERS)}")
+    code.save(folder)
+    library = Path(folder, f"{code.name}.so").absolute()
+    source = str(Path(folder, f"{code.name}.c"))
+    command = [compiler, *flags, "-shared", "-fPIC", source, "-lm", "-o", str(library)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise OutputError(f"{compiler} refuses {source}: {done.stderr.strip()}")
+    return CompiledRegressor(model, code.name, library)
 
 
 def _filled(template: str, fields: dict[str, str]) -> str:
@@ -144,7 +242,8 @@ def _filled(template: str, fields: dict[str, str]) -> str:
 
 def _fields(model: ForceModel, name: str) -> dict[str, str]:
     """Dimensions, tolerances and names that the templates are filled with."""
-    mechanism, parts = model.mechanism, Partition(model.mechanism)
+    mechanism = model.mechanism
+    chosen, dependent = partition(mechanism)
     columns = zip(model.parameters, model.base.expressions, strict=True)
     joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
     # A joint's name where it has one position, else numbered from 0.
@@ -157,10 +256,10 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "VERSION": version("loopid"),
         "NQ": str(mechanism.model.nq),
         "NV": str(mechanism.model.nv),
-        "NV_ALL": str(len(parts.dependent) + len(parts.chosen)),
-        "DOF": str(len(parts.chosen)),
+        "NV_ALL": str(len(dependent) + len(chosen)),
+        "DOF": str(len(chosen)),
         "ROWS": str(mechanism.rows),
-        "DEPENDENT": str(len(parts.dependent)),
+        "DEPENDENT": str(len(dependent)),
         "PARAMETERS": str(len(model.parameters)),
         "SINGULAR": repr(SINGULAR),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
@@ -170,20 +269,8 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "VELOCITY_NAMES": _strings(mechanism.coordinates),
         "ROW_NAMES": _strings(mechanism.independent),
         "PARAMETER_NAMES": _strings(model.parameters.labels),
-    }
-
-
-def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
-    if values is None:
-        return {"VALUES": "", "VALUES_DECLARATION": ""}
-    phi, count = finite(values, "base parameters"), len(model.parameters)
-    if phi.shape != (count,):
-        raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
-    declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
-    listed = ",\n    ".join(repr(float(value)) for value in phi)
-    return {
-        "VALUES_DECLARATION": f"/* Identified values of phi. */\nextern {declared};\n",
-        "VALUES": f"{declared} = {{\n    {listed}}};\n",
+        "VALUES": "",
+        "VALUES_DECLARATION": "",
     }
 
 

@@ -1,0 +1,229 @@
+"""Coefficients by name: which lengths of the robot a coefficient of a base parameter is made of.
+
+A coefficient that equals a length between the two links of its term is named by it. Any other
+length, and any two lengths together, need more digits that agree than an accident would give them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from loopid.arguments import checked
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.base_parameters.base import BaseParameters
+from loopid.base_parameters.expressions import FORMS, CoefficientName, Form
+from loopid.lengths import NamedLength
+from loopid.parameters import KINDS, Parameter
+
+# Relative difference that round-off may leave between equal numbers, and the significant digits
+# that a number is looked at for.
+EQUAL, DIGITS = 1e-9, 9
+# Ratios of small whole numbers come from counting, say three equal legs, not from lengths.
+PLAIN = tuple({p / q for p in range(1, 4) for q in range(1, 4)})
+# Accidents to be expected among all the candidates tried for a coefficient, at most.
+ACCIDENTS = 0.05
+# Lengths that are looked at, the first ones, where so many are taken together.
+MOST = {1: None, 2: 200}
+# What is tried in turn: how many lengths together, each of how many of the term's links at least.
+STAGES = ((1, 1), (1, 0), (2, 1), (2, 0))
+
+
+@checked
+def name_coefficients(
+    base: BaseParameters, lengths: Iterable[NamedLength]
+) -> tuple[dict[str, CoefficientName], ...]:
+    """Name the coefficients that are lengths of the robot, or made of them.
+
+    Parameters
+    ----------
+    base : BaseParameters
+    lengths : iterable of NamedLength
+        None of them zero; in order of preference.
+
+    Returns
+    -------
+    tuple of dict
+        For each base parameter its named terms: label to name. Terms whose coefficient no length
+        explains are left out.
+    """
+    namer = _Namer(lengths)
+    return tuple(
+        namer.names(base, int(leader), row)
+        for leader, row in zip(base.base, base.matrix, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A coefficient and the parameters it joins."""
+
+    value: float
+    leader: Parameter
+    folded: Parameter
+
+    @property
+    def power(self) -> int:
+        return self.leader.length_power - self.folded.length_power
+
+    @property
+    def links(self) -> set[str]:
+        return {self.leader.link, self.folded.link}
+
+    @property
+    def needs_name(self) -> bool:
+        standard = {self.leader.kind, self.folded.kind} <= set(KINDS)
+        plain = PLAIN if self.power == 0 else (1.0,)
+        return standard and not any(math.isclose(abs(self.value), p, rel_tol=EQUAL) for p in plain)
+
+    def repeats(self, other: _Term) -> bool:
+        """Whether it is the same number with the same unit."""
+        return self.power == other.power and math.isclose(self.value, other.value, rel_tol=EQUAL)
+
+
+class _Namer:
+    """Finds names, and keeps the candidates of each power of length."""
+
+    def __init__(self, lengths: Iterable[NamedLength]) -> None:
+        self.lengths = tuple(lengths)
+        self._index = {length: k for k, length in enumerate(self.lengths)}
+        self._candidates: dict[tuple[int, int], Candidates] = {}
+        self._parts: dict[str, IntArray] = {}
+
+    def names(
+        self, base: BaseParameters, leader: int, row: FloatArray
+    ) -> dict[str, CoefficientName]:
+        """Names in one base parameter; what has named one term is preferred in the next."""
+        known: list[tuple[_Term, CoefficientName]] = []
+        for j in np.flatnonzero(row).tolist():
+            term = _Term(float(row[j]), base.parameters[leader], base.parameters[j])
+            if term.needs_name and (name := self._name(term, known)):
+                known.append((term, name))
+        return {term.folded.label: name for term, name in known}
+
+    def _name(
+        self, term: _Term, known: list[tuple[_Term, CoefficientName]]
+    ) -> CoefficientName | None:
+        """Name of the coefficient of a term, in a sum of which some terms are known."""
+        shared = sum(map(self._part, term.links), np.zeros(len(self.lengths), dtype=np.int64))
+        indices = [self._index[x] for _, name in known for x in name.lengths]
+        used = np.isin(np.arange(len(shared)), indices)
+        repeated = (name for other, name in known if term.repeats(other))
+        return (
+            self._obvious(term, shared, used)
+            or self._unlikely(term, shared, used)
+            or next(repeated, None)
+        )
+
+    def _obvious(self, term: _Term, shared: IntArray, used: BoolArray) -> CoefficientName | None:
+        """A length that joins the links of the term, in its plainest form.
+
+        In a term of one link its lengths must be fewer than the numbers with as many digits.
+        """
+        links = len(term.links)
+        if links == 1 and np.count_nonzero(shared) * spacing(term.value) > 1:
+            return None
+        name = self._of(term.power, 1).find(term.value, shared, used, least=links)
+        return name if name and name.form is FORMS[1][term.power][0] else None
+
+    def _unlikely(self, term: _Term, shared: IntArray, used: BoolArray) -> CoefficientName | None:
+        """The first name that so many candidates would hardly have given by accident."""
+        tried = 0
+        for together, least in STAGES:
+            candidates = self._of(term.power, together)
+            tried += candidates.count(shared, least)
+            if tried * spacing(term.value) > ACCIDENTS:
+                continue
+            name = candidates.find(term.value, shared, used, least)
+            if name is not None:
+                return name
+        return None
+
+    def _of(self, power: int, together: int) -> Candidates:
+        if (power, together) not in self._candidates:
+            forms = FORMS[together].get(power, ())
+            lengths = self.lengths[: MOST[together]]
+            self._candidates[power, together] = Candidates(forms, lengths, together)
+        return self._candidates[power, together]
+
+    def _part(self, link: str) -> IntArray:
+        """1 for each length that is part of a link, 0 for others; shape (n,)."""
+        if link not in self._parts:
+            self._parts[link] = np.array([link in x.links for x in self.lengths], dtype=np.int64)
+        return self._parts[link]
+
+
+class Candidates:
+    """The numbers that forms make of lengths, in the order of their size.
+
+    Parameters
+    ----------
+    forms : sequence of Form
+    lengths : sequence of NamedLength
+        (n,), in order of preference.
+    together : int
+        1 for forms of one length, 2 for forms of two different ones.
+    """
+
+    def __init__(
+        self, forms: Sequence[Form], lengths: Sequence[NamedLength], together: int
+    ) -> None:
+        self.forms, self.lengths, self.together = forms, lengths, together
+        chosen = np.array(list(permutations(range(len(lengths)), together)), dtype=np.int64)
+        chosen = chosen.reshape(-1, together).T
+        numbers = np.array([length.value for length in lengths])[chosen]
+        values = np.array([form.value(numbers[0], numbers[-1]) for form in forms]).ravel()
+        order = np.argsort(np.abs(values))
+        self.values, self.sizes = values[order], np.abs(values)[order]
+        self.simplicity = np.array([len(form.text) for form in forms], dtype=np.int64)
+        self.form = np.repeat(np.arange(len(forms)), chosen.shape[1])[order]
+        self.chosen = np.tile(chosen, len(forms))[:, order]
+
+    def count(self, shared: IntArray, least: int) -> int:
+        """How many candidates ``find`` looks at."""
+        among = int(np.count_nonzero(shared[: len(self.lengths)] >= least))
+        return len(self.forms) * math.perm(among, self.together)
+
+    def find(
+        self, value: float, shared: IntArray, used: BoolArray, least: int
+    ) -> CoefficientName | None:
+        """Name a value by what has its size and reads shortest.
+
+        Parameters
+        ----------
+        value : float
+        shared : IntArray
+            (n,), of how many of the term's links each length is a part: many are preferred.
+        used : BoolArray
+            (n,), lengths that are preferred where nothing else decides.
+        least : int
+            Lengths that are part of fewer links are left out.
+        """
+        size = abs(value)
+        at = slice(*np.searchsorted(self.sizes, (size * (1 - EQUAL), size * (1 + EQUAL))))
+        picked, form, negated = self.chosen[:, at], self.form[at], self.values[at] * value < 0
+        links, unused = shared[picked], ~used[picked]
+        keys = (self.simplicity[form], -links.sum(axis=0), negated, unused.sum(axis=0), *picked)
+        for k in np.lexsort(keys[::-1]):
+            if links[:, k].min() >= least:
+                lengths = tuple(self.lengths[j] for j in picked[:, k])
+                return CoefficientName(self.forms[form[k]], lengths, bool(negated[k]))
+        return None
+
+
+def spacing(value: float) -> float:
+    """Relative distance between numbers with as many digits as a value, not zero, has.
+
+    1/M of the least integer M with ``value`` = ±M 10^k, at least twice ``EQUAL``.
+    """
+    size = abs(value)
+    exponent = math.floor(math.log10(size))
+    for decimals in range(DIGITS):
+        mantissa = size * 10.0 ** (decimals - exponent)
+        if abs(mantissa - round(mantissa)) <= EQUAL * mantissa:
+            return max(1.0 / round(mantissa), 2 * EQUAL)
+    return 2 * EQUAL

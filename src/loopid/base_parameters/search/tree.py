@@ -1,0 +1,331 @@
+"""Branch and bound in a box: all selections whose eigenvalues lie in a given range.
+
+With X (m, k), G = X Xᵀ and F = XᵀX, a selection S of k rows with smallest eigenvalue above t and
+largest below u contains no subset C, and leaves out no set T, that break (Cauchy interlacing)
+
+    G_CC - t I > 0,    u I - G_CC > 0,    F - t I - X_Tᵀ X_T > 0.
+
+The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three m x m matrices decide:
+taking rows eliminates them in the first two, leaving rows out eliminates them in the third, and
+the Schur complements on the free rows say of every row, and of every two, whether they can still
+be taken or left. Rows with one option are settled at once. Derivation in docs/derivations.md.
+
+Round-off must not lose a selection. The matrices are scaled to a diagonal of about 1, the box is
+widened by twice the ``margin``, and a row is ruled out only by a pivot below the margin, which
+exceeds what round-off does to a pivot of such a matrix [Higham2002, theorem 10.7]. The singular
+values of every selection that is left have the last word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+from time import perf_counter
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf, dtrtrs
+
+from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.base_parameters.search.block import Block
+
+# The margin: a proven multiple of the unit round-off, and at least this.
+LEAST_MARGIN = 1e-12
+UNIT_ROUND_OFF = 2.0**-53
+# Thresholds closer than this fraction to the smallest eigenvalue of F would amplify round-off.
+NEAR_LIMIT = 1e-4
+# Rows shorter than the threshold by this factor are as short as any.
+MOST_SHORT, LEAST_NORM = 1e6, 1e-200
+# Tightness is compared after rounding, so that round-off does not choose the branch.
+DECIMALS = 6
+# A node with few selections left is settled by looking at them: at most so many times k².
+LOOKED_AT = 4096
+
+NONE = np.empty(0, dtype=np.int64)
+
+
+class OutOfBudgetError(Exception):
+    """The search used up its nodes or its time."""
+
+
+@dataclass
+class Budget:
+    """Nodes and time that all the searches of one problem may use together."""
+
+    deadline: float
+    nodes: int = 0
+    leaves: int = 0
+    most_nodes: float = np.inf
+
+    def spend(self) -> None:
+        """Count a node; stop where the budget is used up."""
+        self.nodes += 1
+        if self.nodes > self.most_nodes:
+            raise OutOfBudgetError
+        self.check()
+
+    def check(self) -> None:
+        """Stop where the time is used up."""
+        if perf_counter() > self.deadline:
+            raise OutOfBudgetError
+
+    def part(self, nodes: float) -> Budget:
+        """A budget of so many nodes with the same deadline; ``add`` counts what it used."""
+        return Budget(self.deadline, most_nodes=nodes)
+
+    def add(self, part: Budget) -> None:
+        """Count the nodes and leaves of a part."""
+        self.nodes += part.nodes
+        self.leaves += part.leaves
+
+
+def margin(rows: int, terms: int) -> float:
+    """Upper bound of the round-off in pivots of a matrix (rows, rows) with a diagonal of about 1.
+
+    Its entries are sums of at most so many ``terms``.
+    """
+    return max(LEAST_MARGIN, 4 * rows * (terms + 4) * UNIT_ROUND_OFF)
+
+
+Leaves = list[tuple[tuple[int, ...], tuple[int, ...]]]
+
+
+@dataclass(frozen=True)
+class _Node:
+    """Rows that are free (f,), taken and left, and the Schur complements (f, f) on the free."""
+
+    free: IntArray
+    taken: IntArray
+    left: IntArray
+    takes: tuple[FloatArray, ...]
+    leave: FloatArray
+
+
+def selections_between(
+    block: Block,
+    above: float,
+    below: float,
+    budget: Budget,
+    taken: IntArray = NONE,
+    left: IntArray = NONE,
+    leaves: Leaves | None = None,
+) -> Iterator[IntArray]:
+    """Yield the selections whose eigenvalues lie in a range, depth first.
+
+    Parameters
+    ----------
+    block : Block
+    above : float
+        Positive; every eigenvalue is larger than this.
+    below : float
+        Every eigenvalue is smaller than this; may be infinite.
+    budget : Budget
+    taken, left : IntArray
+        Rows that every selection contains, or does not.
+    leaves : list, optional
+        Takes the rows taken and left at each leaf without a selection.
+
+    Yields
+    ------
+    IntArray
+        (k,), ascending.
+
+    Raises
+    ------
+    OutOfBudgetError
+    """
+    tree = _Tree(block, above, below, leaves)
+    root = tree.root()
+    if root and len(taken) + len(left):
+        root = tree.settled(root, np.isin(root.free, taken), np.isin(root.free, left))
+    stack = [root]
+    while stack:
+        budget.spend()
+        node = stack.pop()
+        node = node and tree.forced(node)
+        if node is None:
+            continue
+        completions = comb(len(node.free), block.count - len(node.taken))
+        if len(node.free) == 0 or completions * block.count**2 <= LOOKED_AT:
+            budget.leaves += completions
+            yield from tree.listed(node)
+        else:
+            stack.extend(tree.branches(node))
+
+
+class _Tree:
+    """The rules of one box, and the leaves that they end in."""
+
+    def __init__(self, block: Block, above: float, below: float, leaves: Leaves | None) -> None:
+        self.block, self.above, self.below = block, above, below
+        self.zero = margin(block.count, block.count)
+        self.leave_zero = margin(block.size - block.count, block.size)
+        self._leaves = leaves
+
+    def root(self) -> _Node | None:
+        """Nothing settled; None where no selection reaches the threshold."""
+        block, t, zero = self.block, self.above, self.zero
+        U, values = block.svd
+        # Singular values are known to an absolute error, so small levels need but a small shift.
+        if values[-1] <= np.sqrt(t) - zero:
+            self._close((), ())
+            return None
+        squares = values**2
+        level = min(t - 2 * zero * np.sqrt(t), (1 - NEAR_LIMIT) * squares[-1])
+        norms = np.maximum(np.diag(block.gram), LEAST_NORM)
+        short = np.minimum(t, MOST_SHORT * norms) / norms
+        identity = np.eye(block.size)
+        scale = np.sqrt(norms)
+        take = block.gram / scale / scale[:, None]
+        np.fill_diagonal(take, 1 + 2 * zero - short)
+        cap = () if np.isinf(self.below) else ((1 + 2 * zero) * identity - block.gram / self.below,)
+        leave = (1 + 2 * self.leave_zero) * identity - (U * (squares / (squares - level))) @ U.T
+        return _Node(np.arange(block.size), NONE, NONE, (take, *cap), leave)
+
+    def settled(self, node: _Node, taken: BoolArray, left: BoolArray) -> _Node | None:
+        """The node with some of the free rows taken and some left; None where that is ruled out."""
+        kept, taking, leaving = np.flatnonzero(~(taken | left)), *map(np.flatnonzero, (taken, left))
+        more = np.concatenate([node.taken, node.free[taking]])
+        fewer = np.concatenate([node.left, node.free[leaving]])
+        takes = [_eliminated(matrix, taking, kept, self.zero) for matrix in node.takes]
+        leave = _eliminated(node.leave, leaving, kept, self.leave_zero)
+        if leave is None or any(matrix is None for matrix in takes):
+            self._close(more, fewer)
+            return None
+        return _Node(node.free[kept], more, fewer, tuple(m for m in takes if m is not None), leave)
+
+    def forced(self, node: _Node | None) -> _Node | None:
+        """Settle the rows that have one option left; None where a row has none."""
+        while node is not None:
+            to_take = self.block.count - len(node.taken)
+            places = (to_take, len(node.free) - to_take)
+            if min(places) < 0:
+                self._close(node.taken, node.left)
+                return None
+            takeable, leavable, apart, together = self._options(node, places)
+            if (takeable & leavable).all():
+                return node
+            if self._leaves is not None:
+                self._close_options(node, takeable, leavable, apart, together)
+            if not (takeable | leavable).all():
+                return None
+            node = self.settled(node, ~leavable, ~takeable)
+        return None
+
+    def _options(
+        self, node: _Node, places: tuple[int, int]
+    ) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
+        """Which of the free rows can be taken, which left; which two not both taken, not both left.
+
+        To take a row leaves those it is in conflict with: there must be places for them, and no
+        conflict among themselves. And the other way round.
+        """
+        takeable = np.all([matrix.diagonal() > self.zero for matrix in node.takes], axis=0)
+        takeable &= places[0] > 0
+        leavable = (node.leave.diagonal() > self.leave_zero) & (places[1] > 0)
+        if not (takeable & leavable).all():
+            nothing = np.zeros_like(node.leave, dtype=np.bool_)
+            return takeable, leavable, nothing, nothing
+        apart = np.any([_conflicts(matrix, self.zero) for matrix in node.takes], axis=0)
+        together = _conflicts(node.leave, self.leave_zero)
+        if apart.any() or together.any():
+            takeable = (apart.sum(axis=1) <= places[1]) & ~_triangles(apart, together)
+            leavable = (together.sum(axis=1) <= places[0]) & ~_triangles(together, apart)
+        return takeable, leavable, apart, together
+
+    def branches(self, node: _Node) -> list[_Node | None]:
+        """Branch where least is left of one of the two options; the roomier one comes last."""
+        can_take = node.takes[0].diagonal().round(DECIMALS)
+        can_leave = node.leave.diagonal().round(DECIMALS)
+        tightest = int(np.minimum(can_take, can_leave).argmin())
+        nothing = np.zeros(len(node.free), dtype=np.bool_)
+        row = nothing.copy()
+        row[tightest] = True
+        both = [self.settled(node, row, nothing), self.settled(node, nothing, row)]
+        return both if can_leave[tightest] > can_take[tightest] else both[::-1]
+
+    def listed(self, node: _Node) -> Iterator[IntArray]:
+        """The selections that agree with a node, those in the box."""
+        more = self.block.count - len(node.taken)
+        subsets = list(combinations(node.free, more))
+        rest = np.array(subsets, dtype=np.int64).reshape(len(subsets), more)
+        chosen = np.concatenate([np.tile(node.taken, (len(rest), 1)), rest], axis=1)
+        chosen.sort(axis=1)
+        values = np.linalg.svd(self.block.vectors[chosen], compute_uv=False) ** 2
+        inside = (values[:, -1] > self.above) & (values[:, 0] < self.below)
+        if self._leaves is not None:
+            for outside in chosen[~inside]:
+                self._close(outside, np.setdiff1d(np.arange(self.block.size), outside))
+        yield from chosen[inside]
+
+    def _close(self, taken: Sequence[int] | IntArray, left: Sequence[int] | IntArray) -> None:
+        """Note a leaf without a selection."""
+        if self._leaves is not None:
+            self._leaves.append((tuple(map(int, taken)), tuple(map(int, left))))
+
+    def _close_options(
+        self,
+        node: _Node,
+        takeable: BoolArray,
+        leavable: BoolArray,
+        apart: BoolArray,
+        together: BoolArray,
+    ) -> None:
+        """Note the leaves of the options that rows do not have, one row after another."""
+        sides: tuple[list[int], list[int]] = (node.taken.tolist(), node.left.tolist())
+        ruled_out = ((~takeable, apart), (~leavable, together))
+        for place in np.flatnonzero(~(takeable & leavable)):
+            row = int(node.free[place])
+            for side, (impossible, conflicts) in enumerate(ruled_out):
+                if impossible[place]:
+                    neighbours = node.free[conflicts[place]].tolist()
+                    self._close_option(row, neighbours, sides, side)
+            if not (takeable[place] or leavable[place]):
+                return
+            sides[0 if takeable[place] else 1].append(row)
+
+    def _close_option(
+        self, row: int, neighbours: list[int], sides: tuple[list[int], list[int]], side: int
+    ) -> None:
+        """Leaves of a row on a side: with each of its neighbours, and with none of them."""
+        own, other = [*sides[side], row], list(sides[1 - side])
+        for neighbour in neighbours:
+            if neighbour in own:
+                break
+            if neighbour not in other:
+                both = [*own, neighbour]
+                self._close(*((both, other) if side == 0 else (other, both)))
+                other.append(neighbour)
+        self._close(*((own, other) if side == 0 else (other, own)))
+
+
+def _triangles(sides: BoolArray, base: BoolArray) -> BoolArray:
+    """Which rows have two neighbours in one graph that are neighbours in the other."""
+    reached = sides.astype(np.float32) @ base.astype(np.float32)
+    return np.asarray(((reached > 0) & sides).any(axis=1))
+
+
+def _eliminated(
+    matrix: FloatArray, rows: IntArray, kept: IntArray, zero: float
+) -> FloatArray | None:
+    """Schur complement on some rows, restricted to others; None unless they may be settled."""
+    rest: FloatArray = matrix[kept[:, None], kept]
+    if len(rows) == 1:
+        pivot, across = matrix[rows[0], rows[0]], matrix[rows[0], kept]
+        return rest - np.outer(across, across / pivot) if pivot > zero else None
+    if len(rows) > 1:
+        factor, failed = dpotrf(matrix[rows[:, None], rows], lower=1)
+        if failed or not factor.diagonal().min() ** 2 > zero:
+            return None
+        across, _ = dtrtrs(factor, matrix[rows[:, None], kept], lower=1)
+        rest -= across.T @ across
+    return rest
+
+
+def _conflicts(matrix: FloatArray, zero: float) -> BoolArray:
+    """Which two rows (f, f) cannot be settled together; all of them may be alone."""
+    diagonal = matrix.diagonal()
+    found = diagonal - matrix**2 / diagonal[:, None] <= zero
+    np.fill_diagonal(found, False)
+    return np.asarray(found | found.T)

@@ -1,0 +1,436 @@
+"""Loop closures: what each kind asks of two frames, in numbers, in symbols and in a robot file.
+
+A kind of closure is a set of elementary equations. Each of these is one class with its residual r,
+the rate of r as a linear map of the frames' velocities (hence the Jacobian), the part of the second
+derivative that is quadratic in the velocities (the rest of the drift), its unit, and r as a CasADi
+expression for exported C code. With d = p_b - p_a, and with R the rotation and ω the angular
+velocity of a frame, everything along the fixed axes [Featherstone2008, ch. 8]:
+
+    r̈ = rate(accelerations) + curvature(velocities).
+
+``CLOSURE_KINDS`` is the registry: a new kind is an entry there, made of equations below or new
+ones.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from loopid.arrays import FloatArray
+from loopid.errors import OptionError
+
+Axis = tuple[float, float, float]
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class FramePair:
+    """Poses of the frames a and b of a closure at N samples.
+
+    Attributes
+    ----------
+    distance : FloatArray
+        (N, 3, 1) in m, from the origin of a to that of b.
+    rotation_a, rotation_b : FloatArray
+        (N, 3, 3), columns are the axes of the frames.
+    """
+
+    distance: FloatArray
+    rotation_a: FloatArray
+    rotation_b: FloatArray
+
+    @cached_property
+    def quaternion(self) -> tuple[FloatArray, FloatArray]:
+        """Vector (N, 3) and scalar (N,) of the quaternion of R_aᵀ R_b."""
+        return relative_quaternion(self.rotation_a, self.rotation_b)
+
+
+class PairRates(NamedTuple):
+    """k first derivatives of the poses, or accelerations in their place; (N, 3, k) each.
+
+    Velocity of the origin of b less that of a, and the angular velocities.
+    """
+
+    velocity: FloatArray
+    turn_a: FloatArray
+    turn_b: FloatArray
+
+
+class SymbolicPose(NamedTuple):
+    """Rotation (3, 3) and origin (3,) of a frame as CasADi expressions."""
+
+    rotation: Any
+    origin: Any
+
+
+class Equations(ABC):
+    """Some scalar equations between two frames; the residual is zero where the loop is closed."""
+
+    count: ClassVar[int]
+    angular: ClassVar[bool] = False  # whether the residual is an angle in rad, otherwise in m
+    turns: ClassVar[bool] = True  # whether it depends on how the frames turn
+
+    @abstractmethod
+    def residual(self, pair: FramePair) -> FloatArray:
+        """Residual r (N, count)."""
+
+    @abstractmethod
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        """dr/dt (N, count, k), linear in the rates."""
+
+    @abstractmethod
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        """d²r/dt² (N, count, 1) at zero accelerations of the frames, for k = 1."""
+
+    @abstractmethod
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        """Residual as CasADi expressions."""
+
+
+class Point(Equations):
+    """The origins coincide: r = -d."""
+
+    count = 3
+    turns = False
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return -pair.distance[:, :, 0]
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return -rates.velocity
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return np.zeros_like(rates.velocity)
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        return [a.origin - b.origin]
+
+
+class Slide(Equations):
+    """The origin of b is on the axis through a: r = (R_a k)ᵀ d for two directions k across it."""
+
+    count = 2
+
+    def __init__(self, axis: Axis) -> None:
+        self.across = across(axis).T
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return _dot(pair.rotation_a @ self.across, pair.distance)[:, :, 0]
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        k = pair.rotation_a @ self.across
+        return _dot(k, rates.velocity) + _dot(_cross(k, pair.distance), rates.turn_a)
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        k_rate = _cross(rates.turn_a, pair.rotation_a @ self.across)
+        turned = _dot(_cross(rates.turn_a, k_rate), pair.distance)
+        return turned + 2.0 * _dot(k_rate, rates.velocity)
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        return [(a.rotation @ _constant(casadi, self.across)).T @ (b.origin - a.origin)]
+
+
+class Distance(Equations):
+    """A rod of length l joins the origins: r = (dᵀd - l²) / 2l."""
+
+    count = 1
+    turns = False
+
+    def __init__(self, length: float) -> None:
+        self.length = length
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        d = pair.distance
+        return (_dot(d, d)[:, :, 0] - self.length**2) / (2.0 * self.length)
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return _dot(pair.distance, rates.velocity) / self.length
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return _dot(rates.velocity, rates.velocity) / self.length
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        d = b.origin - a.origin
+        return [(d.T @ d - self.length**2) / (2 * self.length)]
+
+
+class Turn(Equations):
+    """The axes coincide: r = 2 vec(h), h the unit quaternion of R_aᵀ R_b (rad for small angles).
+
+    With w = scalar(h) >= 0, e = vec(h) and ω = R_aᵀ (ω_b - ω_a), dr/dt = (w I - [e]) ω. Unlike the
+    rotation logarithm it has a simple second derivative, and it is regular up to half a turn.
+    """
+
+    count = 3
+    angular = True
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return 2.0 * pair.quaternion[0]
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return _turn_map(*pair.quaternion) @ _dot(pair.rotation_a, rates.turn_b - rates.turn_a)
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        vector, scalar = pair.quaternion
+        M, omega = _turn_map(vector, scalar), _dot(pair.rotation_a, rates.turn_b - rates.turn_a)
+        e_rate, w_rate = 0.5 * (M @ omega)[:, :, 0], -0.5 * _dot(vector[:, :, None], omega)[:, 0, 0]
+        # R_aᵀ turns with frame a, which adds -ω_a x (ω_b - ω_a) = -ω_a x ω_b.
+        turned = -_dot(pair.rotation_a, _cross(rates.turn_a, rates.turn_b))
+        return M @ turned + _turn_map(e_rate, w_rate) @ omega
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        R = a.rotation.T @ b.rotation
+        size = casadi.sqrt(1 + R[0, 0] + R[1, 1] + R[2, 2])
+        return [(R[i, j] - R[j, i]) / size for i, j in ((2, 1), (0, 2), (1, 0))]
+
+
+class Square(Equations):
+    """Axes i of frame a and an axis j of frame b are at right angles: r = (R_a i)ᵀ (R_b j)."""
+
+    count = 1
+    angular = True
+
+    def __init__(self, axes_a: Axis | FloatArray, axis_b: Axis) -> None:
+        self.axes_a, self.axis_b = np.atleast_2d(axes_a).T, np.array([axis_b]).T
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return _dot(*self._carried(pair))[:, :, 0]
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return _dot(_cross(*self._carried(pair)), rates.turn_a - rates.turn_b)
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        i, j = self._carried(pair)
+        normal_rate = _cross(_cross(rates.turn_a, i), j) + _cross(i, _cross(rates.turn_b, j))
+        return _dot(normal_rate, rates.turn_a - rates.turn_b)
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        i, j = (_constant(casadi, axes) for axes in (self.axes_a, self.axis_b))
+        return [(a.rotation @ i).T @ (b.rotation @ j)]
+
+    def _carried(self, pair: FramePair) -> tuple[FloatArray, FloatArray]:
+        return pair.rotation_a @ self.axes_a, pair.rotation_b @ self.axis_b
+
+
+class Align(Equations):
+    """An axis of frame a and one of frame b point the same way: r = 2 s / (1 + c).
+
+    With c the cosine between the axes and s the components of the second one across the first,
+    |r| = 2 tan(θ/2), so that axes that point against each other are no solution.
+    """
+
+    count = 2
+    angular = True
+
+    def __init__(self, axis_a: Axis, axis_b: Axis) -> None:
+        self.along, self.across = Square(axis_a, axis_b), Square(across(axis_a), axis_b)
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return np.asarray(2.0 * self.across.residual(pair) / self._scale(pair)[:, :, 0])
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        s, scale = self.across.residual(pair)[:, :, None], self._scale(pair)
+        both = self.across.rate(pair, rates) * scale - s * self.along.rate(pair, rates)
+        return np.asarray(2.0 * both / scale**2)
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        """By the quotient rule, twice."""
+        s, scale = self.across.residual(pair)[:, :, None], self._scale(pair)
+        c_rate, c_curvature = self.along.rate(pair, rates), self.along.curvature(pair, rates)
+        second = self.across.curvature(pair, rates) * scale - s * c_curvature
+        first = self.across.rate(pair, rates) * scale - s * c_rate
+        return np.asarray(2.0 * (second / scale**2 - 2.0 * c_rate * first / scale**3))
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        (s,), (c,) = (each.expressions(a, b, casadi) for each in (self.across, self.along))
+        return [2 * s / (1 + c)]
+
+    def _scale(self, pair: FramePair) -> FloatArray:
+        return np.maximum(1.0 + self.along.residual(pair), 1e-12)[:, :, None]
+
+
+def across(axis: Axis) -> FloatArray:
+    """Two unit vectors (2, 3) that form a right-handed frame with an axis; x and y for z."""
+    direction = np.asarray(axis, dtype=np.float64)
+    helper = np.eye(3)[int(np.abs(direction).argmin())]  # the coordinate axis most across it
+    first = helper - direction * (helper @ direction)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])
+
+
+def relative_quaternion(
+    rotation_a: FloatArray, rotation_b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Vector (N, 3) and scalar (N,) >= 0 of the quaternion of R_aᵀ R_b (N, 3, 3)."""
+    quaternion = Rotation.from_matrix(_dot(rotation_a, rotation_b)).as_quat(canonical=True)
+    return quaternion[:, :3], quaternion[:, 3]
+
+
+def _turn_map(vector: FloatArray, scalar: FloatArray) -> FloatArray:
+    """The matrices w I - [e]; shape (N, 3, 3)."""
+    x, y, z = vector.T
+    w = scalar
+    return np.moveaxis(np.array([[w, z, -y], [-z, w, x], [y, -x, w]]), 2, 0)
+
+
+def _dot(one: FloatArray, two: FloatArray) -> FloatArray:
+    """Scalar products (N, i, k) of columns (N, 3, i) and (N, 3, k)."""
+    return np.asarray(one.transpose(0, 2, 1) @ two)
+
+
+def _cross(one: FloatArray, two: FloatArray) -> FloatArray:
+    return np.cross(one, two, axis=1)
+
+
+def _constant(casadi: Any, columns: FloatArray) -> Any:
+    return casadi.sparsify(casadi.DM(np.ascontiguousarray(columns)))
+
+
+@dataclass(frozen=True)
+class ClosureKind:
+    """A kind of closure.
+
+    Attributes
+    ----------
+    equations : callable
+        The equations of a closure of this kind.
+    aliases : tuple of str
+        Other names in use for it.
+    axes : tuple of Axis or None
+        Default of its key ``axes`` in a robot file; None where it has no axes.
+    same_axes : bool
+        Whether the axis must be the same vector in both frames.
+    has_length : bool
+        Whether it has the key ``length``.
+    """
+
+    equations: Callable[[LoopClosure], tuple[Equations, ...]]
+    aliases: tuple[str, ...] = ()
+    axes: tuple[Axis, Axis] | None = None
+    same_axes: bool = False
+    has_length: bool = False
+
+
+CLOSURE_KINDS = {
+    "3d": ClosureKind(lambda c: (Point(),), ("point", "spherical", "ball")),
+    "6d": ClosureKind(lambda c: (Point(), Turn()), ("weld", "fixed")),
+    "hinge": ClosureKind(lambda c: (Point(), Align(*c.axes)), ("revolute",), (Z, Z)),
+    "universal": ClosureKind(lambda c: (Point(), Square(*c.axes)), axes=(X, Y)),
+    "prismatic": ClosureKind(
+        lambda c: (Slide(c.axes[0]), Turn()), axes=(Z, Z), same_axes=True
+    ),
+    "cylindrical": ClosureKind(lambda c: (Slide(c.axes[0]), Align(*c.axes)), axes=(Z, Z)),
+    "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z)),
+    "distance": ClosureKind(lambda c: (Distance(c.length),), ("rod",), has_length=True),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """A joint that closes a loop of the tree.
+
+    Attributes
+    ----------
+    kind : str
+        One of ``CLOSURE_KINDS``. ``"3d"``: the origins coincide (spherical joint). ``"6d"``: the
+        frames coincide (weld). ``"hinge"``: origins and axes coincide. ``"universal"``: the origins
+        coincide and the axes are at right angles. ``"2d"``: the origin of b is on the axis through
+        a (a pin in a plane). ``"cylindrical"``: the axes lie on one line. ``"prismatic"``: so they
+        do, and b does not turn against a. ``"distance"``: a rod keeps the origins apart.
+    frame_a, frame_b : str
+        Names of the two frames, on different bodies.
+    frame_ids : tuple of int
+        Their indices in the Pinocchio model.
+    axes : tuple of Axis
+        Unit vectors along the axis, in frame a and in frame b; only some kinds have one.
+    length : float
+        Of the rod, in m; 0 for other kinds.
+
+    Raises
+    ------
+    OptionError
+        When the kind is unknown.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> closure = loopid.load_mechanism("3ups_rpu").closures[0]
+    >>> closure.kind, closure.rows, closure.name
+    ('3d', 3, 'leg1_stem-platform_B1')
+    """
+
+    kind: str
+    frame_a: str
+    frame_b: str
+    frame_ids: tuple[int, int]
+    axes: tuple[Axis, Axis] = (Z, Z)
+    length: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in CLOSURE_KINDS:
+            raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS)
+
+    @cached_property
+    def equations(self) -> tuple[Equations, ...]:
+        """Its equations, in the order of its rows."""
+        return CLOSURE_KINDS[self.kind].equations(self)
+
+    @property
+    def name(self) -> str:
+        """Text form, ``<frame a>-<frame b>``."""
+        return f"{self.frame_a}-{self.frame_b}"
+
+    @property
+    def rows(self) -> int:
+        """Number of scalar equations."""
+        return sum(part.count for part in self.equations)
+
+
+@dataclass(frozen=True)
+class JointCoupling:
+    """A gear, belt or mimicking joint: coefficients times coordinates add up to an offset.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Joints with one coordinate.
+    coefficients : tuple of float
+        Of each coordinate, in m or rad.
+    offset : float
+    q_indices, v_indices : tuple of int
+        Positions of the coordinates in configurations and in velocities.
+    """
+
+    joints: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    offset: float
+    q_indices: tuple[int, ...]
+    v_indices: tuple[int, ...]
+    kind: ClassVar[str] = "coupling"
+    aliases: ClassVar[tuple[str, ...]] = ("gear", "mimic")
+    rows: ClassVar[int] = 1
+
+    @property
+    def name(self) -> str:
+        """Text form, such as ``follower - 2 leader = 0``."""
+        terms = [
+            f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{joint}"
+            for joint, c in zip(self.joints, self.coefficients, strict=True)
+        ]
+        return f"{' '.join(terms).removeprefix('+ ')} = {self.offset:.6g}"
+
+    def residual(self, q: FloatArray) -> FloatArray:
+        """Residual (N,) at configurations (N, nq)."""
+        return np.asarray(q[:, list(self.q_indices)] @ np.array(self.coefficients) - self.offset)
+
+    def expression(self, q: Any) -> Any:
+        """The same of a CasADi vector (nq,)."""
+        pairs = zip(self.coefficients, self.q_indices, strict=True)
+        return sum(c * q[k] for c, k in pairs) - self.offset

@@ -1,0 +1,141 @@
+"""Certificates are true: brute force finds nothing better, ball arithmetic confirms the proofs."""
+
+import warnings
+
+import numpy as np
+import pytest
+from choice_problems import structure
+from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
+
+from loopid import bundled_robots, load_mechanism, structural_observation
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, analyse
+from loopid.base_parameters.search import exact
+from loopid.base_parameters.search.block import split
+
+SMALL_SEEDS, COUPLED_SEEDS = 15, 9
+
+
+def assert_true(problem):
+    """Whatever is claimed holds; nothing is warned of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = ExactSearch(time_limit=5.0).search(problem)
+    reached = least(problem)
+    assert found.certified == (found.reason == "")
+    if found.certified:
+        assert found.condition_number <= reached * (1 + found.tolerance)
+    assert found.condition_number / found.gap <= reached * (1 + 2e-6)
+    return found
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("kind", KINDS)
+def test_brute_force_finds_nothing_better(kind, criterion):
+    found = [assert_true(small_problem(kind, seed, criterion)) for seed in range(SMALL_SEEDS)]
+    assert sum(one.certified for one in found) > 0.7 * SMALL_SEEDS
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("kind", KINDS)
+def test_brute_force_finds_nothing_better_in_ten_thousand(kind, criterion):
+    for seed in range(SMALL_SEEDS, SMALL_SEEDS + 500):
+        assert_true(small_problem(kind, seed, criterion))
+
+
+def assert_coupled(seed):
+    shape, count = SHAPES[seed % 3], (5, 10, 15)[seed // 3 % 3]
+    problem, reached = weakly_coupled(np.random.default_rng([seed, 77]), shape, count)
+    found = ExactSearch(time_limit=5.0).search(problem)
+    assert found.condition_number / found.gap <= reached * (1 + found.tolerance)
+
+
+@pytest.mark.parametrize("seed", range(COUPLED_SEEDS))
+def test_weakly_coupled_blocks_have_no_better_choice_than_certified(seed):
+    """Paths, stars and trees of up to fifteen blocks, n up to 100."""
+    assert_coupled(seed)
+
+
+@pytest.mark.validate
+def test_many_weakly_coupled_blocks_have_no_better_choice_than_certified():
+    for seed in range(COUPLED_SEEDS, COUPLED_SEEDS + 200):
+        assert_coupled(seed)
+
+
+def assert_proven(problem, certified=True):
+    """The recorded proof passes the independent check."""
+    check = pytest.importorskip("proof_checker", reason="needs python-flint").check
+    found = ExactSearch(time_limit=60.0, record=True).search(problem)
+    assert found.certified or not certified
+    if found.certified:
+        blocks, _ = split(problem)
+        check([block.vectors for block in blocks], found)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_proofs_of_random_problems_hold_in_ball_arithmetic(kind):
+    for seed in range(10):
+        for criterion in CRITERIA:
+            assert_proven(small_problem(kind, seed, criterion), certified=False)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("model", ["gravity", "full"])
+@pytest.mark.parametrize("robot", bundled_robots())
+def test_proofs_of_the_bundled_robots_hold_in_ball_arithmetic(robot, model, criterion):
+    structure = analyse(structural_observation(load_mechanism(robot), model))
+    assert_proven(ChoiceProblem(structure, criterion))
+
+
+def test_a_proof_with_a_leaf_missing_or_a_box_too_large_is_rejected():
+    checker = pytest.importorskip("proof_checker", reason="needs python-flint")
+    problem = small_problem("generic", 0, "nullspace")
+    found = ExactSearch(record=True).search(problem)
+    entry = max(found.record, key=lambda one: len(one.leaves))
+    without = type(entry)(entry.block, entry.vectors, entry.above, entry.below, entry.leaves[1:])
+    with pytest.raises(AssertionError):
+        checker.assert_partition(without)
+    wider = type(entry)(entry.block, entry.vectors, 1e-9, np.inf, entry.leaves)
+    with pytest.raises(AssertionError, match="is open"):
+        checker.assert_excluded(wider)
+
+
+def test_what_round_off_could_decide_is_not_certified_and_the_reason_is_named():
+    near = np.diag([1.0, 1.0, 0.0])
+    near[2] = [0.0, 1.0 - 5e-10, 0.0]
+    tied = ExactSearch().search(ChoiceProblem(structure(near[:, :2])))
+    assert (tied.certified, tied.reason, tied.ties) == (False, "near ties", None)
+    rng = np.random.default_rng(0)
+    turns = [np.linalg.qr(rng.normal(size=(4, 4)))[0] for _ in range(2)]
+    mixing = turns[0] * 10.0 ** np.linspace(0, -11, 4) @ turns[1]
+    singular = structure(rng.normal(size=(6, 2)), mixing)
+    found = ExactSearch().search(ChoiceProblem(singular, "regressor"))
+    assert (found.certified, found.reason, found.gap) == (False, "round-off", np.inf)
+
+
+def test_the_answer_does_not_depend_on_where_the_search_starts(monkeypatch):
+    """A certified choice is a property of the problem: other guesses and efforts end there too."""
+    problems = [
+        ChoiceProblem(analyse(structural_observation(load_mechanism(robot), model)), criterion)
+        for robot in ("delta", "3rpr", "3ups_rpu")
+        for model in ("gravity", "full")
+        for criterion in CRITERIA
+    ]
+    expected = [ExactSearch().search(problem) for problem in problems]
+    worst = exact.good_selection
+    monkeypatch.setattr(exact, "FIRST_NODES", 40)
+    monkeypatch.setattr(exact, "good_selection", lambda block, floor: block_start(block, worst))
+    for problem, first in zip(problems, expected, strict=True):
+        again = ExactSearch().search(problem)
+        assert again.certified
+        assert again.dependent == first.dependent
+        assert again.ties == first.ties
+
+
+def block_start(block, guess):
+    """The regular selection of rows from the end, instead of a good one."""
+    chosen = []
+    for row in range(block.size - 1, -1, -1):
+        if np.linalg.matrix_rank(block.vectors[[*chosen, row]], tol=1e-3) > len(chosen):
+            chosen.append(row)
+    return np.sort(chosen) if len(chosen) == block.count else guess(block)

@@ -1,0 +1,167 @@
+"""Swaps beneath a barrier: predictions for each of them hold, and no walk ends worse."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from choice_problems import all_selections, block_of
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from loopid.base_parameters.search import guess
+from loopid.base_parameters.search.block import Block
+from loopid.base_parameters.search.guess import (
+    ABOVE,
+    BELOW,
+    SIDES,
+    Barrier,
+    good_selection,
+    walked,
+)
+from loopid.base_parameters.search.qr import pivots
+
+
+@st.composite
+def blocks(draw, most=14, decades=0.0):
+    """Vectors in general position; with ``decades``, ill-conditioned together."""
+    n = draw(st.integers(3, most))
+    k = draw(st.integers(1, n - 1))
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    X = rng.normal(size=(n, k)) * 10 ** np.linspace(0, -decades, k)
+    X = X @ np.linalg.qr(rng.normal(size=(k, k)))[0]
+    return block_of(X / np.linalg.norm(X, 2))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A selection, and a barrier on one side of its eigenvalues."""
+
+    block: Block
+    chosen: np.ndarray
+    level: float
+    barrier: Barrier
+
+    @property
+    def rest(self):
+        return np.setdiff1d(np.arange(self.block.size), self.chosen)
+
+    def inverses(self, chosen):
+        """Eigenvalues of (side (M - b I))⁻¹ for any selection."""
+        values = np.linalg.svd(self.block.vectors[chosen], compute_uv=False) ** 2
+        return self.barrier.side / (values - self.level)
+
+    def swaps(self):
+        for place in range(len(self.chosen)):
+            for other, into in enumerate(self.rest):
+                chosen = self.chosen.copy()
+                chosen[place] = into
+                yield place, other, chosen
+
+
+@st.composite
+def cases(draw):
+    block = draw(blocks())
+    chosen = np.array(draw(st.permutations(range(block.size)))[: block.count])
+    levels, fraction = block.levels(chosen), draw(st.sampled_from([0.3, 0.5, 0.9]))
+    side = draw(st.sampled_from([BELOW, ABOVE]))
+    level = levels.smallest * fraction if side == BELOW else levels.largest / fraction
+    return Case(block, chosen, level, Barrier.at(level, block.vectors, chosen, side))
+
+
+@given(cases())
+def test_the_potential_after_every_swap_is_that_of_the_selection_it_makes(case):
+    now = case.inverses(case.chosen)
+    assert case.barrier.potential == pytest.approx(now.sum())
+    changes = case.barrier.changes(case.chosen, case.rest)
+    for place, other, chosen in case.swaps():
+        fresh = case.inverses(chosen)
+        # Round-off is enlarged as far as the inverse changes.
+        scale = now.sum() * max(1.0, np.abs(fresh).max() / now.min())
+        if np.isfinite(changes[place, other]):
+            assert changes[place, other] == pytest.approx(
+                fresh.sum() - now.sum(), rel=1e-7, abs=1e-9 * scale
+            )
+
+
+@given(cases())
+def test_a_finite_change_means_that_all_eigenvalues_stay_on_their_side(case):
+    changes = case.barrier.changes(case.chosen, case.rest)
+    for place, other, chosen in case.swaps():
+        if np.isfinite(changes[place, other]):
+            assert case.inverses(chosen).min() > 0
+
+
+@given(cases(), st.integers(0, 10**6))
+def test_a_swap_leaves_the_matrices_that_the_new_selection_has(case, pick):
+    allowed = np.argwhere(case.barrier.changes(case.chosen, case.rest) < case.barrier.potential)
+    assume(len(allowed) > 0)
+    place, other = allowed[pick % len(allowed)]
+    chosen = case.chosen.copy()
+    chosen[place] = case.rest[other]
+    updated = case.barrier.swapped(case.chosen[place], case.rest[other])
+    fresh = Barrier.at(case.level, case.block.vectors, chosen, case.barrier.side)
+    for name in ("first", "second", "potential"):
+        expected, before = getattr(fresh, name), getattr(case.barrier, name)
+        tolerance = 1e-7 * max(np.abs(expected).max(), np.abs(before).max())
+        np.testing.assert_allclose(getattr(updated, name), expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("decades", [0.0, 5.0])
+@given(data=st.data(), fraction=st.sampled_from([0.3, 0.9, 0.99]))
+def test_a_walk_never_ends_worse_than_it_began(sides, decades, data, fraction):
+    block = data.draw(blocks(decades=decades))
+    start = pivots(block.vectors, block.count)
+    before, after = block.levels(start), block.levels(walked(block, start, fraction, sides))
+    if ABOVE in sides:
+        assert after.ratio <= before.ratio * (1 + 1e-6)
+    else:
+        assert after.smallest >= before.smallest * (1 - 1e-6)
+
+
+@given(blocks())
+def test_where_a_walk_ends_no_swap_raises_the_smallest_eigenvalue_much(block):
+    end = walked(block, pivots(block.vectors, block.count), 0.999)
+    rest = np.setdiff1d(np.arange(block.size), end)
+    best = block.levels(end).smallest
+    for place in range(block.count):
+        for into in rest:
+            chosen = end.copy()
+            chosen[place] = into
+            assert block.levels(chosen).smallest < best * 1.05
+
+
+@pytest.mark.parametrize("decades", [0.0, 5.0])
+@given(data=st.data(), floor=st.sampled_from([0.0, 0.9]))
+def test_a_good_selection_is_regular_never_worse_than_the_pivots_and_always_the_same(
+    decades, data, floor
+):
+    block = data.draw(blocks(decades=decades))
+    chosen = good_selection(block, floor)
+    start = block.levels(pivots(block.vectors, block.count))
+    levels = block.levels(chosen)
+    assert len(set(chosen.tolist())) == block.count
+    assert (np.diff(chosen) > 0).all()
+    assert levels.smallest > 0
+    worst = max(start.largest, floor) / start.smallest
+    assert max(levels.largest, floor) / levels.smallest <= worst * (1 + 1e-6)
+    np.testing.assert_array_equal(chosen, good_selection(block, floor))
+
+
+def test_nothing_to_choose_needs_no_swap():
+    X = np.linalg.qr(np.random.default_rng(0).normal(size=(4, 4)))[0]
+    np.testing.assert_array_equal(good_selection(block_of(X)), np.arange(4))
+
+
+def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer(monkeypatch):
+    found = {36: [], 0: []}
+    for seed in range(20):
+        block = block_of(np.linalg.qr(np.random.default_rng(seed).normal(size=(11, 5)))[0])
+        least = min(block.levels(chosen).ratio for chosen in all_selections(block))
+        for large, ratios in found.items():
+            monkeypatch.setattr(guess, "LARGE", large)
+            monkeypatch.setattr(guess, "LOOKED_AT", 0)
+            ratios.append(block.levels(good_selection(block)).ratio / least)
+    assert np.median(found[36]) < 1.1
+    assert np.median(found[0]) < 1.02
+    assert np.mean(found[0]) <= np.mean(found[36])
