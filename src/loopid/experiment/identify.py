@@ -124,7 +124,36 @@ class Identification:
 def split_recordings(
     recordings: Sequence[Recording], fraction: float = DEFAULT_FRACTION
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """The first part of each recording for training, the rest for validation."""
+    """The first part of each recording for training, the rest for validation.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    fraction : float
+        Of the time of each recording, between 0 and 1.
+
+    Returns
+    -------
+    training, validation : tuple of Recording
+
+    Raises
+    ------
+    OptionError
+        When the fraction is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> sine = 0.1 * np.ones((2, 1))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
+    >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
+    >>> force = np.zeros((len(motion.time), 2))
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> training, validation = loopid.split_recordings([run], 0.75)
+    >>> len(run), len(training[0]), len(validation[0])
+    (201, 151, 50)
+    """
     parts = [recording.split(fraction) for recording in recordings]
     return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
 
