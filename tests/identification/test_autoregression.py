@@ -62,7 +62,8 @@ def test_filters_multiply_by_the_dense_covariance(reflected, seed):
         scale = np.abs(expected).max()
         past, future = model.past_part(X)[0], model.past_part(X[::-1])[0][::-1]
         product = past + future - model.covariances[0] * X
-        np.testing.assert_allclose(product, expected, atol=1e-5 * scale)
+        # Spectra with sharp peaks multiply by covariances that cancel.
+        np.testing.assert_allclose(product, expected, atol=1e-4 * scale)
 
 
 @given(reflections, st.integers(0, 1000))
