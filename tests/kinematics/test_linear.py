@@ -58,9 +58,9 @@ def test_regular_matrices_are_inverted_and_others_told(size, more, seed):
     matrices[4] = low_rank(generator, 1, size + more, size, max(size - 1, 1))[0]
     solver = Solver.of(matrices, 1e-3)
     values = np.linalg.svd(matrices, compute_uv=False)
-    doubtful = np.flatnonzero(values[:, -1] < 1e-3 * values[:, 0])
-    assert set(doubtful) <= set(solver.doubtful)
-    assert more or not len(Solver.of(matrices[:4], 1e-3).doubtful)
+    ill_conditioned = np.flatnonzero(values[:, -1] < 1e-3 * values[:, 0])
+    assert set(ill_conditioned) <= set(solver.ill_conditioned)
+    assert more or not len(Solver.of(matrices[:4], 1e-3).ill_conditioned)
     right = generator.normal(size=(6, size + more, 2))
     expected = np.linalg.pinv(matrices, rcond=1e-8) @ right
     np.testing.assert_allclose(solver.solve(right), expected, atol=1e-9)

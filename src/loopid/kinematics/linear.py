@@ -71,13 +71,13 @@ class Solver:
         (N, m, n).
     inverses : FloatArray or None
         (N, n, n); None where the matrices are not square, or one is exactly singular.
-    doubtful : IntArray
+    ill_conditioned : IntArray
         Samples whose ratio of least to largest singular value is not proven to exceed a bound.
     """
 
     matrices: FloatArray
     inverses: FloatArray | None
-    doubtful: IntArray
+    ill_conditioned: IntArray
 
     @classmethod
     def of(cls, matrices: FloatArray, bound: float) -> Solver:
@@ -97,18 +97,20 @@ class Solver:
 
     @cached_property
     def factors(self) -> Factorisation:
-        """Singular value decompositions at the doubtful samples."""
-        return Factorisation.of(self.matrices[self.doubtful])
+        """Singular value decompositions at the ill-conditioned samples."""
+        return Factorisation.of(self.matrices[self.ill_conditioned])
 
     def solve(self, right_hand_sides: FloatArray) -> FloatArray:
         """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c)."""
         if self.inverses is None:
-            if not len(self.doubtful):
+            if not len(self.ill_conditioned):
                 return np.empty((len(self.matrices), 0, right_hand_sides.shape[2]))
             return self.factors.solve(right_hand_sides)
         solutions = self.inverses @ right_hand_sides
-        if len(self.doubtful):
-            solutions[self.doubtful] = self.factors.solve(right_hand_sides[self.doubtful])
+        if len(self.ill_conditioned):
+            solutions[self.ill_conditioned] = self.factors.solve(
+                right_hand_sides[self.ill_conditioned]
+            )
         return np.asarray(solutions, dtype=np.float64)
 
 

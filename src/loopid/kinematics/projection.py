@@ -219,7 +219,7 @@ def _projected(
             _refuse_too_many(A[:1], len(chosen))
         G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
         columns[rows] = solver.matrices
-        doubts.append((rows.start + solver.doubtful, solver.factors))
+        doubts.append((rows.start + solver.ill_conditioned, solver.factors))
         if rates is not None:
             v[rows] = np.einsum("nij,nj->ni", G[rows], rates[rows])
             drift = mechanism.row_scales * constraint.drift(v[rows])
@@ -258,7 +258,7 @@ def _measure_of(factors: Factorisation, width: int) -> FloatArray:
 
 def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -> None:
     """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
-    k = np.concatenate([doubtful for doubtful, _ in doubts])
+    k = np.concatenate([ill_conditioned for ill_conditioned, _ in doubts])
     rank = np.concatenate([factors.rank for _, factors in doubts])
     measure = np.concatenate([_measure_of(factors, width) for _, factors in doubts])
     lost = np.flatnonzero(rank < width)

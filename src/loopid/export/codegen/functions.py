@@ -6,19 +6,21 @@ equations are redundant, and which pivots are large, depends on the pose.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from loopid.arrays import IntArray
 from loopid.experiment import ForceModel
-from loopid.export.codegen.closures import closure_residual, position_rates
+from loopid.export.codegen.joints import constant, elementary_joints
 from loopid.export.codegen.tree import Frame, tree_frames
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors import JOINT_TERMS, JointState, JointTerms
-from loopid.robot import Mechanism, tie_indices
+from loopid.robot import Mechanism, SymbolicPose, tie_indices
 
 OPTIONS: dict[str, Any] = {
     "with_mem": False,
@@ -47,8 +49,8 @@ def _closures(mechanism: Mechanism, parts: tuple[IntArray, IntArray], name: str)
     model = mechanism.model
     q, still = ca.SX.sym("q", model.nq), ca.SX(model.nv, 1)
     frames = tree_frames(model, q, still, still, ca.SX(model.nv, 0))
-    residual = closure_residual(mechanism, q, frames)
-    jacobian = ca.jacobian(residual, q) @ position_rates(model, q)
+    residual = _closure_residual(mechanism, q, frames)
+    jacobian = ca.jacobian(residual, q) @ _position_rates(model, q)
     scaled = jacobian @ ca.diag(ca.DM(mechanism.coordinate_scales))
     chosen, dependent = parts
     M = scaled[:, [*dependent.tolist(), *chosen.tolist()]]
@@ -126,3 +128,29 @@ def _joint_term(
     position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
+
+
+def _closure_residual(mechanism: Mechanism, q: Any, frames: Sequence[Frame]) -> Any:
+    """Residual (rows,) in m at positions (nq,) with the tree's frames there."""
+    rows = []
+    for closure in mechanism.closures:
+        a, b = (_pose(mechanism.model, frames, frame) for frame in closure.frame_ids)
+        for part in closure.equations:
+            rows += part.expressions(a, b, ca)
+    rows += [coupling.expression(q) for coupling in mechanism.couplings]
+    return ca.vertcat(*rows) * ca.DM(mechanism.row_scales)
+
+
+def _position_rates(model: pin.Model, q: Any) -> Any:
+    """Derivative (nq, nv) of positions by velocities."""
+    blocks = []
+    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
+        own = q[joint.idx_q : joint.idx_q + joint.nq]
+        blocks += [part.rates for part in elementary_joints(name, joint, own)]
+    return ca.diagcat(*blocks)
+
+
+def _pose(model: pin.Model, frames: Sequence[Frame], index: int) -> SymbolicPose:
+    frame = model.frames[index]
+    carrier, (P, p) = frames[frame.parentJoint], constant(frame.placement)
+    return SymbolicPose(carrier.rotation @ P, carrier.origin + carrier.rotation @ p)
