@@ -12,7 +12,7 @@ from scipy.linalg.lapack import dtpqrt
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import DataError
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Rows that are reduced at a time, and columns whose reflections are applied together: so many, or
 # a part of all.

@@ -14,9 +14,9 @@ from rich.table import Table
 
 from loopid.files import require_folder
 from loopid.loading import load_mechanism
-from loopid.progress import Progress as Reporter
 from loopid.report import require_matplotlib
 from loopid.robot import Mechanism
+from loopid.workers import Progress as Reporter
 
 RobotFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")

@@ -19,7 +19,7 @@ from loopid.identification.least_squares import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, NoiseModel
 from loopid.scratch import mapped_rows, row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much.
 CORRECTIONS = 6

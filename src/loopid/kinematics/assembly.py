@@ -35,7 +35,7 @@ from loopid.kinematics.path_following import (
 )
 from loopid.kinematics.poses import BLOCK, integrate
 from loopid.robot import Mechanism
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Along a trajectory, in samples.
 LEAST_WINDOW = 16
