@@ -27,9 +27,9 @@ from loopid.identification.least_squares import (
 )
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
+from loopid.observation import triangular_factor
 from loopid.scratch import mapped_rows
 from loopid.threads import one_blas_thread
-from loopid.triangular import triangular_factor
 
 # By how much the smallest singular value of the regressor must exceed that with the forces,
 # relatively, for there to be one solution.
