@@ -16,6 +16,7 @@ STREET = (
     "workers",
     "scratch",
     "files",
+    "yaml_files",
     "parameters",
     "pseudo_inertia",
     "regions",
