@@ -16,6 +16,7 @@ STREET = (
     "workers",
     "scratch",
     "files",
+    "yaml_files",
     "triangular",
     "parameters",
     "pseudo_inertia",

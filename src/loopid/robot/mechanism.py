@@ -121,6 +121,8 @@ class Mechanism:
         Whether links declared alike share their parameters.
     closure_residual : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
+    rounding : float
+        How far in m closures may be from where the file has them; 0 where they are exact.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -146,6 +148,7 @@ class Mechanism:
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
+    rounding: float = 0.0
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -14,8 +14,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading import Section, find_motion_file, read_yaml
+from loopid.loading import find_motion_file
 from loopid.trajectories.motion import Arc, Motion, Waypoint, point_to_point
+from loopid.yaml_files import Section, read_yaml
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
