@@ -1,4 +1,4 @@
-"""Public names: found in their rooms when asked for, with an example that runs, and in a document."""
+"""Public names: found when asked for, with an example that runs, and in a document."""
 
 import ast
 import doctest
