@@ -17,9 +17,10 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
 from loopid.errors import LogError, MissingFileError, OptionError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading import Section, find_motion_file, read_yaml
+from loopid.loading import find_motion_file
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.motion import Arc, Motion, Waypoint, point_to_point
+from loopid.yaml_files import Section, read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
 # that a drive can follow, and the path cuts a corner by 0.6 mm at 0.02 m/s (1 mrad at 0.035 rad/s).
