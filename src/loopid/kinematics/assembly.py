@@ -38,6 +38,8 @@ NEWTON_STEPS = 12
 LONGEST_STEP = 0.4  # of the first step of a correction
 # A Newton step this short, the root of the round-off, leaves an error of round-off.
 SHORT = 1e-8
+# A Newton step this short is good enough on the way: the next correction starts from there.
+ROUGH = 1e-3
 # A correction is accepted when each Newton step is at most this fraction of the last. Then, by
 # Kantorovich's theorem, one may expect that the root is unique around the start, hence the one
 # that continues its branch.
@@ -206,7 +208,8 @@ def _follow(
     k = np.arange(len(start))
     while len(k):
         ahead = np.minimum(done[k] + step[k], 1.0)
-        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k])
+        short = np.where(ahead < 1.0, ROUGH, SHORT)
+        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k], short)
         good = found.accepted.copy()
         good[good] = same_side(jacobian[k[good]], found.jacobian[good])
         arrived = k[good]
@@ -242,10 +245,16 @@ class Correction(NamedTuple):
     tangent: FloatArray
 
 
-def correct(measured: MeasuredCoordinates, q: FloatArray, values: FloatArray) -> Correction:
-    """Newton's method from configurations (N, nq) to measured values (N, c)."""
+def correct(
+    measured: MeasuredCoordinates,
+    q: FloatArray,
+    values: FloatArray,
+    short: FloatArray | float = SHORT,
+) -> Correction:
+    """Newton's method from configurations (N, nq) to measured values (N, c), up to a short step."""
     q, accepted = measured.write(q, values), np.ones(len(q), dtype=bool)
     k, longest = np.arange(len(q)), np.full(len(q), LONGEST_STEP)
+    short = np.broadcast_to(short, len(q))
     for iteration in range(NEWTON_STEPS):
         at = measured.linearise(q[k], values[k])
         pull = np.concatenate([at.residual[:, :, None], at.known], axis=2)
@@ -257,19 +266,15 @@ def correct(measured: MeasuredCoordinates, q: FloatArray, values: FloatArray) ->
         else:
             jacobian[k], tangent[k] = at.unknown, slope
         length = np.abs(step).max(axis=1, initial=0.0)
-        good = contracts(length, longest)
+        done = length <= short[k]
+        good = done | (length <= longest)
         accepted[k] = good
-        going = good & (length > SHORT)
+        going = good & ~done
         k, longest = k[going], CONTRACTION * length[going]
         if not len(k):
             break
     accepted[k] = False
     return Correction(q, accepted, jacobian, tangent)
-
-
-def contracts(length: FloatArray, longest: FloatArray) -> BoolArray:
-    """Whether Newton steps are as short as they must be, or have nothing left to correct."""
-    return np.asarray((length <= longest) | (length <= SHORT), dtype=bool)
 
 
 def same_side(before: FloatArray, after: FloatArray) -> BoolArray:

@@ -2,33 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.base_parameters import analyse
 from loopid.errors import (
     ClosureWarning,
+    LoopidError,
     MobilityError,
     ReferenceWarning,
     RobotFileError,
+    SingularityWarning,
     warn,
 )
 from loopid.kinematics import (
     CLOSURE_TOLERANCE,
+    FOLDED,
     NEAR_SINGULARITY,
+    assembly_modes,
     close_by_continuation,
     close_loops,
+    closed_motion,
+    configuration_batches,
+    difference,
     independent_coordinates,
     integrate,
     largest_residual,
     nearby_configurations,
+    random_motions,
     scaled_constraint,
     singularity_measure,
 )
 from loopid.loading.tree import write_joint
-from loopid.robot import Mechanism
+from loopid.observation import Observation
+from loopid.regressors import motion_regressor
+from loopid.robot import AssemblyMode, Mechanism
 from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
@@ -40,6 +51,11 @@ LIMIT_TOLERANCE = 1e-6  # rad or m
 # rounding is the likely reason.
 ROUNDING = 1e-9
 LIKELY_ROUNDING = 1e-4
+# Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
+# leaves no choice.
+NEAR = 0.2
+# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
+ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -48,8 +64,8 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
-    motors that it leaves out; then several seeded starts of all joints left out are tried, for
-    a regular configuration inside the limits.
+    motors that it leaves out; then several seeded starts of all joints left out are tried. Where
+    that pose is singular or far from the written one, its assembly modes are compared.
 
     Raises
     ------
@@ -61,26 +77,35 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     Warns
     -----
     ReferenceWarning
-        When the closed configuration is outside the limits of a joint.
+        When the closed configuration is outside the limits of a joint, or is one of several
+        assembly modes that differ in rank.
+    SingularityWarning
+        When the written one is singular.
     ClosureWarning
         When it closes only as far as the file's numbers are rounded.
     """
     closed: list[ClosedReference] = []
-    suits = False  # inside the limits, and regular for the motors
-    best = (mechanism.reference, np.inf)
+    modes: tuple[AssemblyMode, ...] = ()
+    best, suits = (mechanism.reference, np.inf), False
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
         closed.append(_closed_at(mechanism, q))
+        if len(closed) == 1 and not _is_drawn(closed[0], mechanism.reference, given):
+            modes = assembly_modes(closed[0][0], mechanism.reference)
+            closed += [_closed_at(mechanism, mode.reference) for mode in modes[:1]]
+        # Inside the limits, and regular for the motors.
         suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
-        if suits or len(closed) == ENOUGH:
+        if suits or len(closed) >= ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
+    if modes:
+        chosen = _with_modes(chosen, modes, folded=_measure(closed[0]) < NEAR_SINGULARITY)
     outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -88,6 +113,61 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         text = f"the loops close to {left:.1e} m only: its numbers are rounded"
         warn(f"{mechanism.path}: {text}", ClosureWarning)
     return chosen
+
+
+def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
+    """Whether a closed configuration is the one that a drawn one (nq,) means: nothing to choose."""
+    mechanism, measure = closed[0], _measure(closed)
+    if mechanism.rows == 0:
+        return True
+    moved = difference(mechanism, drawn[None], mechanism.reference[None])
+    near = float(np.abs(moved / mechanism.coordinate_scales).max()) <= NEAR
+    was_closed = largest_residual(mechanism, drawn[None])[0] <= ROUNDING * mechanism.length
+    clear = measure >= (NEAR_SINGULARITY if was_closed else FOLDED)
+    return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
+
+
+def _with_modes(
+    chosen: ClosedReference, modes: Sequence[AssemblyMode], folded: bool
+) -> ClosedReference:
+    """The mechanism with its assembly modes and their ranks, warned of where it matters."""
+    mechanism, around = chosen
+    if len(modes) > 1:
+        modes = [replace(mode, rank=_rank(mechanism, mode)) for mode in modes]
+    ranks, differ = [mode.rank for mode in modes], len({mode.rank for mode in modes}) > 1
+    how = (
+        f"mode 1 is used; 'loopid check {mechanism.path}' prints the 'reference' of each, which "
+        "chooses it when it stands in the YAML"
+    )
+    drawn = "singular" if folded else "open"
+    if differ:
+        each = ", ".join(f"{rank or '?'} in mode {k}" for k, rank in enumerate(ranks, start=1))
+        warn(
+            f"{mechanism.path}: the number of base parameters depends on the assembly mode, and "
+            f"the drawn pose, which is {drawn}, leaves it open: {each} (full model); {how}",
+            ReferenceWarning,
+        )
+    elif folded:
+        meet = (
+            f"{len(modes)} assembly modes meet there: {how}"
+            if len(modes) > 1
+            else ("the reference is a regular pose a step away")
+        )
+        warn(f"{mechanism.path}: the drawn pose is singular: {meet}", SingularityWarning)
+    return replace(mechanism, modes=tuple(modes)), around
+
+
+def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
+    """Number of base parameters of the full model in a mode; None where it is not clear."""
+    robot, _ = _closed_at(mechanism, mode.reference)
+    samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
+    try:
+        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
+        motion = closed_motion(robot, q, *random_motions(robot, samples))
+        W = motion_regressor(robot, motion)
+        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+    except LoopidError:
+        return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
