@@ -32,7 +32,7 @@ from loopid.files import write_files
 from loopid.kinematics import DEFAULT_MARGIN
 from loopid.loading import load_mechanism
 from loopid.paper import paper_files, paper_tables, reproduce_paper
-from loopid.regressors import structural_observation
+from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
 from loopid.report import (
     base_record,
     base_tables,
@@ -63,6 +63,7 @@ def base(
     file: RobotFile,
     model: Annotated[str, typer.Option(help="gravity or full.")] = "gravity",
     search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
     criterion: Annotated[
         str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
     ] = "nullspace",
@@ -82,8 +83,12 @@ def base(
     """Find the base parameters and the best way of writing them."""
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    joint_terms = JointTerms.of(mechanism, terms)
+    warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
-        observation = structural_observation(mechanism, model, samples, seed, progress=report)
+        observation = structural_observation(
+            mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
+        )
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)

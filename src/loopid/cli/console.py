@@ -30,6 +30,10 @@ FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
+TERMS_HELP = (
+    "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
+    "motors and passive joints; or none."
+)
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")

@@ -16,6 +16,7 @@ from loopid.cli.console import (
     Out,
     RobotFile,
     Tied,
+    TERMS_HELP,
     loaded,
     progress_bar,
     require_output,
@@ -42,8 +43,8 @@ def identify(
         str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
     ] = "gravity",
     terms: Annotated[
-        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
-    ] = "Fc,Fv",
+        str, typer.Option(help=TERMS_HELP)
+    ] = "Fc,Fv,file",
     estimator: Annotated[
         str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
     ] = "wls",
@@ -105,8 +106,7 @@ def identify(
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    joint_terms = None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
+    joint_terms = JointTerms.of(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:

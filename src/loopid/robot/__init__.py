@@ -10,6 +10,7 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
+from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     Body,
@@ -17,6 +18,7 @@ from loopid.robot.mechanism import (
     Mechanism,
     in_groups,
     lock_options,
+    shortened,
     tie_indices,
     tie_matrix,
 )
@@ -24,12 +26,16 @@ from loopid.robot.platform import ROTATIONS, TRANSLATIONS, Platform
 
 __all__ = [
     "CLOSURE_KINDS",
+    "JOINT_TERMS",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",
     "FramePair",
     "InertiaDefect",
     "JointCoupling",
+    "JointState",
+    "JointTerm",
+    "LeftOut",
     "LinkGroup",
     "LoopClosure",
     "Mechanism",
@@ -41,6 +47,7 @@ __all__ = [
     "lock_options",
     "named_lengths",
     "relative_quaternion",
+    "shortened",
     "tie_indices",
     "tie_matrix",
     "unequal_links",

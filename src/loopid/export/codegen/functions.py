@@ -19,8 +19,8 @@ from loopid.export.codegen.joints import constant, elementary_joints
 from loopid.export.codegen.tree import Frame, tree_frames
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
-from loopid.regressors import JOINT_TERMS, JointState, JointTerms
-from loopid.robot import Mechanism, SymbolicPose, tie_indices
+from loopid.regressors import JointTerms
+from loopid.robot import JOINT_TERMS, JointState, Mechanism, SymbolicPose, tie_indices
 
 OPTIONS: dict[str, Any] = {
     "with_mem": False,
@@ -121,11 +121,13 @@ def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
 def _joint_term(
     mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, *state: Any
 ) -> Any:
-    """A drive inertia, friction or offset, by the law of its kind."""
+    """A joint term, by the law of its kind."""
     q, v, a, G = state
     index = int(mechanism.velocity_indices([parameter.link])[0])
-    joint = mechanism.joint(parameter.link)
-    position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
+    position = None
+    if parameter.link in mechanism.joints:
+        joint = mechanism.joint(parameter.link)
+        position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 
