@@ -26,7 +26,7 @@ from example_robots import robots_folder
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.experiment import ForceModel
 from loopid.export import CompiledRegressor, compile_regressor, regressor_code
-from loopid.export.codegen.source import NUMBERS
+from loopid.export.c_code import NUMBERS
 from loopid.kinematics import ClosedMotion, closed_motion
 from loopid.regressors import motion_regressor
 from loopid.threads import one_blas_thread

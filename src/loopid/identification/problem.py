@@ -249,6 +249,13 @@ class FitSamples(ComparedByFields):
             instruments=None if Z is None else mapped_rows(lambda r: Z[r][:, :, chosen], len(Z)),
         )
 
+    def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
+        """Some of the parameters only, with the forces of the others at values (n,) subtracted."""
+        chosen = [int(j) for j in columns]
+        others = np.array(values, dtype=np.float64)
+        others[chosen] = 0.0
+        return self.less(self.predicted(others)).select(chosen)
+
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
         return replace(self, force=kept(_force(force, self.regressor)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from decimal import ROUND_CEILING, Context
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -21,7 +21,9 @@ from loopid.kinematics import (
 from loopid.lengths import NamedLength
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
-from loopid.trajectories import MotionReview
+
+if TYPE_CHECKING:
+    from loopid.trajectories import MotionReview
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
