@@ -57,7 +57,8 @@ def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
     Examples
     --------
     >>> import loopid
-    >>> loopid.file_forces(loopid.load_mechanism("five_bar"))
+    >>> from loopid.regressors import file_forces
+    >>> file_forces(loopid.load_mechanism("five_bar"))
     ()
     """
     terms = JointTerms.of(mechanism, OF_FILE)
@@ -95,7 +96,8 @@ def _sized(
             if law.beside:  # a spring counts from where it is slack
                 parts += [names.labels.index(f"{name.link}.{kind}") for kind in law.beside]
             force = None if columns is None else columns[..., parts].sum(axis=2)
-            if not np.isnan(value):
+            parted = f"{name.link}.Ks" in names.labels and name.kind in JOINT_TERMS["Ks"].beside
+            if not (np.isnan(value) or parted):
                 what = f"{law.name} of {name.link}"
                 yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
     for left in mechanism.left_out:

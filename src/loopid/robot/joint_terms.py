@@ -120,7 +120,7 @@ JOINT_TERMS: dict[str, type[JointTerm]] = {
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A force that the robot file gives and that no model has.
+    """What the robot file gives of forces and no model has.
 
     Attributes
     ----------
@@ -133,6 +133,9 @@ class LeftOut:
     values : mapping
         Kinds of joint terms to the tendon's coefficients of them.
 
+    is_force : bool
+        Otherwise what forces and positions are counted by, such as a gear.
+
     Without weights and tendon the size of the force is not known.
     """
 
@@ -140,3 +143,4 @@ class LeftOut:
     weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     tendon: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
+    is_force: bool = True

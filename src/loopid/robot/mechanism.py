@@ -155,6 +155,8 @@ class Mechanism:
     tied: bool = False
     closure_residual: float = 0.0
     rounding: float = 0.0
+    joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
