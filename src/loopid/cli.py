@@ -21,7 +21,7 @@ from rich.table import Table
 
 from loopid.errors import LoopidError, OptionError, one_line
 from loopid.files import require_folder, write_files
-from loopid.progress import Progress as Reporter
+from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording
@@ -161,9 +161,7 @@ def identify(
     model: Annotated[
         str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
     ] = "gravity",
-    terms: Annotated[
-        str, typer.Option(help=TERMS_HELP)
-    ] = "Fc,Fv,file",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "Fc,Fv,file",
     estimator: Annotated[
         str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
     ] = "wls",

@@ -34,7 +34,15 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf import read_urdf
-from loopid.robot import JOINT_TERMS, Body, LinkGroup, Mechanism, Platform, inertia_defects, unequal_links
+from loopid.robot import (
+    JOINT_TERMS,
+    Body,
+    LinkGroup,
+    Mechanism,
+    Platform,
+    inertia_defects,
+    unequal_links,
+)
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 

@@ -621,7 +621,9 @@ def _add_tendons(
             "Ks": stiffness,
             "Fo": -stiffness * low,
         }
-        poly = (_poly(compiled, f"tendon_{what}poly")[tendon:][:1] for what in ("stiffness", "damping"))
+        poly = (
+            _poly(compiled, f"tendon_{what}poly")[tendon:][:1] for what in ("stiffness", "damping")
+        )
         simple = not any(row.any() for row in poly) and (low == high or not stiffness)
         joints = _driven(scene, tendon)
         if any(values.values()) and not (joints and simple and _add(found, joints, values)):

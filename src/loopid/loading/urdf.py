@@ -555,6 +555,7 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
     """Terms of the joints that the file gives values of, and forces that no model has."""
     kinds = {joint.name: joint.type for joint in urdf.robot.joints}
     given: dict[str, dict[str, float]] = {name: {} for name in kinds}
+    heavy = {link.name: link for link in urdf.robot.links if link.inertial is not None}
     left_out: list[LeftOut] = []
     for joint in urdf.root.findall("joint"):
         name = required(joint, "name")
@@ -570,10 +571,9 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
         name = (extension.get("reference") or "").strip()
         if name in given:
             given[name] |= _coefficients(extension)
-        link = next((link for link in urdf.robot.links if link.name == name), None)
-        for tag, weightless in WEIGHTLESS.items() if link is not None else ():
+        for tag, weightless in WEIGHTLESS.items() if name in heavy else ():
             if TRUTH.get(_said(extension, (tag,)).lower()) is weightless:
-                weights = {} if link.inertial is None else {name: _weight(link)}
+                weights = {name: _weight(heavy[name])}
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
     for transmission in urdf.root.iter("transmission", "{*}transmission"):
         _read_transmission(transmission, given, left_out)
@@ -597,14 +597,18 @@ def _read_transmission(
     """Inertia of the rotor behind the reduction, of a transmission of one joint."""
     joints = [(joint.get("name") or "").strip() for joint in _all(transmission, ("joint",))]
     driven = [name for name in dict.fromkeys(joints) if name in given]
-    texts = {what: _said(transmission, tags) for what, tags in
-             (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))}
+    texts = {
+        what: _said(transmission, tags)
+        for what, tags in (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))
+    }
     listed = ", ".join(f"{what} {text}" for what, text in texts.items() if text)
     if not driven or not listed:
         return
     try:
-        ratio, rotor = (float(text) if text else default
-                        for text, default in zip(texts.values(), (1.0, 0.0), strict=True))
+        ratio, rotor = (
+            float(text) if text else default
+            for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
+        )
         inertia = rotor * ratio**2
     except (ValueError, OverflowError):
         inertia = math.nan

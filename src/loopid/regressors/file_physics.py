@@ -89,7 +89,9 @@ def _sized(
 
     if terms is not None:
         names, values = terms.parameters(mechanism), terms.values(mechanism)
-        columns = None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
+        columns = (
+            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
+        )
         for j, (name, value) in enumerate(zip(names, values, strict=True)):
             law = JOINT_TERMS[name.kind]
             parts = [j]

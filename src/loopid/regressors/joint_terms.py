@@ -1,4 +1,4 @@
-"""Which joints have which terms, actuated or passive, and their columns: Gᵀ times the joint's force.
+"""Which joints have which terms, actuated or passive, and their columns: Gᵀ times the joint force.
 
 The laws are those of ``loopid.robot.JOINT_TERMS``. A robot file gives values of some: they are
 known beforehand, and what a chosen model leaves out of them is told.
@@ -114,7 +114,8 @@ class JointTerms:
     @property
     def of_joints(self) -> dict[str, tuple[str, ...]]:
         """Kinds of each joint, with those that their laws bring along."""
-        kinds = [k for k in self.kinds if not isinstance(k, str)] or [self.kinds] * len(self.joints)
+        alike = tuple(kind for kind in self.kinds if isinstance(kind, str))
+        kinds = [k for k in self.kinds if not isinstance(k, str)] or [alike] * len(self.joints)
         return {
             joint: tuple(dict.fromkeys(part for kind in own for part in _with_its_parts(kind)))
             for joint, own in zip(self.joints, kinds, strict=True)
@@ -134,8 +135,9 @@ class JointTerms:
     def values(self, mechanism: Mechanism) -> FloatArray:
         """Values (k,) of ``parameters`` by the robot file; NaN where it gives none."""
         given = mechanism.joint_values
-        return np.array([given.get(p.link, {}).get(p.kind, np.nan)
-                         for p in self.parameters(mechanism)])
+        return np.array(
+            [given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(mechanism)]
+        )
 
     def columns(self, mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
         """Actuator forces (N, dof, k) per unit of each of ``parameters``."""
@@ -168,7 +170,7 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
 
 
 def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointState:
-    """Position, rate and acceleration (N,) of a coordinate; no position where it is one of several."""
+    """State (N,) of a coordinate; without position where it is one of several of a joint."""
     (index,) = mechanism.velocity_indices([name])
     position: Any = None
     if name in mechanism.joints:

@@ -1,7 +1,8 @@
 """Forces in the joints themselves: drive inertia, friction, springs and offsets.
 
-Each kind is one class with its law, units and sign; ``JOINT_TERMS`` is the registry. The motors give
-a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies [Khalil2004, ch. 12].
+Each kind is one class with its law, units and sign; ``JOINT_TERMS`` is the registry. The motors
+give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
+[Khalil2004, ch. 12].
 """
 
 from __future__ import annotations
