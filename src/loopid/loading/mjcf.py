@@ -514,14 +514,16 @@ def _left_out(scene: Scene) -> list[str]:
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
         compiled.jnt_limited != 0
     )
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
     left_out = {
-        "inactive equalities are left out": _where(equalities, ~active),
+        "a <flag> disables the equalities, so they close no loop: remove it": (
+            equalities if disabled else []
+        ),
+        "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(names.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
-    if active.size and _disabled(compiled, "EQUALITY", "CONSTRAINT"):
-        notes.append("a <flag> disables all equalities, so no loop is closed: remove it")
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes
@@ -660,7 +662,7 @@ def _add_actuators(scene: Scene, found: Terms, left_out: list[LeftOut]) -> None:
             known = (tendon, values) if tendon else ({}, {})
             left_out.append(LeftOut(f"{given} of actuator {name}", {}, *known))
         if passive is not None:
-            what = "spring or damper" if any(passive.values()) else "damper or without force"
+            what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
             left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
         elif tendon and abs(gear) != 1:
             gears.append(f"{gear:g} of {name}")
@@ -691,15 +693,12 @@ def _passive_force(compiled: mujoco.MjModel, actuator: int) -> dict[str, float] 
     """
     view = compiled.actuator(actuator)
     laws = view.gaintype[0], view.biastype[0]
-    if view.forcelimited[0] and not view.forcerange.any():
-        return {}
     if laws[0] not in GAINS or laws[1] not in BIASES:
         return None
     gain = view.gainprm[:3] * ([1, 0, 0] if laws[0] == GAINS[0] else [1, 1, 1])
     bias = view.biasprm[:3] * (0 if laws[1] == BIASES[0] else 1)
-    held = view.ctrllimited[0] and view.ctrlrange[0] == view.ctrlrange[1]
     damper = gain[2] and not gain[:2].any() and not bias.any()
-    if gain.any() and not held and not damper:
+    if gain.any() and not damper:
         return None
-    constant, length, rate = bias + gain * (view.ctrlrange[0] if held else 0.0)
+    constant, length, rate = bias
     return {"Fo": -float(constant), "Ks": -float(length), "Fv": -float(rate)}

@@ -28,7 +28,7 @@ from loopid.errors import RobotFileError
 from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.robot import LeftOut
+from loopid.robot import LeftOut, shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint, Robot
@@ -556,7 +556,7 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
     kinds = {joint.name: joint.type for joint in urdf.robot.joints}
     given: dict[str, dict[str, float]] = {name: {} for name in kinds}
     heavy = {link.name: link for link in urdf.robot.links if link.inertial is not None}
-    left_out: list[LeftOut] = []
+    left_out, others = list[LeftOut](), dict[str, list[str]]()
     for joint in urdf.root.findall("joint"):
         name = required(joint, "name")
         with naming(label(joint)):
@@ -565,7 +565,7 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
                     if key in COEFFICIENTS:
                         given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
                     else:
-                        left_out.append(LeftOut(f"{key} in <dynamics> of {name}"))
+                        others.setdefault(key, []).append(name)
             given[name] |= _coefficients(joint)
     for extension in urdf.root.findall("gazebo"):
         name = (extension.get("reference") or "").strip()
@@ -577,8 +577,10 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
     for transmission in urdf.root.iter("transmission", "{*}transmission"):
         _read_transmission(transmission, given, left_out)
-    for element in urdf.root.iter(*PULLING, *(f"{{*}}{tag}" for tag in PULLING)):
-        left_out.append(LeftOut(f"<{_local(element)}>"))
+    left_out += [LeftOut(f"<{element.tag!s}>") for element in _all(urdf.root, PULLING)]
+    for key, names in others.items():
+        what = f"{key} in <dynamics> of {shortened(names)}: not known"
+        left_out.append(LeftOut(what, is_force=False))
     terms = {}
     for name, values in given.items():
         if "slack" in values:  # Ks (q - q0) = Ks q + Fo

@@ -41,7 +41,7 @@ class JointTerms:
     Raises
     ------
     OptionError
-        When a kind is unknown, or a rate is negative.
+        When a kind is unknown, a joint is repeated, or a rate is negative.
 
     Examples
     --------
@@ -60,6 +60,9 @@ class JointTerms:
     smoothing: float = 0.0
 
     def __post_init__(self) -> None:
+        repeated = sorted({joint for joint in self.joints if self.joints.count(joint) > 1})
+        if repeated:
+            raise OptionError(f"joints are repeated: {', '.join(repeated)}")
         each = [kind for kind in self.kinds if not isinstance(kind, str)]
         if each and len(each) != len(self.joints):
             raise OptionError(
