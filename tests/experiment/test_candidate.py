@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from loopid.experiment import Candidate, prediction_error
-from loopid.experiment.candidate import judged as judge
+from loopid.experiment.identify import judged as judge
 from loopid.identification import FitSamples, Quality
 from loopid.parameters import ParameterSet
 

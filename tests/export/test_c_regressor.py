@@ -24,7 +24,7 @@ from loopid import (
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
 from loopid.experiment import ForceModel
 from loopid.export import compile_regressor, export_regressor, regressor_code
-from loopid.export.codegen.source import NUMBERS
+from loopid.export.c_code import NUMBERS
 from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
 from loopid.regressors import motion_parameters, motion_regressor
 from loopid.robot import Body

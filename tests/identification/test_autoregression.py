@@ -7,16 +7,17 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from loopid.identification.autoregression import (
+from loopid.identification.correlation import (
     LARGEST_ORDER,
     LARGEST_REFLECTION,
     PAIRS_PER_COEFFICIENT,
     WHITE_FLOOR,
     Autoregression,
+    ErrorModel,
     burg_covariances,
+    lagged_grams,
     run_lengths,
 )
-from loopid.identification.correlation import ErrorModel, lagged_grams
 from smooth_data import autoregressive
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)

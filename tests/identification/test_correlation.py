@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import CorrelationWarning, ExcitationWarning, OptionError
 from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, fit, quiet_fit
-from loopid.identification.autoregression import Autoregression
+from loopid.identification.correlation import Autoregression
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

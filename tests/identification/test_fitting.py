@@ -227,7 +227,7 @@ def test_parameters_that_no_step_determines_are_refused():
         fit_in_steps(blind, second, KNOWN)
 
 
-@pytest.mark.parametrize("module", ["robust", "total_least_squares", "instrumental"])
+@pytest.mark.parametrize("module", ["robust", "errors_in_variables"])
 def test_examples_of_estimators_run(module):
     failed, _ = doctest.testmod(import_module(f"loopid.identification.{module}"))
     assert failed == 0

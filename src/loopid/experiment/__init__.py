@@ -1,12 +1,12 @@
 """From recordings to parameters: the force model, its identification, what a log identifies."""
 
-from loopid.experiment.candidate import Candidate, prediction_error, prediction_reach
 from loopid.experiment.exciting_motion import ExcitingMotion, exciting_motion
 from loopid.experiment.force_model import (
     ForceModel,
     cad_prior,
     distributed_problem,
     find_force_model,
+    reference_instruments,
 )
 from loopid.experiment.identifiability import (
     Excitation,
@@ -17,14 +17,13 @@ from loopid.experiment.identifiability import (
 from loopid.experiment.identify import (
     DEFAULT_FRACTION,
     UNIDENTIFIABLE,
+    Candidate,
     Identification,
-    identify,
-    split_recordings,
-)
-from loopid.experiment.instruments import (
-    SimulatedFit,
     fit_by_simulation,
-    reference_instruments,
+    identify,
+    prediction_error,
+    prediction_reach,
+    split_recordings,
 )
 
 __all__ = [
@@ -36,7 +35,6 @@ __all__ = [
     "ForceModel",
     "Identifiability",
     "Identification",
-    "SimulatedFit",
     "WeakDirection",
     "cad_prior",
     "distributed_problem",

@@ -17,12 +17,11 @@ from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet
-from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation
 from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
-from loopid.workers import ordered_map
+from loopid.workers import Progress, ordered_map
 
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
 Source: TypeAlias = Recording | Callable[[], Recording] | Any
@@ -36,6 +35,8 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+# Steps of the reference, before its start and after its end, that the log may reach.
+OVERHANG = 1.0
 # Standard deviation of the robot file as a prior, in sizes of the parameters.
 PRIOR_DEVIATION = 0.3
 # Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
@@ -191,6 +192,51 @@ def find_force_model(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
     )
     return ForceModel(mechanism, model, joint_terms, find_base_parameters(observation, search))
+
+
+@checked
+def reference_instruments(
+    force_model: ForceModel, recording: Recording, reference: JointMotion, n_jobs: int = 1
+) -> FloatArray:
+    """Instruments (N, dof, n) for the samples of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    reference : JointMotion
+        What was commanded, or simulated, by the clock of the recording. Instruments need to follow
+        the motion, not to match it, so that the sample of the nearest time is taken.
+    n_jobs : int
+        As of ``ForceModel.samples``.
+
+    Raises
+    ------
+    DataError
+        When the reference does not last as long as the recording, or is of another mechanism.
+    """
+    nq = recording.motion.configurations.shape[1]
+    if reference.configurations.shape[1] != nq:
+        raise DataError(
+            f"the reference must have configurations of {nq} numbers, as the recording has, not "
+            f"{reference.configurations.shape[1]}"
+        )
+    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
+    return force_model.regressor(reference.select(rows), n_jobs)
+
+
+def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
+    """Numbers (N,) of the times nearest to wanted ones."""
+    if len(times) < 2:
+        raise DataError(f"the reference must have at least two samples, not {len(times)}")
+    reach = OVERHANG * float(np.diff(times).max())
+    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
+        raise DataError(
+            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
+            f"{wanted.min():.6g} to {wanted.max():.6g} s"
+        )
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    earlier = wanted - times[after - 1] < times[after] - wanted
+    return np.asarray(after - earlier, dtype=np.int64)
 
 
 def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:

@@ -2,41 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray, finite
 from loopid.errors import DataError, ExcitationWarning, OptionError, RankError, warn
-from loopid.experiment.candidate import Candidate, judged
-from loopid.experiment.force_model import PRIOR_DEVIATION, ForceModel, cad_prior
+from loopid.experiment.force_model import (
+    PRIOR_DEVIATION,
+    ForceModel,
+    cad_prior,
+    reference_instruments,
+)
 from loopid.experiment.identifiability import (
     Excitation,
     Identifiability,
     fit_excited,
     identifiability,
 )
-from loopid.experiment.instruments import reference_instruments
 from loopid.identification import (
     BayesianRidge,
     Estimator,
     FitResult,
     FitSamples,
     InstrumentalVariables,
+    Quality,
     Reduction,
     WeightedLeastSquares,
     chosen_estimator,
     eliminate,
     fit,
     fit_in_steps,
+    fit_quality,
     quiet_fit,
     warn_of_insignificant,
 )
 from loopid.logs import Recording
 from loopid.parameters import html_table
+from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion
 
 if TYPE_CHECKING:
@@ -45,6 +51,68 @@ if TYPE_CHECKING:
 # What to do where a combination of parameters is unidentifiable from the data.
 UNIDENTIFIABLE = ("error", "prior")
 DEFAULT_FRACTION = 0.6  # of each recording's time that is fitted; the rest validates
+# Stretches of time whose errors count as independent of each other: few, hence long, as errors
+# are autocorrelated over seconds.
+BATCHES = 8
+INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+NO_DIFFERENCE = 1e-9  # smaller ones are round-off
+# Motion of the robot with values (n,) of the force model's parameters.
+Simulation: TypeAlias = Callable[[FloatArray], JointMotion]
+
+ROUNDS = 20
+# Change of the estimates, in standard errors, that ends the rounds of simulation and fit.
+NO_CHANGE = 0.01
+
+
+@dataclass(frozen=True, repr=False)
+class Candidate:
+    """Values for all parameters of a force model, some of them taken from data.
+
+    Attributes
+    ----------
+    name : str
+    fitted : int
+        Parameters taken from data; the others are those of the robot file, or zero.
+    values : FloatArray
+        (n,).
+    covariance : FloatArray
+        (n, n), zero where nothing was fitted.
+    training, validation : Quality
+        On the data of the fit, and on others.
+    rms_errors : tuple of FloatArray
+        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
+    error_ratio : tuple of float
+        Mean squared validation error, actuators weighted alike, over that of the baseline; and its
+        standard error.
+    """
+
+    name: str
+    fitted: int
+    values: FloatArray
+    covariance: FloatArray
+    training: Quality
+    validation: Quality
+    rms_errors: tuple[FloatArray, FloatArray]
+    error_ratio: tuple[float, float]
+
+    def __repr__(self) -> str:
+        ratio, error = self.error_ratio
+        return (
+            f"Candidate({self.name}: {self.fitted} of {len(self.values)} parameters fitted, "
+            f"validation error {ratio:.2f} ± {error:.2f} of the baseline's)"
+        )
+
+    @property
+    def beats_baseline(self) -> bool:
+        """Whether the validation error is smaller by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return 1.0 - ratio > 2 * error + NO_DIFFERENCE
+
+    @property
+    def loses_to_baseline(self) -> bool:
+        """Whether the validation error is larger by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return ratio - 1.0 > 2 * error + NO_DIFFERENCE
 
 
 @dataclass(frozen=True, repr=False)
@@ -326,8 +394,7 @@ def _baseline(
     covariance = np.zeros((len(values), len(values)))
     if len(joints):
         # A joint term may lead a combination with bodies, of which the robot file knows a part.
-        prior, values[joints] = values[joints], 0.0
-        left = samples.less(samples.predicted(values)).select(joints)
+        prior, left = values[joints], samples.reduced(joints, values)
         excitation = Excitation.of(force_model, left.problem)
         if isinstance(estimator, BayesianRidge) or excitation.rank == len(joints):
             terms = quiet_fit(left, estimator)
@@ -354,9 +421,7 @@ def _reduced(
     if not len(held):
         return eliminate(*data, estimator, reference=prior)
     free = np.setdiff1d(np.arange(len(prior)), held)
-    known = prior.copy()
-    known[free] = 0.0
-    training, validation = (part.less(part.predicted(known)).select(free) for part in data)
+    training, validation = (part.reduced(free, prior) for part in data)
     found = eliminate(training, validation, estimator, reference=prior[free])
 
     def whole(values: FloatArray) -> FloatArray:
@@ -367,3 +432,138 @@ def _reduced(
     steps = tuple(replace(step, values=whole(step.values)) for step in found.steps)
     chosen = steps[found.steps.index(found.chosen)]
     return Reduction(data[0].parameters, prior, steps, chosen, found.result)
+
+
+@checked
+def fit_by_simulation(
+    force_model: ForceModel,
+    recording: Recording,
+    simulate: Simulation,
+    start: FloatArray | None = None,
+    estimator: InstrumentalVariables | None = None,
+    rounds: int = ROUNDS,
+) -> FitResult:
+    """Fit by instruments that are simulated with the estimates, until these converge [Janot2014].
+
+    Parameters
+    ----------
+    simulate : callable
+        Gives the noise-free motion of the robot under its controller, for values (n,) of
+        ``force_model.parameters``, by the clock of the recording.
+    start : FloatArray, optional
+        (n,), values of the first simulation; by default weighted least squares.
+    estimator : InstrumentalVariables, optional
+    rounds : int
+        Simulations at most.
+
+    Returns
+    -------
+    FitResult
+        With the instruments of the last simulation.
+
+    Raises
+    ------
+    DataError
+        When the estimates still change after all rounds.
+    """
+    if rounds < 1:
+        raise OptionError(f"there must be a round of simulation, not {rounds}")
+    samples, chosen = force_model.samples(recording), estimator or InstrumentalVariables()
+    values = quiet_fit(samples).values if start is None else finite(start, "start")
+    if values.shape != (len(samples.parameters),):
+        raise DataError(f"start must have shape ({len(samples.parameters)},), not {values.shape}")
+    change = np.inf
+    for _ in range(rounds):
+        instruments = reference_instruments(force_model, recording, simulate(values))
+        samples = samples.with_instruments(instruments)
+        result = quiet_fit(samples, chosen)
+        change = float(np.abs((result.values - values) / result.standard_errors).max())
+        values = result.values
+        if change <= NO_CHANGE:
+            return result
+    raise DataError(
+        f"estimates still change by {change:.2g} standard errors (largest allowed {NO_CHANGE:g}) "
+        f"after {rounds} simulations: start closer to them"
+    )
+
+
+def judged(
+    name: str,
+    fitted: tuple[int, FloatArray, FloatArray],
+    data: tuple[FitSamples, FitSamples],
+    baseline: FloatArray,
+) -> Candidate:
+    """Judge a number of fitted parameters, values (n,) and covariance beside baseline values (n,).
+
+    Parameters
+    ----------
+    data : tuple of FitSamples
+        For training and for validation.
+    """
+    values, (training, validation) = fitted[1], data
+    qualities = fit_quality(training.problem, values), fit_quality(validation.problem, values)
+    errors = _rms_errors(training, values), _rms_errors(validation, values)
+    return Candidate(name, *fitted, *qualities, errors, _error_ratio(validation, values, baseline))
+
+
+def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
+    residual, errors = samples.residual(values), np.full(len(samples.actuators), np.nan)
+    for k in np.flatnonzero(samples.problem.samples):
+        squares = residual[:, k][samples.used[:, k]] ** 2
+        if squares.any():
+            errors[k] = _mean_error(squares) / (2 * np.sqrt(squares.mean()))
+    return errors
+
+
+def _error_ratio(
+    samples: FitSamples, values: FloatArray, baseline: FloatArray
+) -> tuple[float, float]:
+    """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
+    rms = fit_quality(samples.problem, baseline).residual_rms
+    scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
+
+    def squares(phi: FloatArray, rows: slice) -> FloatArray:
+        """Squared errors (L,) of some samples, each actuator in units of its baseline error."""
+        residual = samples.force[rows] - samples.regressor[rows] @ phi
+        residual = np.where(samples.used[rows], residual, 0.0)[:, present]
+        return np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
+
+    own, other = (
+        np.concatenate([squares(phi, rows) for rows in row_blocks(len(samples))])
+        for phi in (values, baseline)
+    )
+    ratio = float(own.mean() / other.mean())
+    return ratio, _mean_error(own - ratio * other) / float(other.mean())
+
+
+def _mean_error(series: FloatArray) -> float:
+    """Standard error of a mean, from the means of batches; NaN for one."""
+    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
+    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
+
+
+@checked
+def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard errors (N, dof) of the forces that a regressor (N, dof, n) predicts.
+
+    Raises
+    ------
+    DataError
+        When the covariance is not (n, n), or something is not finite.
+    """
+    # The order of numbers in memory would decide the last bits.
+    W = np.ascontiguousarray(finite(regressor, "regressor"))
+    C = np.ascontiguousarray(finite(covariance, "covariance"))
+    if W.ndim != 3 or C.shape != 2 * W.shape[2:]:
+        raise DataError(
+            f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
+        )
+    variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+
+@checked
+def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Half the width (N, dof) of 95 % intervals of predicted forces; see ``prediction_error``."""
+    return INTERVAL * prediction_error(regressor, covariance)

@@ -1,6 +1,6 @@
 """Results for other programs: robot files with new inertials, regressors in C."""
 
-from loopid.export.codegen.source import (
+from loopid.export.c_code import (
     CompiledRegressor,
     RegressorCode,
     compile_regressor,

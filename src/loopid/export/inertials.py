@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray, finite
 from loopid.errors import DataError, FeasibilityError, RobotFileError
-from loopid.loading.closures import link_frames
+from loopid.loading import link_frames
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.pseudo_inertia import (
     body_defect,

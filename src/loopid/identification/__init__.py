@@ -1,6 +1,7 @@
 """What the parameters are: fit problems, estimators, results with their uncertainty, selection."""
 
 from loopid.identification.bayes import BayesianRidge, Prior
+from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
 from loopid.identification.fitting import (
     ESTIMATORS,
     chosen_estimator,
@@ -10,7 +11,6 @@ from loopid.identification.fitting import (
     warn_of_insignificant,
     working_fit,
 )
-from loopid.identification.instrumental import InstrumentalVariables
 from loopid.identification.least_squares import (
     LEAST_EXCITATION,
     Estimator,
@@ -36,7 +36,6 @@ from loopid.identification.selection import (
     influence,
     truncated_values,
 )
-from loopid.identification.total_least_squares import TotalLeastSquares
 
 __all__ = [
     "ESTIMATORS",

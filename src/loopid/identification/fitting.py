@@ -11,7 +11,7 @@ from loopid.arguments import checked
 from loopid.errors import ExcitationWarning, OptionError, warn
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.correlation import warn_of_correlation, with_correlated_errors
-from loopid.identification.instrumental import InstrumentalVariables
+from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
 from loopid.identification.least_squares import (
     Estimator,
     OrdinaryLeastSquares,
@@ -21,7 +21,6 @@ from loopid.identification.least_squares import (
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
 from loopid.identification.robust import Bisquare, Huber
-from loopid.identification.total_least_squares import TotalLeastSquares
 
 ESTIMATORS: dict[str, type[Estimator]] = {
     "ols": OrdinaryLeastSquares,
@@ -177,7 +176,7 @@ def fit_in_steps(
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))
     values[held] = start.values[taken]
-    fitted = _warned(second.less(second.predicted(values)).select(free), estimator)
+    fitted = _warned(second.reduced(free, values), estimator)
     rest = fitted.result
     values[free] = rest.values
     # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.

@@ -27,9 +27,9 @@ from loopid.arrays import (
     rectangular,
 )
 from loopid.errors import DataError
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, spooled
-from loopid.triangular import triangular_factor
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10
@@ -248,6 +248,13 @@ class FitSamples(ComparedByFields):
             regressor=mapped_rows(lambda rows: W[rows][:, :, chosen], len(W)),
             instruments=None if Z is None else mapped_rows(lambda r: Z[r][:, :, chosen], len(Z)),
         )
+
+    def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
+        """Some of the parameters only, with the forces of the others at values (n,) subtracted."""
+        chosen = [int(j) for j in columns]
+        others = np.array(values, dtype=np.float64)
+        others[chosen] = 0.0
+        return self.less(self.predicted(others)).select(chosen)
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""

@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 from loopid.arguments import checked
 from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
-from loopid.identification.autoregression import Autoregression, burg_covariances, run_lengths
+from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.least_squares import Estimator, WorkingFit
 from loopid.identification.problem import FitProblem, FitSamples
@@ -212,9 +212,8 @@ def eliminate(
         return step.excess <= max(uncertainty, NO_CONSEQUENCE * best.validation_error)
 
     chosen = [step for step in steps if supported(step)][-1]
-    columns, known = [names.labels.index(label) for label in chosen.labels], start.copy()
-    known[columns] = 0.0
-    result = quiet_fit(training.less(training.predicted(known)).select(columns), estimator)
+    columns = [names.labels.index(label) for label in chosen.labels]
+    result = quiet_fit(training.reduced(columns, start), estimator)
     return Reduction(names, start, tuple(steps), chosen, result)
 
 

@@ -10,19 +10,15 @@ from loopid.loading.description import (
 from loopid.loading.load import load_mechanism
 from loopid.loading.regions import collision_regions
 from loopid.loading.urdf import parse_xml, read_urdf_file
-from loopid.loading.yaml_files import Section, first_problem, read_yaml
 
 __all__ = [
-    "Section",
     "bundled_directory",
     "bundled_robots",
     "collision_regions",
     "find_files",
     "find_motion_file",
-    "first_problem",
     "link_frames",
     "load_mechanism",
     "parse_xml",
     "read_urdf_file",
-    "read_yaml",
 ]

@@ -1,26 +1,119 @@
-"""Closures, couplings and platform of a robot file, looked up in the model."""
+"""Closures and couplings: how a robot file writes them, and where they are in the model.
+
+Kinds and their keys come from ``CLOSURE_KINDS``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from loopid.errors import RobotFileError
-from loopid.loading.closure_description import ClosureDescription, Vector
-from loopid.loading.description import Description, PlatformDescription
-from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure, Platform
+from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure
+from loopid.yaml_files import Section
+
+COUPLING = JointCoupling.kind
+ALIASES = {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
+ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
+Vector = tuple[float, float, float]
+
+
+def _among(*kinds: str) -> BeforeValidator:
+    """Check for one of some kinds, and give it its own name."""
+
+    def known(value: Any) -> str:
+        kind = value.lower() if isinstance(value, str) else ""
+        kind = ALIASES.get(kind, kind)
+        if kind not in kinds:
+            valid = ", ".join(map(repr, kinds))
+            raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
+        return kind
+
+    return BeforeValidator(known)
+
+
+FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
+
+
+class ClosureDescription(Section):
+    """One closure: of two frames, or a linear coupling of joints."""
+
+    type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
+    frames: tuple[str, str] | None = None
+    axes: tuple[Vector, Vector] | None = None
+    length: float | None = Field(default=None, ge=1e-9, le=1e9)
+    joints: dict[str, float] | None = None
+    offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> ClosureDescription:
+        needed, optional = "joints", ["offset"]
+        if self.type != COUPLING:
+            kind = CLOSURE_KINDS[self.type]
+            needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
+        if getattr(self, needed) is None:
+            raise ValueError(f"a {self.type} closure needs '{needed}'")
+        allowed = {"type", needed, *optional}
+        for key in sorted(self.model_fields_set - allowed):
+            raise ValueError(
+                f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
+            )
+        if "length" in optional and self.length is None:
+            raise ValueError(f"a {self.type} closure needs its 'length' in m")
+        if self.joints is not None:
+            _require_coupling(self.joints)
+        return self
+
+    @field_validator("axes")
+    @classmethod
+    def _axes_have_a_direction(
+        cls, axes: tuple[Vector, Vector] | None
+    ) -> tuple[Vector, Vector] | None:
+        for axis in axes or ():
+            if not any(axis):
+                raise ValueError("an axis is zero")
+        return axes
+
+    @model_validator(mode="after")
+    def _axes_fit(self) -> ClosureDescription:
+        same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
+        if same and self.axes and self.axes[0] != self.axes[1]:
+            raise ValueError(
+                f"a {self.type} closure turns neither frame: its two axes must be alike"
+            )
+        return self
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in alphabetical order, for a message."""
+    return ", ".join(sorted(names))
+
+
+def _require_coupling(joints: dict[str, float]) -> None:
+    if not joints:
+        raise ValueError("a coupling closure needs a joint at least")
+    for name, coefficient in joints.items():
+        if coefficient == 0:
+            raise ValueError(f"joint {name} has coefficient zero in a coupling")
+        if not 1e-30 < abs(coefficient) < 1e30:
+            raise ValueError(f"joint {name} has a coefficient beyond all measure, {coefficient:g}")
+
+
+# Looked up in the model.
 
 
 def find_closures(
-    file: Path, model: pin.Model, description: Description
+    file: Path, model: pin.Model, described: Iterable[ClosureDescription]
 ) -> tuple[LoopClosure, ...]:
-    """The closures of a description, each between two bodies of the model."""
+    """Closures, each between frames of two bodies of the model."""
     found = tuple(
         _closure(file, model, closure, *closure.frames)
-        for closure in description.all_closures
+        for closure in described
         if closure.frames is not None
     )
     for k, closure in enumerate(found):
@@ -33,7 +126,7 @@ def find_closures(
 def _closure(
     file: Path, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
 ) -> LoopClosure:
-    ids = (_frame(file, model, frame_a), _frame(file, model, frame_b))
+    ids = (frame_named(file, model, frame_a), frame_named(file, model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1]:
         raise RobotFileError(
@@ -53,11 +146,14 @@ def _unit(axis: Vector) -> Vector:
 
 
 def find_couplings(
-    file: Path, model: pin.Model, description: Description, locked: Mapping[str, float]
+    file: Path,
+    model: pin.Model,
+    described: Iterable[ClosureDescription],
+    locked: Mapping[str, float],
 ) -> tuple[JointCoupling, ...]:
-    """The couplings of a description; joints that are locked add to the offset."""
+    """Couplings; joints that are locked add to the offset."""
     found = []
-    for closure in description.all_closures:
+    for closure in described:
         if closure.joints is None:
             continue
         coupling = _coupling(file, model, closure.joints, closure.offset, locked)
@@ -112,7 +208,8 @@ def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
             )
 
 
-def _frame(file: Path, model: pin.Model, name: str) -> int:
+def frame_named(file: Path, model: pin.Model, name: str) -> int:
+    """Index of the frame of a link or, where no link has the name, of a joint or site."""
     links = link_frames(model)
     if name in links:
         return links[name]
@@ -127,14 +224,3 @@ def link_frames(model: pin.Model) -> dict[str, int]:
     """Indices of the frames of all links, by name."""
     frames = enumerate(model.frames)
     return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
-
-
-def find_platform(
-    file: Path, model: pin.Model, description: PlatformDescription | None
-) -> Platform | None:
-    """The platform of a description, where it declares one."""
-    if description is None:
-        return None
-    frame_id = _frame(file, model, description.frame)
-    names, motions = tuple(description.coordinates), tuple(description.coordinates.values())
-    return Platform(description.frame, frame_id, names, motions)

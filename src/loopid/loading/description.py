@@ -16,8 +16,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading.closure_description import ClosureDescription, FrameKind
-from loopid.loading.yaml_files import Section, read_yaml
+from loopid.loading.closures import ClosureDescription, FrameKind
+from loopid.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")
 DESCRIPTIONS = (".yaml", ".yml")

@@ -22,12 +22,18 @@ from loopid.errors import (
     warn,
 )
 from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
-from loopid.loading.closures import find_closures, find_couplings, find_platform, link_frames
+from loopid.loading.closures import find_closures, find_couplings, frame_named, link_frames
 from loopid.loading.description import Description, RobotFiles, find_files, merged
-from loopid.loading.reference import close_reference, joint_named, read_joint, written_reference
-from loopid.loading.tree import TreeSource, build_tree
+from loopid.loading.reference import close_reference
+from loopid.loading.tree import (
+    TreeSource,
+    build_tree,
+    joint_named,
+    read_joint,
+    written_reference,
+)
 from loopid.loading.urdf import read_urdf
-from loopid.robot import Body, LinkGroup, Mechanism, inertia_defects, unequal_links
+from loopid.robot import Body, LinkGroup, Mechanism, Platform, inertia_defects, unequal_links
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
@@ -100,12 +106,12 @@ ModelWarning
         name=tree.name,
         path=file,
         model=model,
-        closures=find_closures(file, model, description),
-        couplings=find_couplings(file, model, description, values),
+        closures=find_closures(file, model, description.all_closures),
+        couplings=find_couplings(file, model, description.all_closures, values),
         actuated=_motors(file, model, description, locked),
         bodies=bodies,
         reference=written_reference(file, model, reference),
-        platform=find_platform(file, model, description.platform),
+        platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
         options={
@@ -187,6 +193,15 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     if not moving:
         raise RobotFileError(f"{tree.file}: no moving link has an <inertial>: nothing to identify")
     return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
+
+
+def _platform(file: Path, model: pin.Model, description: Description) -> Platform | None:
+    platform = description.platform
+    if platform is None:
+        return None
+    frame_id = frame_named(file, model, platform.frame)
+    names, motions = tuple(platform.coordinates), tuple(platform.coordinates.values())
+    return Platform(platform.frame, frame_id, names, motions)
 
 
 def _identical(

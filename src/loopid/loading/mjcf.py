@@ -17,7 +17,7 @@ from lxml import etree
 
 from loopid.arrays import BoolArray
 from loopid.errors import MissingFileError, RobotFileError
-from loopid.loading.closure_description import ClosureDescription
+from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
 

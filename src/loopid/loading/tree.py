@@ -1,4 +1,4 @@
-"""The open tree of a robot: read from a file, then joints replaced and locked."""
+"""The open tree of a robot: read from a file, joints replaced and locked; values of joints."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.errors import OptionError, RobotFileError
+from loopid.arrays import FloatArray
+from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.loading.description import Description
-from loopid.loading.reference import joint_named, written_reference
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
+LARGEST = 1e100  # as for the numbers of a URDF
+# Index of the first number of a quaternion, or of cosine and sine.
+UNIT_PARTS = {"JointModelSpherical": 0, "JointModelFreeFlyer": 3, "JointModelPlanar": 2}
+# Of a joint with one coordinate its value, of another one its part of the configuration.
+Reference = float | list[float]
 TURNS = {"wx": "X", "wy": "Y", "wz": "Z"}
 # What takes the place of a joint: joints one after the other, each with the ending of its name.
 Chain = tuple[tuple[str, pin.JointModel], ...]
@@ -172,3 +177,61 @@ def _replaced(source: TreeSource, chains: Mapping[str, Chain]) -> TreeSource:
         for name, link in source.child_links.items()
     }
     return replace(source, model=model, child_links=carried)
+
+
+# Values of joints.
+
+
+def joint_named(
+    name: str, model: pin.Model, problem: str, failure: type[LoopidError] = RobotFileError
+) -> pin.JointModel:
+    """Joint of a name; where there is none, an error that lists the joints."""
+    names = list(model.names)[1:]
+    if name not in names:
+        raise failure(f"{problem}: choose among {', '.join(names)}")
+    return model.joints[model.getJointId(name)]
+
+
+def written_reference(file: Path, model: pin.Model, values: Mapping[str, Reference]) -> FloatArray:
+    """Configuration (nq,) with the given joint values; others in the middle of their limits."""
+    q = pin.neutral(model)
+    for joint in list(model.joints)[1:]:
+        if joint.nq == 1:
+            k = joint.idx_q
+            low, high = model.lowerPositionLimit[k], model.upperPositionLimit[k]
+            if not low <= q[k] <= high:
+                q[k] = 0.5 * (low + high)
+    for name, value in values.items():
+        joint = joint_named(name, model, f"{file}: unknown joint {name!r} in reference")
+        what, given = f"{file}: joint {name} in reference", np.array(value, float, ndmin=1)
+        if not (np.abs(given) < LARGEST).all():
+            raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
+        wanted = 1 if joint.nv == 1 else joint.nq
+        if len(given) != wanted:
+            count = "one number" if wanted == 1 else f"a list of {wanted} numbers"
+            raise RobotFileError(f"{what} must be {count}, not {value}")
+        if joint.nv == 1:
+            write_joint(joint, q, float(given[0]))
+            continue
+        turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :]
+        if len(turn):
+            size = float(np.linalg.norm(turn))
+            if not 0.9 < size < 1.1:
+                raise RobotFileError(
+                    f"{what} must end in a unit vector, not one of length {size:.3g}"
+                )
+            turn /= size
+        q[joint.idx_q : joint.idx_q + joint.nq] = given
+    return np.asarray(q, dtype=np.float64)
+
+
+def read_joint(joint: pin.JointModel, q: FloatArray) -> float:
+    """Value of a joint with one coordinate in a configuration."""
+    first = joint.idx_q
+    return float(np.arctan2(q[first + 1], q[first]) if joint.nq == 2 else q[first])
+
+
+def write_joint(joint: pin.JointModel, q: FloatArray, value: float) -> None:
+    """Put the value of a joint with one coordinate into a configuration, in place."""
+    coordinates = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+    q[joint.idx_q : joint.idx_q + joint.nq] = coordinates

@@ -25,7 +25,7 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.errors import RobotFileError
-from loopid.loading.closure_description import ClosureDescription
+from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
 

@@ -14,8 +14,8 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 from loopid.arguments import checked
 from loopid.arrays import IntArray
 from loopid.errors import LogError, MissingFileError, OptionError
-from loopid.loading import Section, first_problem, read_yaml
 from loopid.logs.formats import NO_STAMP, UNITS, LogFormat, stamps_in
+from loopid.yaml_files import Section, first_problem, read_yaml
 
 if TYPE_CHECKING:
     import polars

@@ -86,7 +86,7 @@ def regressor_code(
     """
     if find_spec("casadi") is None:
         raise MissingExtraError("casadi", "codegen")
-    from loopid.export.codegen.functions import c_functions  # here, as it needs CasADi
+    from loopid.export.symbolic import c_functions  # here, as it needs CasADi
 
     chosen = name
     if chosen is None:
@@ -236,7 +236,7 @@ def compile_regressor(
 
 def _filled(template: str, fields: dict[str, str]) -> str:
     """A template with what is between @ signs filled in."""
-    text = files("loopid.export.codegen").joinpath(template).read_text(encoding="utf-8")
+    text = files("loopid.export").joinpath("templates", template).read_text(encoding="utf-8")
     return re.sub(r"@([A-Z_]+)@", lambda match: fields[match[1]], text)
 
 

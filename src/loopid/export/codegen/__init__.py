@@ -1,1 +1,0 @@
-"""Regressors as C source; symbolic expressions are CasADi's, which only some files here import."""
