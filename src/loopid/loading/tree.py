@@ -208,11 +208,11 @@ def _start(
     file: Path, model: pin.Model, name: str, reference: dict[str, Reference], chain: Chain
 ) -> pin.SE3 | None:
     """Take a joint's motion from the reference; None where that is of what takes its place."""
-    parts, index = [name + ending for ending, _ in chain], model.getJointId(name)
-    joint, given = model.joints[index], reference.get(name)
+    parts = [name + ending for ending, _ in chain]
+    joint, given = model.joints[model.getJointId(name)], reference.get(name)
     if parts == [name] and isinstance(given, list) == (chain[0][1].nv > 1):
         return None
-    if chain and (given is None or any(part in reference for part in parts)):
+    if chain and (given is None or any(part in reference for part in parts if part != name)):
         reference.pop(name, None)
         return None
     q = written_reference(file, model, {name: reference.pop(name)} if given is not None else {})
