@@ -64,5 +64,5 @@ def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
 
 def _refuse(reason: str) -> None:
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    console.print(f"loopid: error: {reason}", markup=False)
+    console.print(f"loopid: error: {reason}", markup=False, emoji=False)
     sys.exit(2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -12,10 +11,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from loopid.errors import one_line
 from loopid.files import require_folder
 from loopid.loading import load_mechanism
 from loopid.progress import Progress as Reporter
-from loopid.report import require_matplotlib
+from loopid.report import json_text, require_matplotlib
 from loopid.robot import Mechanism
 
 RobotFile = Annotated[
@@ -55,7 +55,7 @@ def require_output(out: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        typer.echo(json_text(record))
         return
     console = Console()
     for table in tables:
@@ -69,7 +69,12 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     if not console.is_terminal:
         yield lambda done, total: None
         return
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(what, total=None)
+        task = progress.add_task(one_line(what), total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,13 @@ from loopid.experiment import (
 )
 from loopid.logs import Recording
 from loopid.report.identify_figures import identification_figures
-from loopid.report.tables import json_value, markdown_table, plain_table
+from loopid.report.tables import (
+    json_text,
+    json_value,
+    markdown_table,
+    markdown_text,
+    plain_table,
+)
 from loopid.saved import SavedFit
 
 if TYPE_CHECKING:
@@ -273,13 +278,13 @@ def _dropped_table(found: Identification) -> Table:
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
     record = identification_record(found)
-    parts = [f"# Identification of {found.force_model.mechanism.name}", ""]
+    parts = [f"# Identification of {markdown_text(found.force_model.mechanism.name)}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]
     parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
     fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
     return {
         "report.md": "\n".join(parts),
-        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
+        "identification.json": json_text(record) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()
