@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
+from rich.cells import cell_len
+
 from loopid.arrays import IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line
 
@@ -39,7 +41,7 @@ STYLE: dict[str, Any] = {
 }
 # Of figures with names that the font lacks, which are boxes there, or that leave no room.
 HARMLESS = "Glyph .* missing from font", "constrained_layout not applied"
-LONGEST = 60  # characters of a name that is drawn
+LONGEST = 50  # characters of a name that is drawn
 
 
 def require_matplotlib() -> None:
@@ -97,8 +99,10 @@ def rendered(figure: Figure, name: str) -> dict[str, bytes]:
 
 def drawn(name: str, longest: int = LONGEST) -> str:
     """A name as it is drawn: printable, its middle left out where it is too long."""
-    line, half = one_line(name), longest // 2
-    return line if len(line) <= longest else f"{line[:half]}…{line[-half:]}"
+    line = one_line(name)
+    width = cell_len(line)  # characters of some scripts are twice as wide
+    half = longest * len(line) // max(2 * width, 1)
+    return line if width <= longest else f"{line[:half]}…{line[-half:]}"
 
 
 def thinned(count: int) -> IntArray:

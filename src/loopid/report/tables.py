@@ -43,7 +43,8 @@ def plain_table(title: str, *columns: str) -> PlainTable:
         show_header=headed,
     )
     for name in columns:
-        table.add_column(name.removeprefix(">"), justify="right" if name[:1] == ">" else "left")
+        side: Any = "right" if name[:1] == ">" else "left"
+        table.add_column(name.removeprefix(">"), justify=side, overflow="fold")
     return table
 
 
