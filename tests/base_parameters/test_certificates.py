@@ -10,7 +10,7 @@ from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 from loopid import bundled_robots, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, analyse
 from loopid.base_parameters.search import exact
-from loopid.base_parameters.search.block import split
+from loopid.base_parameters.search.tree import split
 
 SMALL_SEEDS, COUPLED_SEEDS = 15, 9
 
