@@ -21,7 +21,7 @@ from rich.table import Table
 
 from loopid.errors import LoopidError, OptionError, one_line
 from loopid.files import require_folder, write_files
-from loopid.progress import Progress as Reporter
+from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording

@@ -19,8 +19,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import OptionError
-from loopid.lengths import NamedLength
-from loopid.parameters import KINDS, Parameter
+from loopid.parameters import KINDS, NamedLength, Parameter
 
 if TYPE_CHECKING:
     from loopid.base_parameters.base import BaseParameters

@@ -17,7 +17,7 @@ from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12

@@ -43,8 +43,8 @@ from loopid.paper.structure import (
     compare_base_parameters,
     measured_geometry,
 )
-from loopid.progress import Progress
 from loopid.seeds import derived_seed
+from loopid.workers import Progress
 
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]

@@ -18,7 +18,7 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
-from loopid.lengths import NamedLength
+from loopid.parameters import NamedLength
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 
