@@ -6,7 +6,6 @@ A command imports what it needs when it runs: ``loopid check`` does not wait for
 from __future__ import annotations
 
 import io
-import json
 import os
 import signal
 import sys
@@ -374,7 +373,9 @@ def require_output(out: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        from loopid.report import json_text
+
+        typer.echo(json_text(record))
         return
     console = Console()
     for table in tables:
@@ -388,9 +389,10 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     if not console.is_terminal:
         yield lambda done, total: None
         return
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    said = TextColumn("{task.description}", markup=False)
+    columns = (said, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(what, total=None)
+        task = progress.add_task(one_line(what), total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 

@@ -281,7 +281,7 @@ def test_ctrl_c_is_answered_by_one_line(when):
 
 
 def test_no_room_for_temporary_files_is_told(tmp_path):
-    rows = "\n".join(f"{k / 1000},{k / 1e5},{k % 7}" for k in range(60_000))
+    rows = "\n".join(f"{k / 1000},{k / 1e5},{k % 7}" for k in range(150_000))
     (tmp_path / "run.csv").write_text(f"time,crank_joint.position,crank_joint.force\n{rows}\n")
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))"
     script = [sys.executable, "-c", f"{limit}; from loopid.cli import main; main()"]
