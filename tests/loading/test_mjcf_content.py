@@ -361,7 +361,6 @@ def refused(tmp_path, refusal):
         (small(HINGE.format("") * 2), "repeated name 'j'"),
         (small(HINGE.replace("1 0 0", "0 0 0").format("")), "axis"),
         (small(rest='<include file="gone.xml"/>'), "gone.xml"),
-        (small(rest='<asset><mesh file="gone.stl"/></asset>'), "gone.stl"),
         (small(rest='<actuator><motor joint="k"/></actuator>'), "'k'"),
         (small(body='pos="inf 0 0"'), "body_pos of MuJoCo's model is not finite"),
         (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model is not finite"),
@@ -437,3 +436,41 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
+
+
+# Meshes and plugins are not needed where the file gives the inertias.
+
+MESHES = f"""<mujoco><compiler meshdir="assets"/>
+<extension><plugin plugin="acme.drive"><instance name="drive"/></plugin></extension>
+<default><default class="seen"><geom type="mesh" mesh="hull" density="0"/></default></default>
+<asset><mesh name="hull" file="missing.stl"/><mesh file="pointer.obj"/>
+  <texture name="skin" type="2d" file="skin.png"/><material name="paint" texture="skin"/>
+  <hfield name="floor" file="floor.png" size="1 1 1 1"/></asset>
+<worldbody><geom name="ground" type="hfield" hfield="floor"/>
+  <body name="arm">{INERTIAL}<joint name="elbow" axis="0 1 0"/><geom class="seen" material="paint"/>
+    <geom name="shape" type="mesh" mesh="pointer"/><plugin plugin="acme.flexible"/>
+    <body name="ball" pos="1 0 0"><joint name="wrist" axis="0 1 0"/>
+      <geom type="sphere" size="0.1" mass="3"/><geom class="seen"/></body></body></worldbody>
+<contact><pair geom1="ground" geom2="shape"/></contact>
+<actuator><plugin joint="elbow" plugin="acme.drive" instance="drive"/></actuator></mujoco>"""
+
+
+def test_meshes_and_plugins_are_not_needed_where_inertias_are_given(tmp_path):
+    (tmp_path / "assets").mkdir()
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n"
+    (tmp_path / "assets" / "pointer.obj").write_text(pointer)
+    (tmp_path / "arm.xml").write_text(MESHES)
+    (tmp_path / "robot.xml").write_text('<mujoco><include file="arm.xml"/></mujoco>')
+    source = read_mjcf(tmp_path / "robot.xml")
+    assert source.notes[:1] == ("plugins are left out: acme.drive, acme.flexible",)
+    assert source.notes[1].startswith("geometry is left out, as inertias are given without it")
+    assert [inertia.mass for inertia in source.model.inertias] == [0, 2, 3]
+    assert source.description.name_mot == ["elbow"]
+
+
+def test_a_body_whose_inertia_is_that_of_a_missing_mesh_is_named(read, refusal):
+    with pytest.raises(RobotFileError) as failure:
+        read(MESHES.replace(INERTIAL, ""))
+    refusal(failure, "inertias of arm come from geometry", "give these bodies an <inertial>")
+    # As it says.
+    assert read(MESHES).model.nv == 2

@@ -113,4 +113,4 @@ def test_table_iii_is_what_inertia_transfer_says(knee, comparison, monkeypatch):
 
 
 def cells(table):
-    return zip(*(column.cells for column in table.columns), strict=True)
+    return zip(*(map(str, column.cells) for column in table.columns), strict=True)

@@ -98,19 +98,20 @@ ModelWarning
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
+    _require_printable_names(file, tree, description)
     model, bodies = tree.model, _bodies(tree)
     locked = _locked_values(file, source.model, description, lock)
     values = {name: value for name, value in locked.items() if value is not None}
-    reference = {n: value for n, value in description.reference.items() if n not in locked}
+    motors = _motors(file, tree, locked)
     mechanism = Mechanism(
         name=tree.name,
         path=file,
         model=model,
         closures=find_closures(file, model, description.all_closures),
         couplings=find_couplings(file, model, description.all_closures, values),
-        actuated=_motors(file, model, description, locked),
+        actuated=motors,
         bodies=bodies,
-        reference=written_reference(file, model, reference),
+        reference=written_reference(file, model, tree.description.reference),
         platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
@@ -123,9 +124,9 @@ ModelWarning
     )
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
-    mechanism, around = close_reference(
-        mechanism, given=files.given.reference if motors_given else ()
-    )
+    given = files.given.reference if motors_given else ()
+    parts = [part for name in given for part in (name, *tree.replaced.get(name, ()))]
+    mechanism, around = close_reference(mechanism, given=parts)
     _warn_of_findings(mechanism, around, tree, motors_given)
     return mechanism
 
@@ -143,6 +144,17 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
     except ImportError as error:
         raise MissingExtraError("mujoco", "mjcf") from error
     return read_mjcf(files.tree)
+
+
+def _require_printable_names(file: Path, tree: TreeSource, description: Description) -> None:
+    """Names are printed, drawn, and written into files for others."""
+    frames = (frame.name for frame in tree.model.frames)
+    platform = description.platform.coordinates if description.platform else ()
+    for name in (tree.name, *tree.model.names, *frames, *description.identical, *platform):
+        if not name.isprintable():
+            raise RobotFileError(
+                f"{file}: names must be printable and on one line, not {name!r:.60}"
+            )
 
 
 def _locked_values(
@@ -165,16 +177,17 @@ def _locked_values(
     return locked | {name: read_joint(joint, q) for name, joint in joints.items()}
 
 
-def _motors(
-    file: Path, model: pin.Model, description: Description, locked: Mapping[str, float | None]
-) -> tuple[str, ...]:
+def _motors(file: Path, tree: TreeSource, locked: Mapping[str, float | None]) -> tuple[str, ...]:
     """Joints with motors that are not locked; all with one coordinate where no file says."""
-    joints, motors = list(model.names)[1:], description.name_mot
+    model, motors = tree.model, tree.description.name_mot
+    joints = list(model.names)[1:]
     if motors is None:
         motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
     elif isinstance(motors, str):
         motors = [name for name in joints if motors in name]
-    motors = [name for name in motors if name not in locked]
+    left = (name for name in motors if name not in locked)
+    parts = (part for name in left for part in tree.replaced.get(name, (name,)))
+    motors = [part for part in parts if part not in locked]
     for name in motors:
         joint_named(name, model, f"{file}: unknown joint {name!r} in name_mot")
     if not motors:

@@ -47,6 +47,10 @@ DIRECT = (
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+# What MuJoCo raises, of which only the text is of use.
+MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
+MOST_INCLUDES = 20
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -71,7 +75,6 @@ def read_mjcf(path: Path) -> TreeSource:
     ]
     motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
-    heard = (f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
     return TreeSource(
         name=name,
         file=path,
@@ -81,7 +84,7 @@ def read_mjcf(path: Path) -> TreeSource:
         description=Description(
             closures=closures, name_mot=motors or None, reference=_reference(scene)
         ),
-        notes=(*_left_out(scene), *notes, *heard),
+        notes=(*_left_out(scene), *notes, *warnings),
     )
 
 
@@ -129,7 +132,7 @@ class Scene(NamedTuple):
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compiled model of an MJCF file, and what MuJoCo warns of.
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from.
 
     Raises
     ------
@@ -150,11 +153,17 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     heard: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(heard.append)
+    notes: list[str] = []
     try:
         compiled = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+    except MUJOCO_ERRORS as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
+        try:
+            compiled, notes = _compile_without_assets(path)
+        except RobotFileError:
+            raise
+        except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
+            raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
     finally:
         mujoco.set_mju_user_warning(before)
     finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
@@ -167,7 +176,69 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
             raise RobotFileError(f"{path}: {name} of MuJoCo's model has a quaternion of length 0")
-    return compiled, heard
+    return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
+
+
+def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """Compile a file without plugins, then without meshes, where dynamics needs none of them."""
+    root = etree.parse(path).getroot()
+    _include(root, path.parent)
+    plugins = {str(tag.get("plugin")) for tag in root.iter("plugin")} - {"None"}
+    for tag in root.findall(".//actuator/plugin"):  # a motor, whatever its law
+        tag.tag, ends = "general", {key: tag.attrib[key] for key in ACTUATOR_ENDS & set(tag.attrib)}
+        tag.clear()
+        tag.attrib.update(ends)
+    etree.strip_elements(root, "plugin", "extension", with_tail=False)
+    spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
+    spec.modelfiledir = str(path.parent)
+    notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
+    drawn = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]
+    needed = sorted({geom.parent.name for geom in drawn if _gives_inertia(spec, geom)})
+    try:
+        return spec.compile(), notes
+    except MUJOCO_ERRORS as error:
+        reason = " ".join(str(error).split())
+    unused = (spec.sensors, spec.pairs, spec.skins, spec.materials)
+    for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
+        for element in list(group):
+            spec.delete(element)
+    for body in spec.bodies if needed else ():
+        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
+    compiled = spec.compile()
+    if needed:
+        raise RobotFileError(
+            f"{path}: inertias of {', '.join(needed)} come from geometry that MuJoCo cannot read "
+            f"({reason}): give these bodies an <inertial>, or restore the files"
+        )
+    return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
+
+
+def _include(root: etree._Element, folder: Path, depth: int = 0) -> None:
+    """Put what ``<include>`` tags name in their places."""
+    for tag in root.findall(".//include"):
+        if depth == MOST_INCLUDES:
+            raise OSError("files include each other")
+        inner, parent = etree.parse(folder / tag.get("file", "")).getroot(), tag.getparent()
+        _include(inner, folder, depth + 1)
+        if parent is not None:
+            at = parent.index(tag)
+            parent[at : at + 1] = list(inner)
+
+
+def _gives_inertia(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
+    """Whether the inertia of a body that moves comes from a geom."""
+    first, last = spec.compiler.inertiagrouprange
+    body = geom.parent
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    explicit = body.explicitinertial and int(spec.compiler.inertiafromgeom) != always
+    light = geom.mass == 0 or (np.isnan(geom.mass) and geom.density == 0)
+    if explicit or light or not first <= geom.group <= last:
+        return False
+    while body.name != "world":
+        if len(body.joints):
+            return True
+        body = body.parent
+    return False
 
 
 def read_names(compiled: mujoco.MjModel) -> Names:

@@ -76,7 +76,8 @@ NOTES = {
 }
 STAND_IN = (
     "No log of the real robot was given: a simulated robot stands in for it, whose masses and "
-    "inertias differ from the robot file by 10 %. Figures 5 and 6 show its first trajectory."
+    "inertias are drawn about the robot file's with a standard deviation of 10 %. Figures 5 and 6 "
+    "show its first trajectory."
 )
 
 
