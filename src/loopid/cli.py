@@ -476,7 +476,7 @@ def _interruptible() -> Iterator[None]:
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """One line, without the source line that Python adds."""
-    _say(f"loopid: warning: {one_line(str(message))}")
+    _say(f"loopid: warning: {message}")
 
 
 def _refuse(reason: str) -> NoReturn:
@@ -487,7 +487,7 @@ def _refuse(reason: str) -> NoReturn:
 def _say(line: str) -> None:
     """Write a line to the error stream, if it takes any: results do not depend on it."""
     try:
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{one_line(line)}\n")
         sys.stderr.flush()
     except OSError:
         _discard("stderr")

@@ -107,6 +107,7 @@ ModelWarning
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
+    _require_printable_names(file, tree, description)
     model, bodies = tree.model, _bodies(tree)
     locked = _locked_values(file, source.model, description, lock)
     values = {name: value for name, value in locked.items() if value is not None}
@@ -156,6 +157,17 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
     except ImportError as error:
         raise MissingExtraError("mujoco", "mjcf") from error
     return read_mjcf(files.tree)
+
+
+def _require_printable_names(file: Path, tree: TreeSource, description: Description) -> None:
+    """Names are printed, drawn, and written into files for others."""
+    frames = (frame.name for frame in tree.model.frames)
+    platform = description.platform.coordinates if description.platform else ()
+    for name in (tree.name, *tree.model.names, *frames, *description.identical, *platform):
+        if not name.isprintable():
+            raise RobotFileError(
+                f"{file}: names must be printable and on one line, not {name!r:.60}"
+            )
 
 
 def _locked_values(

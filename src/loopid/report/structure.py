@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
-    *("nodes", "ties", "tolerance", "seconds"),
+    *("nodes", "ties", "tolerance", "reason", "seconds"),
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
@@ -278,7 +278,7 @@ def _findings(record: dict[str, Any]) -> Table:
 
 def certificate(search: dict[str, Any]) -> str:
     """What is proven about a search's answer, in words."""
-    gap = search["gap"]
+    gap, why = search["gap"], f" ({search['reason']})" if search["reason"] else ""
     if search["certified"]:
         if search["ties"] is None:
             return "proven best (ties too many to count)"
@@ -286,10 +286,13 @@ def certificate(search: dict[str, Any]) -> str:
         others = "the only one" if alone else f"one of {search['ties']:,} equally good"
         return f"proven best, {others}"
     if gap is None:
-        return "not certified: a better choice may exist"
+        return f"not certified{why}: a better choice may exist"
+    if gap == 1:
+        return f"proven best{why}: which of the best is named may differ elsewhere"
     if gap >= 2:
-        return f"not certified: at most {_rounded_up(gap)} times the least possible"
-    return f"not certified: at most {_rounded_up(100 * (gap - 1))} % above the least possible"
+        return f"not certified{why}: at most {_rounded_up(gap)} times the least possible"
+    percent = _rounded_up(100 * (gap - 1))
+    return f"not certified{why}: at most {percent} % above the least possible"
 
 
 def _rounded_up(value: float) -> str:
