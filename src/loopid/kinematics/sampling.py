@@ -24,7 +24,7 @@ FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to t
 NARROWER = 0.5  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
-SHORTEST_STEP = 2.0**-4  # part of the way from the reference: another draw is cheaper
+SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 

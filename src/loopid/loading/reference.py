@@ -31,6 +31,7 @@ from loopid.kinematics import (
     independent_coordinates,
     integrate,
     largest_residual,
+    mobility,
     nearby_configurations,
     random_motions,
     scaled_constraint,
@@ -54,8 +55,8 @@ LIKELY_ROUNDING = 1e-4
 # Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
 # leaves no choice.
 NEAR = 0.2
-# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
-ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+# Of observations that only tell a rank: rows, and the parts of the limits from which poses are.
+ROWS_PER_COLUMN, SPREADS = 1.5, (0.1, 1.0)
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -105,7 +106,7 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     inside = [each for each in closed if not _outside(each[0])]
     chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
     if modes:
-        chosen = _with_modes(chosen, modes, folded=_measure(closed[0]) < NEAR_SINGULARITY)
+        chosen = _with_modes(chosen, modes, why_singular(*closed[0]))
     outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -127,33 +128,51 @@ def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]
     return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
 
 
+def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
+    """In which way the reference is singular, with closed configurations (n, nq) around it."""
+    found = mobility(mechanism, around=around)
+    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    if found.singular:
+        reason = (
+            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.generic_degrees_of_freedom} around it"
+        )
+    elif measure < NEAR_SINGULARITY:
+        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    else:
+        return ""
+    return f"(measure {measure:.1e}): {reason}"
+
+
 def _with_modes(
-    chosen: ClosedReference, modes: Sequence[AssemblyMode], folded: bool
+    chosen: ClosedReference, modes: Sequence[AssemblyMode], singular: str
 ) -> ClosedReference:
-    """The mechanism with its assembly modes and their ranks, warned of where it matters."""
+    """The mechanism with its assembly modes and their ranks, warned of where it matters.
+
+    ``singular`` says why the drawn pose is, where it is.
+    """
     mechanism, around = chosen
     if len(modes) > 1:
         modes = [replace(mode, rank=_rank(mechanism, mode)) for mode in modes]
-    ranks, differ = [mode.rank for mode in modes], len({mode.rank for mode in modes}) > 1
-    how = (
-        f"mode 1 is used; 'loopid check {mechanism.path}' prints the 'reference' of each, which "
-        "chooses it when it stands in the YAML"
-    )
-    drawn = "singular" if folded else "open"
-    if differ:
-        each = ", ".join(f"{rank or '?'} in mode {k}" for k, rank in enumerate(ranks, start=1))
-        warn(
-            f"{mechanism.path}: the number of base parameters depends on the assembly mode, and "
-            f"the drawn pose, which is {drawn}, leaves it open: {each} (full model); {how}",
-            ReferenceWarning,
+    known = {mode.rank for mode in modes} - {None}
+    text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
+    if singular:
+        text += "; the reference is a regular pose a step of the motors away"
+    if len(modes) > 1:
+        text += f"; {len(modes)} assembly modes were found, mode 1 is used"
+    if len(known) > 1:
+        listed = ", ".join(f"{mode.rank or '?'} in mode {k}" for k, mode in enumerate(modes, 1))
+        text += f", and THEIR NUMBERS OF BASE PARAMETERS DIFFER (full model): {listed}"
+    if len(modes) > 1:
+        text += (
+            "; to choose another, put its 'reference' into the YAML, as 'loopid check "
+            f"{mechanism.path}' prints it"
         )
-    elif folded:
-        meet = (
-            f"{len(modes)} assembly modes meet there: {how}"
-            if len(modes) > 1
-            else ("the reference is a regular pose a step away")
-        )
-        warn(f"{mechanism.path}: the drawn pose is singular: {meet}", SingularityWarning)
+    if len(known) > 1:
+        warn(f"{mechanism.path}: {text}", ReferenceWarning)
+    elif singular:
+        warn(f"{mechanism.path}: {text}", SingularityWarning)
     return replace(mechanism, modes=tuple(modes)), around
 
 
@@ -161,13 +180,15 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
-    try:
-        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
-        motion = closed_motion(robot, q, *random_motions(robot, samples))
-        W = motion_regressor(robot, motion)
-        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
-    except LoopidError:
-        return None
+    for spread in SPREADS:
+        try:
+            q = np.concatenate([*configuration_batches(robot, samples, spread=spread)])
+            motion = closed_motion(robot, q, *random_motions(robot, samples))
+            W = motion_regressor(robot, motion)
+            return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+        except LoopidError:
+            continue
+    return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:

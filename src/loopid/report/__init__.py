@@ -20,10 +20,11 @@ from loopid.report.structure import (
     base_tables,
     check_record,
     check_tables,
+    mode_records,
     motions_record,
     motions_tables,
 )
-from loopid.report.tables import markdown_table, plain_table
+from loopid.report.tables import json_text, markdown_table, plain_table
 
 __all__ = [
     "BLUE",
@@ -38,7 +39,9 @@ __all__ = [
     "identification_files",
     "identification_record",
     "identification_tables",
+    "json_text",
     "markdown_table",
+    "mode_records",
     "motions_record",
     "motions_tables",
     "plain_table",

@@ -9,6 +9,7 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
+from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     ROTATIONS,
@@ -23,6 +24,7 @@ from loopid.robot.mechanism import (
     in_groups,
     inertia_defects,
     lock_options,
+    shortened,
     tie_indices,
     tie_matrix,
     unequal_links,
@@ -30,6 +32,7 @@ from loopid.robot.mechanism import (
 
 __all__ = [
     "CLOSURE_KINDS",
+    "JOINT_TERMS",
     "ROTATIONS",
     "TRANSLATIONS",
     "AssemblyMode",
@@ -37,6 +40,9 @@ __all__ = [
     "FramePair",
     "InertiaDefect",
     "JointCoupling",
+    "JointState",
+    "JointTerm",
+    "LeftOut",
     "LinkGroup",
     "Loop",
     "LoopClosure",
@@ -49,6 +55,7 @@ __all__ = [
     "lock_options",
     "named_lengths",
     "relative_quaternion",
+    "shortened",
     "tie_indices",
     "tie_matrix",
     "unequal_links",

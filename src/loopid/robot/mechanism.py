@@ -20,6 +20,7 @@ from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.joint_terms import LeftOut
 
 ANGULAR, LINEAR = ("wx", "wy", "wz"), ("vx", "vy", "vz")
 # Velocity components of Pinocchio's joints, in its order, along the axes of the joint's own frame.
@@ -262,6 +263,11 @@ class Mechanism:
         own first. Otherwise there is nothing to choose, and none is listed.
     rounding : float
         How far in m closures may be from where the file has them; 0 where they are exact.
+    joint_values : mapping
+        What the file gives of forces in joints: coordinate to kind of term, such as ``"Fv"``, to
+        its value. The rigid-body model has none of them, ``JointTerms`` may.
+    left_out : tuple of LeftOut
+        Forces of the file that no model has.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -289,6 +295,8 @@ class Mechanism:
     closure_residual: float = 0.0
     modes: tuple[AssemblyMode, ...] = ()
     rounding: float = 0.0
+    joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -298,8 +306,8 @@ class Mechanism:
         return (
             f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
             f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
-            f"  actuated: {_listed(self.actuated)}\n"
-            f"  independent: {_listed(self.independent)}"
+            f"  actuated: {shortened(self.actuated)}\n"
+            f"  independent: {shortened(self.independent)}"
         )
 
     # Joints and their coordinates.
@@ -377,6 +385,18 @@ class Mechanism:
             for limit in (self.model.lowerPositionLimit, self.model.upperPositionLimit)
         )
         return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
+
+    def joint_values(self, q: FloatArray) -> dict[str, float | list[float]]:
+        """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
+        values: dict[str, float | list[float]] = {}
+        for name in self.joints:
+            joint = self.joint(name)
+            part = q[joint.idx_q : joint.idx_q + joint.nq]
+            if joint.nv == 1 and joint.nq == 2:  # the cosine and sine of an angle
+                part = np.arctan2(part[1:], part[:1])
+            rounded = [round(float(value), 6) + 0.0 for value in part]
+            values[name] = rounded[0] if len(rounded) == 1 else rounded
+        return values
 
     @cached_property
     def position_limits(self) -> tuple[FloatArray, FloatArray]:
@@ -561,7 +581,8 @@ def lock_options(mechanism: Mechanism) -> str:
     return " ".join(f"--lock {name}" for name in found)
 
 
-def _listed(names: Sequence[str], most: int = 8) -> str:
+def shortened(names: Sequence[str], most: int = 8) -> str:
+    """The first names with commas between, and how many there are where that is not all."""
     more = f", ... ({len(names)} in all)" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
