@@ -87,16 +87,15 @@ class Assembly:
 
 @dataclass(frozen=True)
 class PathOptions:
-    """How exactly, and with which steps at least, paths are followed; as in ``try_assemble``."""
+    """How exactly paths are followed, with which part of the way at least and steps at most."""
 
     tolerance: float = CLOSURE_TOLERANCE
     shortest_step: float = SHORTEST_PATH_STEP
+    most_steps: float = np.inf
 
     def __post_init__(self) -> None:
         if not 0 <= self.tolerance < np.inf:
             raise OptionError(f"tolerance must be a length from 0 on, not {self.tolerance} m")
-        if not 0 < self.shortest_step <= 1:
-            raise OptionError(f"shortest_step must be in (0, 1], not {self.shortest_step}")
 
 
 @checked
@@ -167,22 +166,16 @@ def try_assemble(
     start: FloatArray | None = None,
     trajectory: bool = False,
     tolerance: float = CLOSURE_TOLERANCE,
-    shortest_step: float = SHORTEST_PATH_STEP,
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
     Along a trajectory the next one is then reached from the last one that was assembled.
-
-    Parameters
-    ----------
-    shortest_step : float
-        Part of the way below which a sample is given up.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
     q = samples(q, mechanism.model.nq, "start", 1)
-    options = PathOptions(tolerance, shortest_step)
+    options = PathOptions(tolerance)
     with one_blas_thread():
         if trajectory:
             return follow_trajectory(measured, q[0], targets, options)
@@ -205,8 +198,8 @@ def _follow(
     # The last point on the path, the part of the way done there, and the next part tried.
     reached, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
     jacobian = measured.linearise(start, origin).unknown
-    k = np.arange(len(start))
-    while len(k):
+    k, tried = np.arange(len(start)), 0
+    while len(k) and tried < options.most_steps:
         ahead = np.minimum(done[k] + step[k], 1.0)
         short = np.where(ahead < 1.0, ROUGH, SHORT)
         found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k], short)
@@ -216,7 +209,7 @@ def _follow(
         reached[arrived], jacobian[arrived] = found.configurations[good], found.jacobian[good]
         done[arrived] = ahead[good]
         step[k] *= np.where(good, 2.0, 0.5)
-        k = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)]
+        k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
     q = measured.write(reached, targets)
     residual, small = closes(measured, q, targets, options)
     assembled = (done >= 1.0) & small

@@ -85,7 +85,7 @@ def assembly_modes(mechanism: Mechanism, drawn: FloatArray) -> tuple[AssemblyMod
     origin = motors.read(home)
     for step in _motor_steps(motors, origin[0]) if folded else [np.zeros(motors.width)]:
         starts = motors.write(np.concatenate([home, _scattered(motors, drawn)]), origin + step)
-        q, _ = close_loops(mechanism, starts, motors.unknown)
+        q = _unwound(mechanism, close_loops(mechanism, starts, motors.unknown)[0], drawn)
         found = [loop.solutions(q) for loop in loops]
         if all(found):
             break
@@ -139,6 +139,21 @@ def _scattered(motors: JointCoordinates, drawn: FloatArray) -> FloatArray:
     steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (STARTS, len(motors.unknown)))
     starts = np.repeat(drawn[None], STARTS, axis=0)
     return integrate(motors.mechanism, starts, motors.tangent(radius * steps))
+
+
+def _unwound(mechanism: Mechanism, q: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Configurations (N, nq) without whole turns of joints away from a drawn one (nq,)."""
+    coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
+    joints = [mechanism.joint(name) for name in mechanism.joints if name not in coupled]
+    turning = [
+        joint.idx_q
+        for joint in joints
+        if joint.nq == joint.nv == 1 and joint.idx_v not in mechanism.prismatic
+    ]
+    nearest = q.copy()
+    turns = np.round((q[:, turning] - drawn[turning]) / (2 * np.pi))
+    nearest[:, turning] -= 2 * np.pi * turns
+    return np.where(mechanism.outside(nearest), q, nearest)
 
 
 def _told_apart(
@@ -224,8 +239,6 @@ class _LoopPoses:
         """How far the passive joints are from where they are drawn."""
         steps = difference(self.mechanism, self.drawn[None], q[None])[0]
         steps /= self.mechanism.coordinate_scales
-        turns = np.setdiff1d(self.passive, self.mechanism.prismatic)
-        steps[turns] = np.mod(steps[turns] + np.pi, 2 * np.pi) - np.pi
         return float(np.linalg.norm(steps[self.passive]))
 
     def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:

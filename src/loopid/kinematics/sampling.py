@@ -10,12 +10,13 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
 from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
+from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02
 LEAST_MARGIN = 1e-4
@@ -24,7 +25,7 @@ FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to t
 NARROWER = 0.5  # ... by this factor ...
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
-SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
+PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
@@ -85,14 +86,17 @@ def configuration_batches(
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    home, lower, upper = _ranges(mechanism)
+    measured = measured_coordinates(mechanism)
+    home, lower, upper = _ranges(measured)
+    start = np.repeat(mechanism.reference[None], BATCH, axis=0)
     draw = _Draw(spread, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
         values = home + draw.spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
-        outcome = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
+        with one_blas_thread():
+            outcome = follow_paths(measured, start, values, PATHS)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
         outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
@@ -104,9 +108,10 @@ def configuration_batches(
             yield regular
 
 
-def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Reference values of the measured joints, and the limits between which they are drawn."""
-    home = measured_coordinates(mechanism).read(mechanism.reference[None])[0]
+    mechanism = measured.mechanism
+    home = measured.read(mechanism.reference[None])[0]
     joints = [mechanism.joint(name) for name in mechanism.measured]
     sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
     width = np.where(sliding, mechanism.length, np.pi)

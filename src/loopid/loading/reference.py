@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -55,8 +55,8 @@ LIKELY_ROUNDING = 1e-4
 # Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
 # leaves no choice.
 NEAR = 0.2
-# Of observations that only tell a rank: rows, and the parts of the limits from which poses are.
-ROWS_PER_COLUMN, SPREADS = 1.5, (0.1, 1.0)
+# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
+ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -86,27 +86,25 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         When it closes only as far as the file's numbers are rounded.
     """
     closed: list[ClosedReference] = []
-    modes: tuple[AssemblyMode, ...] = ()
-    best, suits = (mechanism.reference, np.inf), False
+    chosen, best = None, (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
-        closed.append(_closed_at(mechanism, q))
-        if len(closed) == 1 and not _is_drawn(closed[0], mechanism.reference, given):
-            modes = assembly_modes(closed[0][0], mechanism.reference)
-            closed += [_closed_at(mechanism, mode.reference) for mode in modes[:1]]
-        # Inside the limits, and regular for the motors.
-        suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
-        if suits or len(closed) >= ENOUGH:
+        found, first = _closed_at(mechanism, q), not closed
+        closed.append(found)
+        suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
+        if first and _is_drawn(found, mechanism.reference, given):
+            chosen = found
+        elif first or suits:
+            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first)
+        if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
-    chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
-    if modes:
-        chosen = _with_modes(chosen, modes, why_singular(*closed[0]))
+    chosen = chosen or (max(inside, key=_measure) if inside else closed[0])
     outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -145,16 +143,22 @@ def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
     return f"(measure {measure:.1e}): {reason}"
 
 
-def _with_modes(
-    chosen: ClosedReference, modes: Sequence[AssemblyMode], singular: str
-) -> ClosedReference:
-    """The mechanism with its assembly modes and their ranks, warned of where it matters.
+def _in_a_mode(
+    closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
+) -> ClosedReference | None:
+    """The mechanism in the best of its assembly modes, warned of where it matters.
 
-    ``singular`` says why the drawn pose is, where it is.
+    None where none is inside the limits.
     """
-    mechanism, around = chosen
+    modes = assembly_modes(closed[0], drawn)
+    if not modes:
+        return None
+    mechanism, around = _closed_at(closed[0], modes[0].reference)
+    if _outside(mechanism):
+        return None
+    singular = why_singular(*closed) if drawn_is_closed else ""
     if len(modes) > 1:
-        modes = [replace(mode, rank=_rank(mechanism, mode)) for mode in modes]
+        modes = tuple(replace(mode, rank=_rank(mechanism, mode)) for mode in modes)
     known = {mode.rank for mode in modes} - {None}
     text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
     if singular:
@@ -173,22 +177,20 @@ def _with_modes(
         warn(f"{mechanism.path}: {text}", ReferenceWarning)
     elif singular:
         warn(f"{mechanism.path}: {text}", SingularityWarning)
-    return replace(mechanism, modes=tuple(modes)), around
+    return replace(mechanism, modes=modes), around
 
 
 def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
-    for spread in SPREADS:
-        try:
-            q = np.concatenate([*configuration_batches(robot, samples, spread=spread)])
-            motion = closed_motion(robot, q, *random_motions(robot, samples))
-            W = motion_regressor(robot, motion)
-            return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
-        except LoopidError:
-            continue
-    return None
+    try:
+        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
+        motion = closed_motion(robot, q, *random_motions(robot, samples))
+        W = motion_regressor(robot, motion)
+        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+    except LoopidError:
+        return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:

@@ -109,7 +109,7 @@ def mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
             "distance": mode.distance,
             "meets_drawn_pose": mode.continues,
             "parallel_pairs": mode.parallel,
-            "reference": mechanism.joint_values(mode.reference),
+            "reference": mechanism.reference_values(mode.reference),
         }
         for k, mode in enumerate(mechanism.modes, start=1)
     ]
@@ -158,7 +158,25 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
         closures.add_row(name, closure["type"], *numbers)
     tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
-    return tables + ([_left_out_table(record)] if record["in_file_not_in_model"] else [])
+    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
+    return tables + _mode_tables(record["assembly_modes"])
+
+
+def _mode_tables(modes: list[dict[str, Any]]) -> list[Table]:
+    """Assembly modes, and the reference of each as a YAML takes it, lines broken anywhere."""
+    if not modes:
+        return []
+    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
+    found = plain_table("assembly modes of the drawn pose; the first is used", *columns)
+    tables: list[Table] = [found]
+    for mode in modes:
+        meets = "yes" if mode["meets_drawn_pose"] else "no"
+        rank = "-" if mode["rank"] is None else mode["rank"]
+        found.add_row(mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"])
+        values = ", ".join(f"{name}: {value}" for name, value in mode["reference"].items())
+        tables.append(plain_table(f"to choose mode {mode['mode']}, put this into the YAML", ""))
+        tables[-1].add_row(f"reference: {{{values}}}")
+    return tables
 
 
 def _left_out_table(record: dict[str, Any]) -> Table:

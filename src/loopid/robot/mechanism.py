@@ -386,7 +386,7 @@ class Mechanism:
         )
         return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
 
-    def joint_values(self, q: FloatArray) -> dict[str, float | list[float]]:
+    def reference_values(self, q: FloatArray) -> dict[str, float | list[float]]:
         """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
         values: dict[str, float | list[float]] = {}
         for name in self.joints:
