@@ -33,7 +33,15 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf import read_urdf
-from loopid.robot import Body, LinkGroup, Mechanism, Platform, inertia_defects, unequal_links
+from loopid.robot import (
+    RANK_TOLERANCE,
+    Body,
+    LinkGroup,
+    Mechanism,
+    Platform,
+    inertia_defects,
+    unequal_links,
+)
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
@@ -94,7 +102,7 @@ ModelWarning
     files = find_files(path)
     file = files.named
     source = _read_tree(files, floating_base, free_mimics)
-    description = merged(source.description, files.given)
+    description = merged(file, source.description, files.given)
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
@@ -114,6 +122,9 @@ ModelWarning
         platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
+        closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
+        rank_tolerance=description.rank_tolerance,
+        margin=description.margin,
         options={
             "lock": tuple(lock),
             "floating_base": floating_base,

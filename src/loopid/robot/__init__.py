@@ -11,6 +11,7 @@ from loopid.robot.closures import (
 )
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
+    RANK_TOLERANCE,
     ROTATIONS,
     TRANSLATIONS,
     Body,
@@ -28,6 +29,7 @@ from loopid.robot.mechanism import (
 
 __all__ = [
     "CLOSURE_KINDS",
+    "RANK_TOLERANCE",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",

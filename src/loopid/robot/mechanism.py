@@ -19,6 +19,9 @@ from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
 
+# Singular values of closures below this fraction of the largest count as zero. Configurations are
+# closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.
+RANK_TOLERANCE = 1e-8
 ANGULAR, LINEAR = ("wx", "wy", "wz"), ("vx", "vy", "vz")
 # Velocity components of Pinocchio's joints, in its order, along the axes of the joint's own frame.
 COMPONENTS = {
@@ -211,6 +214,12 @@ class Mechanism:
         Residual in m that is left at the reference, where the file's numbers are rounded.
     rounding : float
         How far in m closures may be from where the file has them; 0 where they are exact.
+    closure_rank_tolerance : float
+        Singular values of the closures below this fraction of the largest count as zero.
+    rank_tolerance : float or None
+        The same of observations; None where a gap tells the rank.
+    margin : float or None
+        Least singularity measure of random poses; None for the default.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -237,6 +246,9 @@ class Mechanism:
     tied: bool = False
     closure_residual: float = 0.0
     rounding: float = 0.0
+    closure_rank_tolerance: float = RANK_TOLERANCE
+    rank_tolerance: float | None = None
+    margin: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
