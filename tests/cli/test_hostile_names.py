@@ -9,7 +9,8 @@ from xml.sax.saxutils import escape
 import pytest
 from rich.console import Console
 
-from loopid import cli, load_mechanism
+from loopid import cli
+from made_runs import ARM
 
 NAMES = [
     {
@@ -63,10 +64,31 @@ def test_progress_is_shown_for_logs_of_any_name(monkeypatch):
     assert "{0}[red]\\x1b]0;" in stream.getvalue()
 
 
-def test_control_codes_in_robot_files_are_refused_or_escaped(run, arm_files, tmp_path):
-    text = Path(arm_files[0]).read_text()
-    (tmp_path / "arm.urdf").write_text(text.replace('robot name="small"', 'robot name="a\x9b31m"'))
-    for options in ((), ("--json",)):
-        done = run("check", tmp_path / "arm.urdf", *options)
-        assert (done.out + done.err).replace("\n", "").isprintable()
-    assert load_mechanism(arm_files[0]).name == "small"
+MJCF = """<mujoco model="{}"><worldbody><body name="{}"><joint name="{}" axis="0 1 0"/>
+<geom size="0.1" mass="1" pos="0 0 0.1"/></body></worldbody></mujoco>"""
+ESC, LINE = "\x9b31m", "a&#10;b"  # XML has no ESC itself, but its C1 equal
+YAML = """urdf: arm.urdf
+identical: {{"{}": [upper, lower]}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        *(("robot.xml", MJCF.format(*names)) for names in ((ESC, "b", "j"), ("a", ESC, "j"))),
+        *(("robot.xml", MJCF.format(*names)) for names in (("a", "b", LINE), (LINE, "b", "j"))),
+        *(("robot.yaml", YAML.format(text)) for text in (r"\e[31m", r"a\nb", r"\x9b")),
+        ("robot.urdf", ARM.replace('robot name="small"', f'robot name="a{ESC}"')),
+        ("robot.urdf", ARM.replace('"upper"', f'"{LINE}"')),
+    ],
+)
+def test_control_codes_in_names_are_refused(run, tmp_path, name, content):
+    if name.endswith("xml"):
+        pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    (tmp_path / "arm.urdf").write_text(ARM)
+    (tmp_path / name).write_text(content)
+    done = run("check", tmp_path / name)
+    assert (done.code, done.out) == (2, "")
+    assert "printable" in done.err
+    assert done.err.replace("\n", "").isprintable()
+    assert done.err.count("\n") == 1

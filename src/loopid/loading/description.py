@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.closures import COUPLING, ClosureDescription, FrameKind
+from loopid.robot import JOINT_TERMS
 from loopid.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")
@@ -30,6 +31,15 @@ JointType = Annotated[
     # Gepetto's files had another name for a universal joint before.
     BeforeValidator(lambda kind: "UJOINT_XY" if kind == "CARDAN" else kind),
 ]  # fmt: skip
+
+
+def _known_term(kind: object) -> object:
+    if kind not in JOINT_TERMS:
+        raise ValueError(f"unknown joint term {kind!r:.60}: choose among {', '.join(JOINT_TERMS)}")
+    return kind
+
+
+JointKind = Annotated[str, BeforeValidator(_known_term)]
 
 
 class PlatformDescription(Section):
@@ -72,6 +82,7 @@ class Description(Section):
     margin: float | None = Field(default=None, ge=0, lt=1)
     rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
+    joint_terms: dict[str, dict[JointKind, float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
 
@@ -122,9 +133,9 @@ def _repeated(names: Iterable[str]) -> list[str]:
 
 
 def merged(file: Path, own: Description, given: Description) -> Description:
-    """What was given, with the closures, motors and reference of a tree's own file added.
+    """What was given, with closures, motors, reference and terms of a tree's own file added.
 
-    Of two frames that are closed in both, and of motors and joint values, the given ones count.
+    Of two frames that are closed in both, and of motors and values of joints, the given ones count.
     """
     labels = [closure.label for closure in own.closures]
     for name in given.remove_closures:
@@ -145,6 +156,10 @@ def merged(file: Path, own: Description, given: Description) -> Description:
         "closures": [*kept, *given.closures],
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
         "reference": own.reference | given.reference,
+        "joint_terms": {
+            joint: own.joint_terms.get(joint, {}) | given.joint_terms.get(joint, {})
+            for joint in (*own.joint_terms, *given.joint_terms)
+        },
     }
     return given.model_copy(update=update)
 

@@ -18,6 +18,7 @@ from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.joint_terms import LeftOut
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
 # closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.
@@ -220,6 +221,11 @@ class Mechanism:
         The same of observations; None where a gap tells the rank.
     margin : float or None
         Least singularity measure of random poses; None for the default.
+    joint_values : mapping
+        What the file gives of forces in joints: coordinate to kind of term, such as ``"Fv"``, to
+        its value. The rigid-body model has none of them, ``JointTerms`` may.
+    left_out : tuple of LeftOut
+        Forces of the file that no model has.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -249,6 +255,8 @@ class Mechanism:
     closure_rank_tolerance: float = RANK_TOLERANCE
     rank_tolerance: float | None = None
     margin: float | None = None
+    joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -258,8 +266,8 @@ class Mechanism:
         return (
             f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
             f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
-            f"  actuated: {_listed(self.actuated)}\n"
-            f"  independent: {_listed(self.independent)}"
+            f"  actuated: {shortened(self.actuated)}\n"
+            f"  independent: {shortened(self.independent)}"
         )
 
     # Joints and their coordinates.
@@ -492,7 +500,8 @@ def lock_options(mechanism: Mechanism) -> str:
     return " ".join(f"--lock {name}" for name in found)
 
 
-def _listed(names: Sequence[str], most: int = 8) -> str:
+def shortened(names: Sequence[str], most: int = 8) -> str:
+    """The first names with commas between, and how many there are where that is not all."""
     more = f", ... ({len(names)} in all)" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
