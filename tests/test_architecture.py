@@ -36,6 +36,7 @@ STREET = (
     "consistency",
     "experiment",
     "saved",
+    "prediction",
     "export",
     "report",
     "paper",

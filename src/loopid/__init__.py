@@ -31,6 +31,7 @@ from loopid.kinematics import (
 from loopid.loading import bundled_robots, load_mechanism
 from loopid.logs import prepare_recording, read_log
 from loopid.parameters import ParameterSet
+from loopid.prediction import predict
 from loopid.regressors import (
     JointTerms,
     Observation,
@@ -115,6 +116,7 @@ __all__ = [  # noqa: RUF022
     # and files for others.
     "save_fit",
     "read_fit",
+    "predict",
     "export_robot_file",
     "export_regressor",
     "LoopidError",

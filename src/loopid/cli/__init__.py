@@ -13,6 +13,7 @@ from rich.console import Console
 
 from loopid.cli.commands import base, check, export, motions, paper
 from loopid.cli.identify import identify
+from loopid.cli.runs import predict, simulate
 from loopid.errors import LoopidError, one_line
 
 app = typer.Typer(
@@ -20,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (check, base, motions, identify, export, paper):
+for command in (check, base, motions, simulate, identify, predict, export, paper):
     app.command()(command)
 
 
