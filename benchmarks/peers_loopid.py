@@ -18,8 +18,8 @@ from loopid import (
 )
 from loopid.base_parameters import BaseParameters
 from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.observation import triangular_factor
 from loopid.parameters import Parameter
-from loopid.triangular import triangular_factor
 from measuring import Phases, States, answer, peak_megabytes
 
 FORCE = ParameterSet((Parameter("measured", "force"),))

@@ -1,12 +1,18 @@
-"""Every public name has an example that runs, and stands in a document."""
+"""Public names: found when asked for, with an example that runs, and in a document."""
 
+import ast
 import doctest
+import inspect
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import loopid
+from loopid import cli
 from test_docs import PAGES
 
 NAMES = [name for name in loopid.__all__ if name != "__version__"]
@@ -32,3 +38,44 @@ def test_a_public_name_has_an_example_that_runs(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_stands_in_a_document(name):
     assert any(re.search(rf"\b{name}\b", page.read_text()) for page in PAGES)
+
+
+def imported(*words):
+    """Top-level modules that are loaded after some Python, in a process of its own."""
+    script = "; ".join([*words, "import sys; print(*{m.partition('.')[0] for m in sys.modules})"])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
+    heavy = {"numpy", "scipy", "pinocchio", "pydantic", "yourdfpy", "polars"}
+    assert not imported("import loopid, loopid.cli") & heavy
+    assert {"pinocchio", "pydantic"} <= imported("import loopid", "loopid.load_mechanism")
+
+
+def test_type_checkers_see_the_same_names():
+    stub = ast.parse(Path(loopid.__file__).with_suffix(".pyi").read_text())
+    told = {"__version__": None}
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom):
+            told |= {alias.asname: f"{node.module}.{alias.name}" for alias in node.names}
+    assert sorted(told) == sorted(loopid.__all__) == sorted(dir(loopid))
+    for name, place in told.items():
+        if place:
+            module = __import__(place.rpartition(".")[0], fromlist=[name])
+            assert getattr(loopid, name) is getattr(module, name)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="'loopid' has no attribute 'identfy'"):
+        loopid.identfy  # noqa: B018
+
+
+def test_defaults_of_options_are_those_of_the_functions():
+    def default(function, name):
+        return inspect.signature(function).parameters[name].default
+
+    assert default(cli.base, "time_limit") == loopid.ExactSearch().time_limit
+    assert default(cli.motions, "margin") == default(loopid.review_motion, "margin")
+    assert default(cli.identify, "train") == default(loopid.split_recordings, "fraction")

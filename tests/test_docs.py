@@ -44,3 +44,22 @@ def test_the_commands_of_a_page_exist_with_their_options(page, words):
     options = {option for parameter in commands[words[0]].params for option in parameter.opts}
     given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")}
     assert given <= options, f"{page}: loopid {' '.join(words)}"
+
+
+def anchor(heading):
+    """The anchor of a heading, as GitHub and Markdown viewers make it."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+ALL = [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]
+
+
+@pytest.mark.parametrize("page", ALL, ids=lambda page: page.name)
+def test_links_lead_to_files_and_headings(page):
+    for link in re.findall(r"\]\((?!http)([^)]+)\)", page.read_text()):
+        name, _, heading = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_file(), link
+        if heading:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(), re.M)
+            assert heading in map(anchor, headings), link

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from loopid import triangular
-from loopid.triangular import add_rows, triangular_factor
+from loopid import observation
+from loopid.observation import add_rows, triangular_factor
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)
@@ -58,7 +58,7 @@ def test_rows_taken_at_a_time_do_not_matter(monkeypatch):
     matrix = np.random.default_rng(3).standard_normal((500, 20))
     whole = np.abs(triangular_factor(matrix))
     for rows in (20, 33, 499):
-        monkeypatch.setattr(triangular, "ROWS", rows)
+        monkeypatch.setattr(observation, "ROWS", rows)
         np.testing.assert_allclose(np.abs(triangular_factor(matrix)), whole, rtol=1e-11, atol=1e-12)
 
 

@@ -1,124 +1,89 @@
 """Identification of the dynamics of robots with closed kinematic loops."""
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
-from loopid.base_parameters import (
-    BaseParameters,
-    ExactSearch,
-    SubgroupSearch,
-    find_base_parameters,
-)
-from loopid.consistency import consistent_fit, consistent_parameters
-from loopid.dynamics import forward_dynamics
-from loopid.errors import LoopidError
-from loopid.experiment import (
-    exciting_motion,
-    find_force_model,
-    identifiability,
-    identify,
-    split_recordings,
-)
-from loopid.export import export_regressor, export_robot_file
-from loopid.identification import BayesianRidge, FitResult, FitSamples, eliminate, fit
-from loopid.kinematics import (
-    assemble,
-    closed_motion,
-    mobility,
-    platform_coordinates,
-    project,
-    random_configurations,
-)
-from loopid.loading import bundled_robots, load_mechanism
-from loopid.logs import prepare_recording, read_log
-from loopid.parameters import ParameterSet
-from loopid.prediction import predict
-from loopid.regressors import (
-    JointTerms,
-    Observation,
-    dynamic_regressor,
-    force_parts,
-    gravity_regressor,
-    structural_observation,
-    tree_regressor,
-)
-from loopid.robot import LoopClosure, Mechanism
-from loopid.saved import read_fit, save_fit
-from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import (
-    FourierSeries,
-    LowPass,
-    Waypoint,
-    joint_motion,
-    point_to_point,
-    read_motion_program,
-    read_reference,
-    review_motion,
-)
-
-__version__ = version("loopid")
-
-# In the order of the work.
-__all__ = [  # noqa: RUF022
+# Public names in the order of the work, each with its room, which is imported when a name of it is
+# asked for. ``__init__.pyi`` says the same to type checkers.
+_ROOMS = {
     # A robot,
-    "load_mechanism",
-    "bundled_robots",
-    "Mechanism",
-    "LoopClosure",
+    "load_mechanism": "loading",
+    "bundled_robots": "loading",
+    "Mechanism": "robot",
+    "LoopClosure": "robot",
     # where it can be,
-    "assemble",
-    "project",
-    "closed_motion",
-    "platform_coordinates",
-    "mobility",
-    "random_configurations",
+    "assemble": "kinematics",
+    "project": "kinematics",
+    "closed_motion": "kinematics",
+    "platform_coordinates": "kinematics",
+    "mobility": "kinematics",
+    "random_configurations": "kinematics",
     # what forces its motion takes,
-    "tree_regressor",
-    "gravity_regressor",
-    "dynamic_regressor",
-    "force_parts",
-    "forward_dynamics",
-    "JointTerms",
+    "tree_regressor": "regressors",
+    "gravity_regressor": "regressors",
+    "dynamic_regressor": "regressors",
+    "force_parts": "regressors",
+    "forward_dynamics": "dynamics",
+    "JointTerms": "regressors",
     # what can be known,
-    "structural_observation",
-    "Observation",
-    "ParameterSet",
-    "find_base_parameters",
-    "BaseParameters",
-    "ExactSearch",
-    "SubgroupSearch",
+    "structural_observation": "regressors",
+    "Observation": "observation",
+    "ParameterSet": "parameters",
+    "find_base_parameters": "base_parameters",
+    "BaseParameters": "base_parameters",
+    "ExactSearch": "base_parameters",
+    "SubgroupSearch": "base_parameters",
     # how it moves,
-    "read_motion_program",
-    "read_reference",
-    "point_to_point",
-    "Waypoint",
-    "FourierSeries",
-    "joint_motion",
-    "review_motion",
-    "simulate_measurement",
-    "Noise",
+    "read_motion_program": "trajectories",
+    "read_reference": "trajectories",
+    "point_to_point": "trajectories",
+    "Waypoint": "trajectories",
+    "FourierSeries": "trajectories",
+    "joint_motion": "trajectories",
+    "review_motion": "trajectories",
+    "simulate_measurement": "simulation",
+    "Noise": "simulation",
     # what was measured,
-    "read_log",
-    "prepare_recording",
-    "LowPass",
+    "read_log": "logs",
+    "prepare_recording": "logs",
+    "LowPass": "trajectories",
     # the parameters' values,
-    "find_force_model",
-    "identify",
-    "split_recordings",
-    "identifiability",
-    "exciting_motion",
-    "fit",
-    "FitSamples",
-    "FitResult",
-    "BayesianRidge",
-    "eliminate",
-    "consistent_fit",
-    "consistent_parameters",
+    "find_force_model": "experiment",
+    "identify": "experiment",
+    "split_recordings": "experiment",
+    "identifiability": "experiment",
+    "exciting_motion": "experiment",
+    "fit": "identification",
+    "FitSamples": "identification",
+    "FitResult": "identification",
+    "BayesianRidge": "identification",
+    "eliminate": "identification",
+    "consistent_fit": "consistency",
+    "consistent_parameters": "consistency",
     # and files for others.
-    "save_fit",
-    "read_fit",
-    "predict",
-    "export_robot_file",
-    "export_regressor",
-    "LoopidError",
-    "__version__",
-]
+    "save_fit": "saved",
+    "read_fit": "saved",
+    "predict": "prediction",
+    "export_robot_file": "export",
+    "export_regressor": "export",
+    "LoopidError": "errors",
+}
+__all__ = [*_ROOMS, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        found: Any = version("loopid")
+    elif name in _ROOMS:
+        found = getattr(import_module(f"loopid.{_ROOMS[name]}"), name)
+    elif name in _ROOMS.values():
+        found = import_module(f"loopid.{name}")
+    else:
+        raise AttributeError(f"module 'loopid' has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -15,7 +15,7 @@ from loopid.arrays import FloatArray, finite
 from loopid.errors import DataError
 from loopid.parameters import KINDS
 
-# The one tolerance of what counts as a solid body: second moments about the centre of mass that are
+# What counts as a solid body: second moments about the centre of mass that are
 # below this part of the largest count as zero. Those of a plate a metre wide and a tenth of a
 # millimetre thick are of this size.
 FLAT = 1e-8
@@ -79,23 +79,25 @@ def upper_factor(P: FloatArray) -> FloatArray:
     return np.asarray(flipped[..., ::-1, ::-1], dtype=np.float64)
 
 
-def body_defect(P: FloatArray, flat_allowed: bool = False) -> str:
+def body_defect(P: FloatArray, flat_allowed: bool = False, tolerance: float = FLAT) -> str:
     """Why no solid body has the pseudo-inertia (4, 4); an empty text where one has.
 
     Parameters
     ----------
     flat_allowed : bool
         Whether plates, rods and points count as bodies, although they fill no volume.
+    tolerance : float
+        Part of the largest second moment below which one counts as zero.
     """
     mass = float(P[3, 3])
     if not mass > 0:
         return f"its mass is not positive ({mass:.6g} kg)"
     spread = np.linalg.eigvalsh(central_moments(P))
-    slack = max(FLAT * spread[2], ROUND_OFF * float(np.trace(P[:3, :3])))
+    slack = max(tolerance * spread[2], ROUND_OFF * float(np.trace(P[:3, :3])))
     if spread[0] > slack or (flat_allowed and spread[0] >= -slack):
         return ""
     listed = ", ".join(f"{moment:.6g}" for moment in np.sort(spread.sum() - spread))
     return (
         f"its principal moments of inertia {listed} kg m² are those of no solid body: each must "
-        f"be positive and less than the sum of the others (tolerance {FLAT:g})"
+        f"be positive and less than the sum of the others (tolerance {tolerance:g})"
     )

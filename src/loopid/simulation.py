@@ -163,7 +163,9 @@ def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> Floa
         When the deviation is negative or not finite.
     """
     if not 0 <= deviation < np.inf:
-        raise OptionError(f"the deviation of the bodies must be a number from 0 on, not {deviation}")
+        raise OptionError(
+            f"the deviation of the bodies must be a number from 0 on, not {deviation}"
+        )
     values = mechanism.standard_parameters("full")
     factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
     return frozen(values * np.repeat(factors, len(KINDS)))

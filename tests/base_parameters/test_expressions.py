@@ -4,7 +4,7 @@ import pytest
 
 from loopid.base_parameters import CoefficientName, equations, expression
 from loopid.base_parameters.expressions import FORMS
-from loopid.lengths import NamedLength
+from loopid.parameters import NamedLength
 
 X = NamedLength("x(tip)", -0.3, "x of tip in arm")
 Y = NamedLength("y(tip)", 0.2, "y of tip in arm")

@@ -65,7 +65,7 @@ OPTIONS = {
 }
 
 
-COMMAND = "loopid.cli.commands"
+COMMAND = "loopid.paper"
 
 
 @pytest.fixture

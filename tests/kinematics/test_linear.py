@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.kinematics import Factorisation
-from loopid.kinematics.linear import Solver
+from loopid.kinematics.projection import Solver
 
 sizes = st.integers(1, 6)
 seeds = st.integers(0, 2**32 - 1)

@@ -395,7 +395,7 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
 def small_paper(stack: ExitStack) -> None:
     """Let the paper be reproduced from few samples."""
     few = partial(reproduce_paper, repetitions=3, rate=2.0)
-    stack.enter_context(patch("loopid.cli.commands.reproduce_paper", few))
+    stack.enter_context(patch("loopid.paper.reproduce_paper", few))
 
 
 def fuzz(folder: Path, numbers: range, seed: int = 0, report=None) -> dict[str, list[str]]:

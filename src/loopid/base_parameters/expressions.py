@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
-from loopid.lengths import NamedLength
+from loopid.parameters import NamedLength
 
 DIGITS = 4
 

@@ -17,8 +17,7 @@ from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.expressions import FORMS, CoefficientName, Form
-from loopid.lengths import NamedLength
-from loopid.parameters import KINDS, Parameter
+from loopid.parameters import KINDS, NamedLength, Parameter
 
 # Relative difference that round-off may leave between equal numbers, and the significant digits
 # that a number is looked at for.

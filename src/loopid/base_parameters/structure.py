@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12
@@ -177,7 +175,13 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     basis = finite(null_basis, "null_basis")
     if basis.ndim != 2:
         raise DataError(f"null_basis must have shape (n, d), not {basis.shape}")
-    projector = basis @ basis.T
-    graph = csr_array(np.abs(projector) > CONNECTED)
-    count, labels = connected_components(graph, directed=False)
-    return tuple(np.flatnonzero(labels == block) for block in range(count))
+    connected = np.abs(basis @ basis.T) > CONNECTED
+    np.fill_diagonal(connected, True)
+    # Each column takes the first column that it is connected with, until all of a block agree.
+    first, before = connected.argmax(axis=0), None
+    while before is None or (first != before).any():
+        first, before = (
+            np.where(connected, first, len(first)).min(axis=1, initial=len(first)),
+            first,
+        )
+    return tuple(np.flatnonzero(first == block) for block in np.unique(first))

@@ -17,12 +17,11 @@ from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet
-from loopid.progress import Progress
 from loopid.regressors import JointTerms, motion_regressor, structural_observation
 from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
-from loopid.workers import ordered_map
+from loopid.workers import Progress, ordered_map
 
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
 Source: TypeAlias = Recording | Callable[[], Recording] | Any

@@ -27,9 +27,9 @@ from loopid.arrays import (
     rectangular,
 )
 from loopid.errors import DataError
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, spooled
-from loopid.triangular import triangular_factor
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10

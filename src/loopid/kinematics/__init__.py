@@ -1,6 +1,6 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
-from loopid.kinematics.assembly import assemble, try_assemble
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, Assembly, assemble, try_assemble
 from loopid.kinematics.closing import (
     close_by_continuation,
     close_loops,
@@ -14,15 +14,14 @@ from loopid.kinematics.constraint import (
     largest_residual,
     scaled_constraint,
 )
-from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.measured import (
     JointCoordinates,
     MeasuredCoordinates,
     measured_coordinates,
+    platform_coordinates,
+    platform_motion,
 )
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
-from loopid.kinematics.path_following import CLOSURE_TOLERANCE, Assembly
-from loopid.kinematics.platform import platform_coordinates, platform_motion
 from loopid.kinematics.poses import (
     FrameMotions,
     FramePoses,
@@ -34,8 +33,10 @@ from loopid.kinematics.poses import (
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     ClosedMotion,
+    Factorisation,
     Projection,
     closed_motion,
+    null_space,
     partition,
     project,
     singularity_measure,

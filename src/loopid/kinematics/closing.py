@@ -9,9 +9,8 @@ import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.kinematics.constraint import Constraint, largest_residual
-from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import partition, velocity_map
+from loopid.kinematics.projection import Factorisation, null_space, partition, velocity_map
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 

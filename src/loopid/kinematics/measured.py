@@ -12,14 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray, samples
 from loopid.errors import MobilityError, OptionError
 from loopid.kinematics.constraint import Constraint, scaled_residual
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.platform import declared_platform, platform_coordinates
-from loopid.kinematics.poses import FramePoses, difference, frame_poses
-from loopid.kinematics.projection import partition
-from loopid.robot import Mechanism, relative_quaternion
+from loopid.kinematics.poses import FramePoses, blocks, difference, frame_motions, frame_poses
+from loopid.kinematics.projection import Factorisation, partition
+from loopid.robot import Mechanism, Platform, relative_quaternion
 
 
 class Linearisation(NamedTuple):
@@ -192,3 +190,86 @@ def measured_coordinates(
             "independent of each other: leave some out"
         )
     return measured
+
+
+@checked
+def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+    """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
+
+    Raises
+    ------
+    OptionError
+        When the robot file declares none.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.platform_coordinates(robot, robot.reference).shape
+    (1, 4)
+    """
+    platform = declared_platform(mechanism)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    frame = frame_poses(mechanism, q, [platform.frame_id], jacobians=False)
+    return platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+
+
+def declared_platform(mechanism: Mechanism) -> Platform:
+    """The platform of the robot file.
+
+    Raises
+    ------
+    OptionError
+        When the robot file declares none.
+    """
+    if mechanism.platform is None:
+        raise OptionError(f"{mechanism.name} declares no platform coordinates")
+    return mechanism.platform
+
+
+@checked
+def platform_motion(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    rates: FloatArray,
+    accelerations: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Velocities and accelerations (N, nv) of all joints from those of the platform coordinates.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    rates, accelerations : FloatArray
+        (N, c), first and second derivatives of the platform coordinates by time.
+    """
+    platform = declared_platform(mechanism)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    xd = samples(rates, len(platform.motions), "platform rates", len(q))
+    xdd = samples(accelerations, len(platform.motions), "platform accelerations", len(q))
+    parts = [_platform_motion(mechanism, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
+    v, a = zip(*parts, strict=True)
+    return np.concatenate(v), np.concatenate(a)
+
+
+def _platform_motion(
+    mechanism: Mechanism, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    constraint = Constraint(mechanism, q)
+    frame = frame_poses(mechanism, q, [platform.frame_id])
+    x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+    jacobian = [constraint.jacobian(), frame.linear[:, 0], frame.angular[:, 0]]
+    scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
+    rows = np.append(mechanism.row_scales, units)
+    factors = Factorisation.of(rows[:, None] * np.concatenate(jacobian, axis=1) * scales)
+
+    def solve(closures: FloatArray, twists: FloatArray) -> FloatArray:
+        wanted = rows * np.concatenate([closures, twists], axis=1)
+        return np.asarray(scales * factors.solve(wanted[:, :, None])[:, :, 0])
+
+    E = platform.twist_map(x)
+    v = solve(np.zeros((len(q), mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
+    moving = frame_motions(mechanism, q, v, frame)
+    felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
+    twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
+    return v, solve(-constraint.drift(v), twist_rate - felt)

@@ -15,7 +15,7 @@ from loopid.arrays import FloatArray, IntArray, samples
 from loopid.errors import DataError, MobilityError
 from loopid.kinematics.closing import nearby_configurations
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.linear import RANK_TOLERANCE, Factorisation, null_space
+from loopid.kinematics.projection import RANK_TOLERANCE, Factorisation, null_space
 from loopid.robot import Mechanism
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length

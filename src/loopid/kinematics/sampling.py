@@ -10,10 +10,9 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.path_following import CLOSURE_TOLERANCE
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator

@@ -39,8 +39,8 @@ from loopid.paper.experiment import (
 )
 from loopid.paper.printed import TABLE_IV
 from loopid.paper.structure import BaseComparison, compare_base_parameters, measured_geometry
-from loopid.progress import Progress
 from loopid.seeds import derived_seed
+from loopid.workers import Progress
 
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]

@@ -8,20 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from loopid.experiment import (
-    Candidate,
-    ExcitingMotion,
-    Identifiability,
-    Identification,
-    WeakDirection,
-)
-from loopid.logs import Recording
-from loopid.report.identify_figures import identification_figures
 from loopid.report.tables import json_value, markdown_table, plain_table
-from loopid.saved import SavedFit
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
+    from loopid.experiment import Candidate, Identifiability, Identification, WeakDirection
+    from loopid.logs import Recording
 
 CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
@@ -33,6 +25,8 @@ CAPTIONS = {
 
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
+    from loopid.saved import SavedFit  # here, as the other reports do without it
+
     model, told, consistent = found.force_model, found.identifiability, found.consistent
     return {
         "mechanism": model.mechanism.name,
@@ -75,7 +69,7 @@ def _recording(recording: Recording) -> dict[str, Any]:
 
 
 def _direction(direction: WeakDirection) -> dict[str, Any]:
-    names = [field.name for field in fields(ExcitingMotion)]
+    names = [field.name for field in fields(direction.exciting_motion)]
     return {
         "combination": direction.text,
         **_fields(direction, "effect", "standard_error", "change"),
@@ -272,6 +266,9 @@ def _dropped_table(found: Identification) -> Table:
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
+    from loopid.report.identify_figures import identification_figures
+    from loopid.saved import SavedFit
+
     record = identification_record(found)
     parts = [f"# Identification of {found.force_model.mechanism.name}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]

@@ -42,7 +42,7 @@ def _quality(quality: Quality) -> dict[str, Any]:
 
 def prediction_tables(predictions: Sequence[Prediction]) -> list[Table]:
     """One table a recording."""
-    tables = []
+    tables: list[Table] = []
     for found in predictions:
         columns = "motor", ">moving", ">RMS error", ">R²", ">standing", ">RMS error"
         table = plain_table(f"prediction of {found.recording.name}", *columns)

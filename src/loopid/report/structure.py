@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from decimal import ROUND_CEILING, Context
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -18,10 +18,12 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
-from loopid.lengths import NamedLength
+from loopid.parameters import NamedLength
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
-from loopid.trajectories import MotionReview
+
+if TYPE_CHECKING:
+    from loopid.trajectories import MotionReview
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),

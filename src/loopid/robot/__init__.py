@@ -1,6 +1,5 @@
 """What the robot is: tree, loop closures, actuated joints, bodies with parameters."""
 
-from loopid.robot.checks import InertiaDefect, inertia_defects, unequal_links
 from loopid.robot.closures import (
     CLOSURE_KINDS,
     FramePair,
@@ -12,15 +11,20 @@ from loopid.robot.closures import (
 )
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
+    ROTATIONS,
+    TRANSLATIONS,
     Body,
+    InertiaDefect,
     LinkGroup,
     Mechanism,
+    Platform,
     in_groups,
+    inertia_defects,
     lock_options,
     tie_indices,
     tie_matrix,
+    unequal_links,
 )
-from loopid.robot.platform import ROTATIONS, TRANSLATIONS, Platform
 
 __all__ = [
     "CLOSURE_KINDS",

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.lengths import NamedLength
+from loopid.parameters import NamedLength
 from loopid.robot.mechanism import Mechanism, in_groups
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.

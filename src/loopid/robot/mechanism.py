@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
+from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
-from loopid.robot.platform import Platform
 
 ANGULAR, LINEAR = ("wx", "wy", "wz"), ("vx", "vy", "vz")
 # Velocity components of Pinocchio's joints, in its order, along the axes of the joint's own frame.
@@ -26,6 +27,11 @@ COMPONENTS = {
     "JointModelPlanar": ("vx", "vy", "wz"),
     "JointModelTranslation": LINEAR,
 }
+TRANSLATIONS = ("x", "y", "z")
+ROTATIONS = ("rx", "ry", "rz")
+# Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
+ROUNDED = 1e-6
+ALIKE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,88 @@ def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) ->
     indices = tie_indices(links, groups)
     selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
     return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A frame whose placement is a product of elementary motions.
+
+    The placement in the fixed frame is the translation along the fixed axes named among
+    x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
+    rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
+
+    Attributes
+    ----------
+    frame : str
+    frame_id : int
+        Index of the frame in the Pinocchio model.
+    names : tuple of str
+        What the robot's own literature calls the coordinates.
+    motions : tuple of str
+        Elementary motion of each coordinate.
+    """
+
+    frame: str
+    frame_id: int
+    names: tuple[str, ...]
+    motions: tuple[str, ...]
+
+    def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
+        values = samples(coordinates, len(self.motions), "platform coordinates")
+        origins = np.zeros((len(values), 3))
+        rotations = Rotation.identity(len(values))
+        for value, motion in zip(values.T, self.motions, strict=True):
+            if motion in TRANSLATIONS:
+                origins[:, TRANSLATIONS.index(motion)] = value
+            else:
+                rotations = rotations * Rotation.from_euler(motion[1], value[:, None])
+        return rotations.as_matrix(), origins
+
+    def coordinates(self, rotations: FloatArray, origins: FloatArray) -> FloatArray:
+        """Platform coordinates (N, c) of placements (N, 3, 3) and (N, 3); the inverse map."""
+        turns = [motion[1] for motion in self.motions if motion in ROTATIONS]
+        # Euler angles need three axes: the missing ones come last and turn out zero.
+        axes = turns + [axis for axis in "xyz" if axis not in turns]
+        angles = Rotation.from_matrix(rotations).as_euler("".join(axes).upper())
+        return np.stack(
+            [
+                origins[:, TRANSLATIONS.index(motion)]
+                if motion in TRANSLATIONS
+                else angles[:, axes.index(motion[1])]
+                for motion in self.motions
+            ],
+            axis=1,
+        )
+
+    def twist_map(self, coordinates: FloatArray) -> FloatArray:
+        """E (N, 6, c) with twist = E times rates: velocity of the origin above angular velocity.
+
+        A translation moves along its fixed axis; a rotation turns about its axis as the rotations
+        before it have left it.
+        """
+        values = samples(coordinates, len(self.motions), "platform coordinates")
+        twists = np.zeros((len(values), 6, len(self.motions)))
+        turned = Rotation.identity(len(values))
+        for k, motion in enumerate(self.motions):
+            if motion in TRANSLATIONS:
+                twists[:, TRANSLATIONS.index(motion), k] = 1.0
+                continue
+            axis = np.eye(3)[ROTATIONS.index(motion)]
+            twists[:, 3:, k] = turned.apply(axis)
+            turned = turned * Rotation.from_euler(motion[1], values[:, k : k + 1])
+        return twists
+
+    def twist_drift(self, coordinates: FloatArray, rates: FloatArray) -> FloatArray:
+        """Rate of change (N, 6) of the twist at constant rates (N, c).
+
+        Each rotation's axis is carried by the rotations before it.
+        """
+        contributions = self.twist_map(coordinates) * rates[:, None]
+        before = np.cumsum(contributions[:, 3:], axis=2) - contributions[:, 3:]
+        drift = np.zeros(contributions.shape[:2])
+        drift[:, 3:] = np.cross(before, contributions[:, 3:], axis=1).sum(axis=2)
+        return drift
 
 
 @dataclass(frozen=True, repr=False)
@@ -395,3 +483,57 @@ def lock_options(mechanism: Mechanism) -> str:
 def _listed(names: Sequence[str], most: int = 8) -> str:
     more = f", ... ({len(names)} in all)" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+@dataclass(frozen=True)
+class InertiaDefect:
+    """What is wrong with a body's inertia.
+
+    Attributes
+    ----------
+    link : str
+    impossible : bool
+        No body has it; otherwise a plate, a rod or a point has, which fill no volume.
+    reason : str
+    """
+
+    link: str
+    impossible: bool
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.link}: {self.reason}"
+
+
+@checked
+def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
+    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018]."""
+    found = []
+    for body in mechanism.bodies:
+        P = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
+        if reason := body_defect(P, tolerance=ROUNDED):
+            impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
+            found.append(InertiaDefect(body.link, impossible, reason))
+    return tuple(found)
+
+
+@checked
+def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which groups of links declared identical have inertials that differ, and by how much."""
+    joints = {body.link: body.joint_id for body in mechanism.bodies}
+    found = []
+    for group in mechanism.identical:
+        inertias = [mechanism.model.inertias[joints[link]] for link in group.links]
+        values = np.array([inertia.toDynamicParameters() for inertia in inertias])
+        size = np.abs(values)
+        # Relative to the largest of the same unit.
+        units = [size[:, :1].max(), *[size[:, 1:4].max()] * 3, *[size[:, 4:].max()] * 6]
+        spread = np.ptp(values, axis=0) / np.maximum(units, 1e-300)
+        worst = int(spread.argmax())
+        if spread[worst] > ALIKE:
+            found.append(
+                f"links {', '.join(group.links)} are declared identical, but their "
+                f"{KINDS[worst]} differ: {', '.join(f'{x:.4g}' for x in values[:, worst])} "
+                f"(tolerance {ALIKE:g})"
+            )
+    return tuple(found)

@@ -15,7 +15,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.structure import Structure
 from loopid.errors import OptionError
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")

@@ -1,0 +1,560 @@
+"""The command line: ``loopid`` and ``python -m loopid``, one function a command.
+
+A command imports what it needs when it runs: ``loopid check`` does not wait for the estimators.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
+from loopid.files import require_folder, write_file, write_files
+from loopid.workers import Progress as Reporter
+
+if TYPE_CHECKING:
+    from loopid.logs import Recording
+    from loopid.robot import Mechanism
+    from loopid.saved import SavedFit
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+RobotFile = Annotated[
+    str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
+]
+Lock = Annotated[
+    list[str] | None,
+    typer.Option(metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."),
+]
+Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root moves freely.")]
+FreeMimics = Annotated[
+    bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
+]
+Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Out = Annotated[
+    str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
+]
+LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
+
+
+@app.command()
+def check(
+    file: RobotFile,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    as_json: Json = False,
+) -> None:
+    """Report joints, closures, mobility and distance to singularity."""
+    from loopid.report import check_record, check_tables
+
+    mechanism = loaded(file, lock, floating_base, free_mimics)
+    record = check_record(mechanism)
+    show(record, check_tables(record), as_json)
+
+
+@app.command()
+def base(
+    file: RobotFile,
+    model: Annotated[str, typer.Option(help="gravity or full.")] = "gravity",
+    search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
+    criterion: Annotated[
+        str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
+    ] = "nullspace",
+    samples: Annotated[
+        int | None, typer.Option(help="Random closed poses; enough by default.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the random poses.")] = 0,
+    time_limit: Annotated[
+        float, typer.Option(help="Of the exact search, in s; then its best so far.")
+    ] = 10.0,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Find the base parameters and the best way of writing them."""
+    from loopid.base_parameters import (
+        ExactSearch,
+        ExhaustiveSearch,
+        find_base_parameters,
+        make_strategy,
+    )
+    from loopid.regressors import structural_observation
+    from loopid.report import base_record, base_tables
+    from loopid.robot import named_lengths
+
+    strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    with progress_bar("poses") as report:
+        observation = structural_observation(mechanism, model, samples, seed, progress=report)
+    with progress_bar("combinations") as report:
+        if search == ExhaustiveSearch.name:
+            strategy = ExhaustiveSearch(progress=report)
+        found = find_base_parameters(observation, strategy, criterion)
+    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
+    show(record, base_tables(record), as_json)
+
+
+@app.command()
+def motions(
+    file: RobotFile,
+    program: Annotated[
+        str | None,
+        typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
+    margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    as_json: Json = False,
+) -> None:
+    """Check motions against strokes, joint angles and distance to singularity."""
+    from loopid.report import motions_record, motions_tables
+    from loopid.trajectories import joint_motion, read_motion_program, review_motion
+
+    mechanism = loaded(file, lock, floating_base, free_mimics)
+    planned, reviews = read_motion_program(program or mechanism.name), {}
+    with progress_bar("motions") as report:
+        for name in planned.motions:
+            motion = joint_motion(mechanism, planned.motion(name, rate))
+            reviews[name] = review_motion(mechanism, motion, margin)
+            report(len(reviews), len(planned.motions))
+    seconds = {name: plan.seconds for name, plan in planned.motions.items()}
+    record = motions_record(mechanism.name, reviews, seconds)
+    show(record, motions_tables(record), as_json)
+
+
+@app.command()
+def simulate(
+    file: RobotFile,
+    program: Annotated[
+        str | None,
+        typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
+    ] = None,
+    motion: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the file; its first by default.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="CSV", help="The log; on the terminal without it.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second.")] = 100.0,
+    noise: Annotated[
+        float, typer.Option(help="Standard deviation of the forces, in N or N m.")
+    ] = 0.0,
+    encoder_step: Annotated[
+        float, typer.Option(help="Resolution of the positions, in m or rad; 0 for exact ones.")
+    ] = 0.0,
+    terms: Annotated[
+        str, typer.Option(help="Of every motor with their values, as Fc=60,Fv=900; none at first.")
+    ] = "none",
+    cad_error: Annotated[
+        float,
+        typer.Option(help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the noise and of the bodies.")] = 0,
+) -> None:
+    """Write the log that a robot would give while it follows a motion, for trying identify."""
+    import numpy as np
+
+    from loopid.regressors import JointTerms
+    from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
+    from loopid.trajectories import joint_motion, read_motion_program
+
+    mechanism = loaded(file, None, False, False)
+    planned = read_motion_program(program or mechanism.name)
+    name = motion if motion is not None else next(iter(planned.motions))
+    moved = joint_motion(mechanism, planned.motion(name, rate))
+    kinds = _term_values(terms)
+    joint_terms = JointTerms(mechanism.actuated, tuple(kinds)) if kinds else None
+    values = np.tile(list(kinds.values()), len(mechanism.actuated)) if kinds else None
+    errors = Noise(gaussian=noise, encoder_step=encoder_step)
+    bodies = scaled_bodies(mechanism, cad_error, seed)
+    measured = simulate_measurement(mechanism, moved, errors, seed, bodies, joint_terms, values)
+    text = log_text(mechanism, measured)
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        write_file(out, text)
+        typer.echo(out)
+
+
+@app.command()
+def identify(
+    file: RobotFile,
+    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+    ] = "gravity",
+    terms: Annotated[
+        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
+    ] = "Fc,Fv",
+    estimator: Annotated[
+        str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
+    ] = "wls",
+    unidentifiable: Annotated[
+        str,
+        typer.Option(
+            help="Of combinations that LOG does not excite: an error, or the robot file as prior."
+        ),
+    ] = "error",
+    prior_deviation: Annotated[
+        float | None,
+        typer.Option(help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."),
+    ] = None,
+    consistent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
+        ),
+    ] = None,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Repair inconsistent bodies of the robot file for that."),
+    ] = False,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
+        ),
+    ] = None,
+    reference_mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
+    ] = None,
+    train: Annotated[
+        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+    ] = 0.6,
+    validate: Annotated[
+        list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
+    ] = None,
+    friction_log: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LOG", help="Identify the terms from this log first."),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", help="Processes that compute the regressors.")
+    ] = 1,
+    out: Out = None,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Identify base parameters and friction from logs, with their uncertainty."""
+    from loopid import experiment
+    from loopid.logs import prepare_recording, read_log
+    from loopid.regressors import JointTerms
+    from loopid.report import (
+        identification_files,
+        identification_record,
+        identification_tables,
+    )
+    from loopid.trajectories import LowPass
+
+    require_output(out)
+    if not 0 < train < 1:
+        raise OptionError(f"--train must be between 0 and 1, not {train}")
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
+    joint_terms = None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
+    lowpass = None if cutoff is None else LowPass(cutoff)
+
+    def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
+        found = []
+        for path in paths or ():
+            log = read_log(path, mechanism, columns)
+            with progress_bar(f"assembling {log.name}") as report:
+                found.append(
+                    prepare_recording(mechanism, log, lowpass or "default", progress=report)
+                )
+        return found
+
+    training: Sequence[Recording] = recordings(logs)
+    validation: Sequence[Recording] = recordings(validate)
+    if not validation:
+        training, validation = experiment.split_recordings(training, train)
+    references = [each.motion for each in recordings(reference, reference_mapping)]
+    with progress_bar("poses") as report:
+        force_model = experiment.find_force_model(mechanism, model, joint_terms, progress=report)
+    found = experiment.identify(
+        force_model,
+        training,
+        validation,
+        estimator,
+        recordings(friction_log),
+        jobs,
+        unidentifiable,
+        references,
+        prior_deviation,
+        consistent,
+        repair,
+    )
+    if out is not None:
+        write_files(out, identification_files(found))
+    show(identification_record(found), identification_tables(found), as_json)
+
+
+@app.command()
+def predict(
+    fit: Annotated[str, typer.Argument(metavar="FIT", help="Saved fit of 'loopid identify'.")],
+    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Of the fit; by default where it was then."),
+    ] = None,
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
+    ] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the forces of logs with those that a saved fit gives for their motion."""
+    from loopid import predict as predicted
+    from loopid.logs import prepare_recording, read_log
+    from loopid.report import prediction_files, prediction_record, prediction_tables
+    from loopid.saved import read_fit
+    from loopid.trajectories import LowPass
+
+    require_output(out)
+    saved = read_fit(fit)
+    mechanism = _robot_of(saved, robot)
+    found = []
+    for path in logs:
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            lowpass = None if cutoff is None else LowPass(cutoff)
+            recording = prepare_recording(mechanism, log, lowpass or "default", progress=report)
+        found.append(predicted(saved, mechanism, recording))
+    if out is not None:
+        write_files(out, prediction_files(mechanism, found))
+    show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@app.command()
+def export(
+    file: RobotFile,
+    fit: Annotated[
+        str,
+        typer.Argument(
+            metavar="FIT",
+            help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
+        ),
+    ] = None,
+    yaml: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as YAML.")] = None,
+    npz: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as arrays.")] = None,
+    c: Annotated[
+        str | None, typer.Option(metavar="DIR", help="C source of the regressor, and its values.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Of the C functions; the robot's by default.")
+    ] = None,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Repair bodies of the robot file that are not consistent."),
+    ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="The robot's own file may be replaced.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a robot file, base parameters or C source with what a fit has found.
+
+    The robot is loaded as it was for the fit, and refused where it is another one.
+    """
+    from loopid.export import export_robot_file, regressor_code
+    from loopid.loading import load_mechanism
+    from loopid.saved import read_fit
+
+    if all(place is None for place in (robot, yaml, npz, c)):
+        raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
+    saved = read_fit(fit)
+    mechanism = load_mechanism(file, **dict(saved.robot.options))
+    model = saved.find_force_model(mechanism)
+    # All that may be refused comes before the first file is written.
+    standard = None if robot is None else saved.find_standard_parameters(model, repair)
+    code = None if c is None else regressor_code(model, name, saved.values)
+    written = []
+    if robot is not None and standard is not None:
+        written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
+    written += [saved.save(place) for place in (yaml, npz) if place is not None]
+    if c is not None and code is not None:
+        written += code.save(c)
+    if as_json:
+        show({"written": [str(place) for place in written]}, (), as_json)
+    else:  # on lines of their own, whatever the width of the terminal
+        typer.echo("\n".join(map(str, written)))
+
+
+@app.command()
+def paper(
+    out: Out = None,
+    log: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LOG", help="Of the real robot; a simulated stand-in without one."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of all noise.")] = 0,
+) -> None:
+    """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
+    from loopid.paper import paper_files, paper_tables, reproduce_paper
+
+    require_output(out)
+    found = reproduce_paper(log or (), seed, progress_bar)
+    if out is not None:
+        write_files(out, paper_files(found))
+    show({}, paper_tables(found), as_json=False)
+    if not found.base.agrees:
+        raise LoopidError("not every row of the paper's Table II was found")
+
+
+def loaded(
+    file: str, lock: list[str] | None, floating_base: bool, free_mimics: bool, tied: bool = False
+) -> Mechanism:
+    """The robot that the options of a command ask for."""
+    from loopid.loading import load_mechanism
+
+    return load_mechanism(
+        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+    )
+
+
+def _term_values(terms: str) -> dict[str, float]:
+    """Values of joint terms by their kinds, from ``Fc=60,Fv=900``."""
+    values: dict[str, float] = {}
+    for part in terms.split(",") if terms not in ("", "none") else ():
+        kind, _, number = (piece.strip() for piece in part.partition("="))
+        try:
+            values[kind] = float(number)
+        except ValueError:
+            raise OptionError(
+                f"--terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}"
+            ) from None
+    return values
+
+
+def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
+    """The robot of a fit, loaded as it was then."""
+    from loopid.loading import bundled_robots, load_mechanism
+
+    options = dict(saved.robot.options)
+    if file is not None:
+        return load_mechanism(file, **options)
+    try:
+        return load_mechanism(saved.robot.path, **options)
+    except MissingFileError:
+        if saved.robot.name in bundled_robots():
+            return load_mechanism(saved.robot.name, **options)
+        raise MissingFileError(
+            f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
+            "its file with --robot"
+        ) from None
+
+
+def require_output(out: str | None) -> None:
+    """Refuse, before the work is done, a report that could not be drawn or written."""
+    if out is not None:
+        from loopid.report import require_matplotlib
+
+        require_folder(out)
+        require_matplotlib()
+
+
+def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
+    """Print tables, or the record as JSON."""
+    if as_json:
+        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        return
+    console = Console()
+    for table in tables:
+        console.print(table)
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Reporter]:
+    """A progress bar on the terminal's error stream, gone when the work is done."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done, total: None
+        return
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"loopid {version('loopid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def loopid(
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Identify the dynamics of robots with closed kinematic loops."""
+
+
+def main() -> None:
+    """Run the command line; every refusal is one line and exit code 2."""
+    warnings.showwarning = _show_warning
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        app(prog_name="loopid")
+    except LoopidError as error:
+        _refuse(str(error))
+    except MemoryError as error:
+        _refuse(f"there is not enough memory: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """One line, without the source line that Python adds."""
+    sys.stderr.write(f"loopid: warning: {one_line(str(message))}\n")
+
+
+def _refuse(reason: str) -> None:
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console.print(f"loopid: error: {reason}", markup=False)
+    sys.exit(2)
