@@ -430,9 +430,10 @@ def _closing_frames(links: Collection[str]) -> list[ClosureDescription]:
         if side == "2":
             continue
         if all(f"{frame}_z" in links for frame in frames):
-            closures.append(ClosureDescription(type="hinge", frames=frames, axes=(Z, Z)))
+            axial = ClosureDescription(type="hinge", name=name, frames=frames, axes=(Z, Z))
+            closures.append(axial)
         else:
-            closures.append(ClosureDescription(type="3d", frames=frames))
+            closures.append(ClosureDescription(type="3d", name=name, frames=frames))
     return closures
 
 
@@ -452,7 +453,7 @@ def _loops(root: Element, model: pin.Model) -> list[ClosureDescription]:
                     f"unknown type {loop.get('type', '')!r}: choose among {listed}"
                 )
             links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-            content: dict[str, Any] = {"type": kind, "frames": []}
+            content: dict[str, Any] = {"type": kind, "name": loop.get("name", ""), "frames": []}
             ends = _ends(loop, links)
             if kind in AXIAL:
                 axis = numbers(child(loop, "axis"), "xyz", 3)
@@ -487,7 +488,9 @@ def _couplings(urdf: UrdfFile) -> list[tuple[str, ClosureDescription]]:
             if ratio == 0:
                 raise RobotFileError("<ratio> is zero")
         joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
-        found.append((to_successor[-1], ClosureDescription(type="coupling", joints=joints)))
+        name = required(element, "name")
+        coupling = ClosureDescription(type="coupling", name=name, joints=joints)
+        found.append((to_successor[-1], coupling))
     return found
 
 
