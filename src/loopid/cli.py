@@ -347,8 +347,8 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.prediction import predict as predicted
     from loopid.logs import prepare_recording, read_log
+    from loopid.prediction import predict as predicted
     from loopid.report import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
     from loopid.trajectories import LowPass
