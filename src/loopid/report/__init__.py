@@ -16,6 +16,7 @@ from loopid.report.identify import (
     identification_record,
     identification_tables,
 )
+from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
 from loopid.report.structure import (
     base_record,
     base_tables,
@@ -45,6 +46,9 @@ __all__ = [
     "motions_record",
     "motions_tables",
     "plain_table",
+    "prediction_files",
+    "prediction_record",
+    "prediction_tables",
     "rendered",
     "require_matplotlib",
     "thinned",
