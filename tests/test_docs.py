@@ -63,3 +63,18 @@ def test_links_lead_to_files_and_headings(page):
         if heading:
             headings = re.findall(r"^#+ (.*)$", target.read_text(), re.M)
             assert heading in map(anchor, headings), link
+
+
+def test_the_tolerances_of_the_notation_are_in_the_rooms_that_it_names():
+    source, rooms = ROOT / "src" / "loopid", ()
+    for line in (ROOT / "docs" / "notation.md").read_text().splitlines():
+        if line.startswith("### "):
+            rooms = re.findall(r"`(\w+)`", line)
+            files = [
+                f
+                for room in rooms
+                for f in (*source.glob(f"{room}.py"), *source.glob(f"{room}/**/*.py"))
+            ]
+            text = "\n".join(file.read_text() for file in files)
+        for name in re.findall(r"`([A-Z_]{3,})`", line.partition(" | ")[0]) if rooms else ():
+            assert re.search(rf"^(\w+, )*{name}\b[^=\n]* = ", text, re.M), (rooms, name)

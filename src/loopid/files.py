@@ -15,7 +15,7 @@ from pathlib import Path
 from loopid.errors import LogError, OutputError
 
 # Bytes of text that are read at a time, and of its longest line.
-BLOCK_BYTES = LONGEST_LINE = 2**20
+BLOCK_BYTES, LONGEST_LINE = 2**20, 2**20
 # Content of more bytes than so many, and so many times as many as its file has, is a bomb.
 UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200
 

@@ -76,9 +76,10 @@ class SavedOptions(_Record):
 
 
 class SavedRobot(_Record):
-    """The robot: its name, SHA-256 of its files, how they were loaded, names of coordinates."""
+    """The robot: name, path then, SHA-256 of its files, how they were loaded, its coordinates."""
 
     name: str
+    path: str = ""
     files: dict[str, str]
     options: SavedOptions
     coordinates: tuple[str, ...]
@@ -227,6 +228,7 @@ class SavedFit(_Record):
                 "loopid": version("loopid"),
                 "robot": {
                     "name": mechanism.name,
+                    "path": str(mechanism.path),
                     "files": _hashes(mechanism),
                     "options": dict(mechanism.options),
                     "coordinates": mechanism.coordinates,

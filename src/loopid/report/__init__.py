@@ -15,6 +15,7 @@ from loopid.report.identify import (
     identification_record,
     identification_tables,
 )
+from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
 from loopid.report.structure import (
     base_record,
     base_tables,
@@ -23,7 +24,7 @@ from loopid.report.structure import (
     motions_record,
     motions_tables,
 )
-from loopid.report.tables import markdown_table, plain_table
+from loopid.report.tables import json_text, markdown_table, plain_table
 
 __all__ = [
     "BLUE",
@@ -38,10 +39,14 @@ __all__ = [
     "identification_files",
     "identification_record",
     "identification_tables",
+    "json_text",
     "markdown_table",
     "motions_record",
     "motions_tables",
     "plain_table",
+    "prediction_files",
+    "prediction_record",
+    "prediction_tables",
     "rendered",
     "require_matplotlib",
     "thinned",
