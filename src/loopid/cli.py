@@ -23,7 +23,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
-from loopid.files import require_folder, write_file, write_files
+from loopid.files import require_folder, require_other_file, write_file, write_files
 from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
+YAML = (".yaml", ".yml", ".json")
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -287,7 +288,7 @@ def identify(
     )
     from loopid.trajectories import LowPass
 
-    require_output(out)
+    require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
@@ -396,8 +397,12 @@ def export(
         bool,
         typer.Option("--repair", help="Repair bodies of the robot file that are not consistent."),
     ] = False,
+    any_mass: Annotated[
+        bool,
+        typer.Option("--any-mass", help="Bodies may be over three times as heavy as in the file."),
+    ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="The robot's own file may be replaced.")
+        bool, typer.Option("--overwrite", help="--urdf, --mjcf: the robot's own file is replaced.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -407,20 +412,25 @@ def export(
     """
     from loopid.export import export_robot_file, regressor_code
     from loopid.loading import load_mechanism
-    from loopid.saved import read_fit
+    from loopid.saved import read_fit, robot_files
 
     if all(place is None for place in (robot, yaml, npz, c)):
         raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
     saved = read_fit(fit)
     mechanism = load_mechanism(file, **dict(saved.robot.options))
-    model = saved.find_force_model(mechanism)
     # All that may be refused comes before the first file is written.
-    standard = None if robot is None else saved.find_standard_parameters(model, repair)
+    places = {place: endings for place, endings in ((yaml, YAML), (npz, (".npz",))) if place}
+    for place, endings in places.items():
+        if Path(place).suffix.lower() not in endings:
+            raise OptionError.unknown("ending", Path(place).suffix or place, endings)
+        require_other_file(place, fit, *robot_files(mechanism))
+    model = saved.find_force_model(mechanism)
+    standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
     code = None if c is None else regressor_code(model, name, saved.values)
     written = []
     if robot is not None and standard is not None:
         written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
-    written += [saved.save(place) for place in (yaml, npz) if place is not None]
+    written += [saved.save(place) for place in places]
     if c is not None and code is not None:
         written += code.save(c)
     if as_json:
@@ -493,13 +503,15 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
         ) from None
 
 
-def require_output(out: str | None) -> None:
-    """Refuse, before the work is done, a report that could not be drawn or written."""
+def require_output(out: str | None, *inputs: str | None) -> None:
+    """Refuse, before the work is done, a report that could not be drawn, or written safely."""
     if out is not None:
-        from loopid.report import require_matplotlib
+        from loopid.report import RESULTS, require_matplotlib
 
         require_folder(out)
         require_matplotlib()
+        for name in RESULTS:
+            require_other_file(Path(out, name), *(given for given in inputs if given))
 
 
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:

@@ -11,6 +11,7 @@ from loopid.report.figures import (
     thinned,
 )
 from loopid.report.identify import (
+    RESULTS,
     identification_files,
     identification_record,
     identification_tables,
@@ -31,6 +32,7 @@ __all__ = [
     "GREY",
     "ORANGE",
     "RED",
+    "RESULTS",
     "base_record",
     "base_tables",
     "check_record",
