@@ -28,16 +28,8 @@ def start(arm_files):
     """Start the command line on a run, with its results going to a folder."""
 
     def call(run, out, hashes=0, jobs=1):
-        words = [
-            "identify",
-            "arm.urdf",
-            f"run{run}.csv",
-            "--json",
-            "--out",
-            out,
-            "--jobs",
-            str(jobs),
-        ]
+        words = ["identify", "arm.urdf", f"run{run}.csv", "--json", "--out", out]
+        words += ["--jobs", str(jobs)]
         return subprocess.Popen(
             [sys.executable, "-c", "from loopid.cli import main; main()", *words],
             cwd=arm_files, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -64,7 +56,7 @@ def contents(folder):
 
 
 def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, arm_files):
-    both = [start(run, "both", hashes=7, jobs=2) for run in (1, 2)]
+    both = [start(run, "both", hashes=7, jobs=run) for run in (1, 2)]
     printed = [process.communicate()[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert printed == [alone[run][0] for run in (1, 2)]
