@@ -48,6 +48,10 @@ FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
+TERMS_HELP = (
+    "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
+    "motors and passive joints; or none."
+)
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
@@ -76,6 +80,7 @@ def base(
     file: RobotFile,
     model: Annotated[str, typer.Option(help="gravity or full.")] = "gravity",
     search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
     criterion: Annotated[
         str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
     ] = "nullspace",
@@ -99,14 +104,18 @@ def base(
         find_base_parameters,
         make_strategy,
     )
-    from loopid.regressors import structural_observation
+    from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
     from loopid.report import base_record, base_tables
     from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    joint_terms = JointTerms.of(mechanism, terms)
+    warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
-        observation = structural_observation(mechanism, model, samples, seed, progress=report)
+        observation = structural_observation(
+            mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
+        )
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
@@ -155,9 +164,7 @@ def identify(
     model: Annotated[
         str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
     ] = "gravity",
-    terms: Annotated[
-        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
-    ] = "Fc,Fv",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "Fc,Fv,file",
     estimator: Annotated[
         str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
     ] = "wls",
@@ -229,8 +236,7 @@ def identify(
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    joint_terms = None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
+    joint_terms = JointTerms.of(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:

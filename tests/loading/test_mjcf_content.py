@@ -289,42 +289,22 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
 @pytest.mark.parametrize(
     ("joints", "rest", "note"),
     [
-        ('<joint name="a" stiffness="3"/>', "", "springs of joints are not modelled: a"),
-        (
-            '<joint name="a" stiffness="3"/><joint name="b" axis="1 0 0"/>'
-            '<joint name="c" axis="0 1 0" stiffness="1"/>',
-            "",
-            "springs of joints are not modelled: a, c",
-        ),
         (
             '<joint name="a" type="ball" range="0 30"/>',
             "",
             "limits of ball joints are not checked: a",
         ),
-        ("<joint/>", '<option density="1.2"/>', "the fluid around the robot is not modelled"),
         (
             '<joint name="a"/>',
-            '<tendon><fixed name="t" stiffness="1"><joint joint="a" coef="1"/></fixed></tendon>',
-            "springs of tendons are not modelled: t",
+            '<option><flag equality="disable"/></option>'
+            '<equality><connect name="c" body1="box" anchor="0 0 0"/></equality>',
+            "a <flag> disables the equalities, so they close no loop: remove it: c",
         ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
     (text,) = read_body(joints, rest).notes
     assert text == note
-
-
-def test_gravity_compensation_is_not_modelled(read):
-    text = ARM.replace('<body name="upper"', '<body name="upper" gravcomp="1"')
-    (note,) = read(text.replace("REST", "")).notes
-    assert note == "gravity compensation of bodies is not modelled: upper"
-
-
-def test_damping_and_armature_need_no_note(read_body):
-    source = read_body('<joint damping="1" armature="2" frictionloss="3"/>')
-    assert source.notes == ()
-    # They are terms of the joints beside the rigid bodies.
-    np.testing.assert_array_equal(source.model.armature, 0)
 
 
 # Refusals.

@@ -8,8 +8,9 @@ import pytest
 from loopid.errors import SearchError
 from loopid.paper import structure
 from loopid.paper.page import transfer_table
-from loopid.paper.printed import TABLE_I, TABLE_II
 from loopid.paper.structure import (
+    TABLE_I,
+    TABLE_II,
     compare_base_parameters,
     matching_rows,
     measured_geometry,

@@ -12,6 +12,7 @@ import pinocchio as pin
 from loopid.arrays import FloatArray
 from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.loading.description import Description
+from loopid.robot import LeftOut
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF
@@ -44,9 +45,11 @@ class TreeSource:
     description : Description
         What the file itself says of closures, motors and reference.
     notes : tuple of str
-        What the file says and the model leaves out, such as springs: warned of on loading.
+        What the file says and the model leaves out: warned of on loading.
     replaced : dict
         Joint of the file to the joints that have taken its place.
+    left_out : tuple of LeftOut
+        Forces of the file that no model has: warned of on loading, too.
     """
 
     name: str
@@ -57,6 +60,7 @@ class TreeSource:
     description: Description = field(default_factory=Description)
     notes: tuple[str, ...] = ()
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:

@@ -11,8 +11,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitSamples
 from loopid.logs import Log, Recording, prepare_recording
-from loopid.paper.printed import FORCE_NOISE, TABLE_II
-from loopid.paper.structure import rows_of_table_ii
+from loopid.paper.structure import FORCE_NOISE, TABLE_II, rows_of_table_ii
 from loopid.regressors import ForceParts, JointTerms, force_parts
 from loopid.robot import Mechanism
 from loopid.seeds import derived_seed, random_generator

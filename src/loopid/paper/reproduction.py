@@ -37,8 +37,12 @@ from loopid.paper.experiment import (
     simulate_stand_in,
     with_noise,
 )
-from loopid.paper.printed import TABLE_IV
-from loopid.paper.structure import BaseComparison, compare_base_parameters, measured_geometry
+from loopid.paper.structure import (
+    TABLE_IV,
+    BaseComparison,
+    compare_base_parameters,
+    measured_geometry,
+)
 from loopid.seeds import derived_seed
 from loopid.workers import Progress
 

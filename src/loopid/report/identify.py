@@ -130,7 +130,7 @@ def findings(found: Identification) -> list[str]:
     said.append(
         f"{len(essential)} of {len(found.fit.parameters)} parameters are essential for "
         "predictions; their ± holds if the others are as in the robot file, and joint terms that "
-        "are left out are zero."
+        "it gives no value of are zero."
     )
     return said
 
@@ -214,7 +214,7 @@ def _essential_table(found: Identification) -> Table:
     result, prior = found.reduction.result, found.force_model.prior
     joints = set(found.force_model.joint_columns)
     for column, estimate in zip(found.reduction.columns, result.estimates, strict=True):
-        known = "-" if column in joints else f"{prior[column]:.4g}"
+        known = f"{prior[column]:.4g}" if prior[column] or column not in joints else "-"
         numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
         table.add_row(found.force_model.base.expressions[column], *numbers, estimate.unit)
     return table

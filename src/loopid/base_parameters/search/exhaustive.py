@@ -28,8 +28,9 @@ from loopid.base_parameters.search.problem import (
     SearchResult,
     SearchStrategy,
     condition_numbers,
+    most_readable,
+    readabilities,
 )
-from loopid.base_parameters.search.ties import most_readable, readabilities
 from loopid.errors import OptionError, SearchError
 from loopid.workers import Progress, one_blas_thread
 
