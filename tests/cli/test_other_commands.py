@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-
 MOTIONS = """coordinates: [shoulder, elbow]
 rate: 20
 speeds: {{shoulder: 0.5, elbow: 0.5}}

@@ -5,7 +5,7 @@ import warnings
 from fuzz import fuzz
 from table import PAGE, page_with, table
 
-CALLS = 80
+CALLS = 60
 
 
 def test_commands_answer_or_refuse_in_one_sentence(tmp_path):
