@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -32,8 +33,17 @@ from loopid.loading.tree import (
     read_joint,
     written_reference,
 )
-from loopid.loading.urdf import read_urdf
-from loopid.robot import Body, LinkGroup, Mechanism, Platform, inertia_defects, unequal_links
+from loopid.loading.urdf_dialects import read_urdf
+from loopid.robot import (
+    JOINT_TERMS,
+    RANK_TOLERANCE,
+    Body,
+    LinkGroup,
+    Mechanism,
+    Platform,
+    inertia_defects,
+    unequal_links,
+)
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
@@ -94,7 +104,7 @@ ModelWarning
     files = find_files(path)
     file = files.named
     source = _read_tree(files, floating_base, free_mimics)
-    description = merged(source.description, files.given)
+    description = merged(file, source.description, files.given)
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
@@ -115,6 +125,10 @@ ModelWarning
         platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
+        closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
+        rank_tolerance=description.rank_tolerance,
+        margin=description.margin,
+        left_out=tree.left_out,
         options={
             "lock": tuple(lock),
             "floating_base": floating_base,
@@ -127,6 +141,9 @@ ModelWarning
     given = files.given.reference if motors_given else ()
     parts = [part for name in given for part in (name, *tree.replaced.get(name, ()))]
     mechanism, around = close_reference(mechanism, given=parts)
+    mechanism = replace(
+        mechanism, joint_values=_joint_values(mechanism, source.model, description, locked)
+    )
     _warn_of_findings(mechanism, around, tree, motors_given)
     return mechanism
 
@@ -198,6 +215,47 @@ def _motors(file: Path, tree: TreeSource, locked: Mapping[str, float | None]) ->
     return tuple(motors)
 
 
+def _joint_values(
+    mechanism: Mechanism,
+    whole: pin.Model,
+    description: Description,
+    locked: Mapping[str, float | None],
+) -> dict[str, dict[str, float]]:
+    """What the files give of terms, by coordinate; joints that are locked or replaced have none."""
+    found: dict[str, dict[str, float]] = {}
+    for name, values in description.joint_terms.items():
+        given = {kind: value for kind, value in values.items() if value}
+        if any("Fo" in JOINT_TERMS[kind].beside for kind in given):
+            given = {"Fo": 0.0} | given  # a spring that is slack at zero
+        if name in mechanism.joints:
+            coordinates = mechanism.coordinates_of([name])
+        elif name in mechanism.coordinates:
+            coordinates = (name,)
+        elif name in locked or whole.existJointName(name):
+            if given and name not in locked:
+                warn(
+                    f"{mechanism.path}: other joints have taken the place of {name}, so its "
+                    f"{', '.join(given)} are left out: give theirs in joint_terms",
+                    ModelWarning,
+                )
+            continue
+        else:
+            raise RobotFileError(
+                f"{mechanism.path}: joint_terms: unknown joint {name!r}: choose among "
+                f"{', '.join(mechanism.coordinates)}"
+            )
+        for kind in given:
+            turning = JOINT_TERMS[kind].needs_position and name not in mechanism.joints
+            if turning or (kind in ("Ks", "Fo") and len(coordinates) > 1):
+                raise RobotFileError(
+                    f"{mechanism.path}: joint_terms: {kind} needs a joint with one coordinate, "
+                    f"which {name} is not: choose among Ia, Fc, Fv"
+                )
+        if given:
+            found |= {coordinate: dict(given) for coordinate in coordinates}
+    return found
+
+
 def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     """Moving bodies with an inertial, each named by the link that its joint carries."""
     model, frames = tree.model, link_frames(tree.model)
@@ -246,6 +304,9 @@ def _warn_of_findings(
     path = mechanism.path
     for note in tree.notes:
         warn(f"{tree.file}: {note}", ModelWarning)
+    forces = "; ".join(left.what for left in tree.left_out if left.is_force)
+    if forces:
+        warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
     if not motors_given and (mechanism.redundant or tree.notes):
         follow = ", ".join(mechanism.redundant)
         though = f", though {follow} follow from the others" if follow else ""

@@ -5,7 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,12 +14,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 from lxml import etree
+from numpy.polynomial import Polynomial
 
-from loopid.arrays import BoolArray
+from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
+from loopid.robot import LeftOut
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
@@ -44,6 +46,9 @@ DIRECT = (
     int(mujoco.mjtBias.mjBIAS_NONE),
     int(mujoco.mjtDyn.mjDYN_NONE),
 )
+# Laws of actuators whose gain and bias are affine in length and rate.
+GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
+BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
@@ -51,6 +56,7 @@ AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
 MOST_INCLUDES = 20
+ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -70,9 +76,12 @@ def read_mjcf(path: Path) -> TreeSource:
     model, child_links = _tree(scene, name)
     closures = [
         _closure(scene, model, equality)
-        for equality, active in enumerate(compiled.eq_active0)
+        for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
+    tight, slack = _limited_tendons(scene)
+    closures += tight
+    terms, left_out = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     return TreeSource(
@@ -82,9 +91,13 @@ def read_mjcf(path: Path) -> TreeSource:
         inertial_links=tuple(_where(scene.names.bodies, heavy)),
         child_links=child_links,
         description=Description(
-            closures=closures, name_mot=motors or None, reference=_reference(scene)
+            closures=closures,
+            name_mot=motors or None,
+            reference=_reference(scene),
+            joint_terms=terms,
         ),
-        notes=(*_left_out(scene), *notes, *warnings),
+        notes=(*_left_out(scene), *slack, *notes, *warnings),
+        left_out=tuple(left_out),
     )
 
 
@@ -441,7 +454,8 @@ def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescriptio
         add_frame(model, frames[-1], link, places[number])
     # A weld may leave rotation free.
     turned = welded and data[TORQUE_SCALE] != 0
-    return ClosureDescription(type="6d" if turned else "3d", frames=(frames[0], frames[1]))
+    kind, ends = "6d" if turned else "3d", (frames[0], frames[1])
+    return ClosureDescription(type=kind, name=name or None, frames=ends)
 
 
 def _bodies(compiled: mujoco.MjModel, equality: int) -> tuple[int, int]:
@@ -464,7 +478,7 @@ def _equality_name(scene: Scene, equality: int) -> str:
 
 
 def _coupling(scene: Scene, equality: int) -> ClosureDescription:
-    """Linear coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
+    """Coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
 
     MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
     ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
@@ -481,22 +495,52 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
         {} if k < 0 else _fixed_tendon(scene, k) if kind == TENDON else {k: 1.0}
         for k in (int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality]))
     )
-    if x and any(data[2:5]):
-        terms = ", ".join(f"{value:g}" for value in data[:5])
-        raise ValueError(f"has polycoef {terms}: only linear couplings are supported")
-    slope = data[1] if x else 0.0
-    joints = dict(y)
-    for joint, factor in x.items():
-        joints[joint] = joints.get(joint, 0.0) - slope * factor
     drawn = compiled.qpos0[compiled.jnt_qposadr]
     y0, x0 = (sum(factor * float(drawn[j]) for j, factor in terms.items()) for terms in (y, x))
-    offset = data[0] + y0 - slope * x0
-    if not np.isfinite([offset, *joints.values()]).all():
+    with np.errstate(all="ignore"):
+        curve = Polynomial(data[:5] if x else data[:1])(Polynomial([-x0, 1.0])).coef.tolist()
+    curve[0] += y0
+    constant, slope, *powers = [*curve, 0.0][: max(2, len(curve))]
+    joints = dict(y)
+    for joint, factor in x.items() if not any(powers) else ():
+        joints[joint] = joints.get(joint, 0.0) - slope * factor
+    if not np.isfinite([*curve, *joints.values()]).all():
         raise ValueError("has coefficients that are too large")
-    named = {scene.names.joints[joint]: value for joint, value in joints.items() if value != 0}
+    named, of = (
+        {scene.names.joints[joint]: value for joint, value in terms.items() if value != 0}
+        for terms in (joints, x)
+    )
     if not named:
         raise ValueError("couples no joint")
-    return ClosureDescription(type="coupling", joints=named, offset=offset)
+    name = scene.names.equalities[equality] or None
+    if not any(powers):
+        return ClosureDescription(type="coupling", name=name, joints=named, offset=constant)
+    return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
+
+
+def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]:
+    """Couplings of fixed tendons that have no room to move, and notes about other limits."""
+    compiled, tight = scene.compiled, list[ClosureDescription]()
+    notes: dict[str, list[str]] = {}
+    for tendon in np.flatnonzero(compiled.tendon_limited):
+        name = scene.names.tendons[tendon] or f"number {tendon}"
+        low, high = map(float, compiled.tendon_range[tendon])
+        try:
+            terms = _fixed_tendon(scene, int(tendon))
+        except ValueError:
+            terms = {}
+        joints = {scene.names.joints[joint]: factor for joint, factor in terms.items() if factor}
+        held = high - low <= ROOM * max(map(abs, joints.values()), default=1.0)
+        if held and joints:
+            middle = 0.5 * (low + high)
+            tight.append(
+                ClosureDescription(type="coupling", name=name, joints=joints, offset=middle)
+            )
+            what = f"fixed tendons with a range below {ROOM:g} are couplings: "
+        else:
+            what = "limits of tendons are not modelled: "
+        notes.setdefault(what, []).append(name)
+    return tight, [what + ", ".join(names) for what, names in notes.items()]
 
 
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
@@ -526,17 +570,10 @@ def _motors(
     """
     joints: list[str] = []
     idle, shared = [], []
-    for actuator, kind in enumerate(scene.compiled.actuator_trntype):
-        target, terms = int(scene.compiled.actuator_trnid[actuator, 0]), dict[int, float]()
-        if kind in DRIVES_JOINT:
-            terms = {target: 1.0}
-        elif kind == DRIVES_TENDON:
-            try:
-                terms = _fixed_tendon(scene, target)
-            except ValueError:  # a spatial one
-                terms = {}
-        driven = [scene.names.joints[joint] for joint, factor in terms.items() if factor != 0]
-        name = scene.names.actuators[actuator] or f"number {actuator}"
+    for actuator in range(scene.compiled.nu):
+        if _passive_force(scene.compiled, actuator) is not None:
+            continue
+        driven, name = list(_transmission(scene, actuator)), _actuator_name(scene, actuator)
         if not driven:
             idle.append(name)
         if len(driven) > 1:
@@ -550,7 +587,7 @@ def _motors(
             shared
         ),
         "no actuator drives a joint: without 'name_mot' all hinges and slides count": (
-            [""] if idle and not joints else []
+            [""] if scene.compiled.nu and not joints else []
         ),
     }
     return joints, [what + ", ".join(which) for what, which in notes.items() if which]
@@ -560,7 +597,7 @@ def _leaders(
     closures: Sequence[ClosureDescription], before: Sequence[str], joints: Sequence[str]
 ) -> list[str]:
     """Joints that couplings let move while those before them stand still."""
-    couplings = [closure.joints for closure in closures if closure.joints is not None]
+    couplings = [(c.of or {}) | c.joints for c in closures if c.joints is not None]
     names = sorted({*before, *joints, *(name for terms in couplings for name in terms)})
     rows = [[0.0] * len(names)]  # so that there is one at least
     rows += [[terms.get(name, 0.0) for name in names] for terms in couplings]
@@ -577,33 +614,197 @@ def _leaders(
 def _left_out(scene: Scene) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled, names = scene.compiled, scene.names
-    tendons = [name or f"number {index}" for index, name in enumerate(names.tendons)]
     equalities = [_equality_name(scene, equality) for equality in range(compiled.neq)]
-    active = compiled.eq_active0 != 0
+    active = _active(compiled)
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
         compiled.jnt_limited != 0
     )
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
     left_out = {
-        "springs of joints are not modelled": _where(names.joints, _springs(compiled, "jnt")),
-        "springs of tendons are not modelled": _where(tendons, _springs(compiled, "tendon")),
-        "gravity compensation of bodies is not modelled": _where(
-            names.bodies, compiled.body_gravcomp != 0
+        "a <flag> disables the equalities, so they close no loop: remove it": (
+            equalities if disabled else []
         ),
-        "inactive equalities are left out": _where(equalities, ~active),
+        "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(names.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
-    if compiled.opt.density or compiled.opt.viscosity:
-        notes.append("the fluid around the robot is not modelled")
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes
 
 
-def _springs(compiled: mujoco.MjModel, prefix: str) -> BoolArray:
-    stiff = getattr(compiled, f"{prefix}_stiffness") != 0
-    # Springs may be nonlinear in newer versions of MuJoCo.
-    higher = getattr(compiled, f"{prefix}_stiffnesspoly", None)
-    return np.asarray(stiff if higher is None else stiff | (higher != 0).any(axis=1))
+def _active(compiled: mujoco.MjModel) -> BoolArray:
+    """Which equalities hold."""
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
+    return np.asarray((compiled.eq_active0 != 0) & (not disabled))
+
+
+def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
+    """Whether the file disables a kind of force, under any of its names."""
+    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
+    return any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
+
+
+# Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
+
+Terms = dict[str, dict[str, float]]
+
+
+def _joint_forces(scene: Scene) -> tuple[Terms, list[LeftOut]]:
+    """Values of joint terms by joint, and forces that no model has."""
+    compiled, names, left_out = scene.compiled, scene.names, list[LeftOut]()
+    found: Terms = {name: {} for name in names.joints}
+    springs = not _disabled(compiled, "SPRING", "PASSIVE")
+    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
+    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
+    for joint, name in enumerate(names.joints):
+        dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
+        values = {
+            "Ia": compiled.dof_armature[dof],
+            "Fc": friction * compiled.dof_frictionloss[dof],
+            "Fv": dampers * compiled.dof_damping[dof],
+        }
+        stiffness = float(springs * compiled.jnt_stiffness[joint])
+        if kind in ("hinge", "slide"):
+            slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
+            values |= {"Ks": stiffness, "Fo": -stiffness * slack}
+        elif stiffness:
+            left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
+        if kind == "free":
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            left_out += [LeftOut(f"{given} of the free joint {name}")] if given else []
+        else:
+            _add(found, {name: 1.0}, values)
+        for what, poly, index in (
+            ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
+            ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
+        ):
+            if index < len(poly) and poly[index].any():
+                left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
+    _add_tendons(scene, found, left_out, (springs, dampers, friction))
+    _add_actuators(scene, found, left_out)
+    for body, part in enumerate(compiled.body_gravcomp):
+        if part and compiled.body_mass[body]:
+            link, mass = names.bodies[body], float(part * compiled.body_mass[body])
+            weight = {link: (mass, *map(float, compiled.body_ipos[body]))}
+            left_out.append(LeftOut(f"gravity compensation of {link}", weight))
+    if compiled.opt.density or compiled.opt.viscosity:
+        left_out.append(LeftOut("the fluid around the robot"))
+    return {joint: values for joint, values in found.items() if values}, left_out
+
+
+def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
+    """Higher coefficients of newer versions of MuJoCo; none in older ones."""
+    return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
+
+
+def _add(found: Terms, tendon: Mapping[str, float], values: Mapping[str, float]) -> bool:
+    """Add what acts along one joint to its terms; whether it does."""
+    if len(tendon) != 1:
+        return False
+    ((joint, factor),) = tendon.items()
+    powers = {"Fo": factor, "Fc": abs(factor)}
+    for kind, value in values.items():
+        if value:
+            own = float(value) * powers.get(kind, factor**2)
+            found[joint][kind] = found[joint].get(kind, 0.0) + own
+    return True
+
+
+def _add_tendons(
+    scene: Scene, found: Terms, left_out: list[LeftOut], on: tuple[bool, bool, bool]
+) -> None:
+    """Springs, dampers, friction and inertia of tendons; of one joint they are the joint's own."""
+    compiled, (springs, dampers, friction) = scene.compiled, on
+    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
+    for tendon, name in enumerate(scene.names.tendons):
+        stiffness = float(springs * compiled.tendon_stiffness[tendon])
+        low, high = map(float, compiled.tendon_lengthspring[tendon])
+        values = {
+            "Ia": float(armature[tendon]),
+            "Fc": float(friction * compiled.tendon_frictionloss[tendon]),
+            "Fv": float(dampers * compiled.tendon_damping[tendon]),
+            "Ks": stiffness,
+            "Fo": -stiffness * low,
+        }
+        poly = (
+            _poly(compiled, f"tendon_{what}poly")[tendon:][:1] for what in ("stiffness", "damping")
+        )
+        simple = not any(row.any() for row in poly) and (low == high or not stiffness)
+        joints = _driven(scene, tendon)
+        if any(values.values()) and not (joints and simple and _add(found, joints, values)):
+            known = (joints, values) if joints and simple else ({}, {})
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            left_out.append(LeftOut(f"{given} of tendon {name or tendon}", {}, *known))
+
+
+def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
+    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
+    try:
+        terms = _fixed_tendon(scene, tendon)
+    except ValueError:
+        return {}
+    return {scene.names.joints[j]: gear * factor for j, factor in terms.items() if factor}
+
+
+def _add_actuators(scene: Scene, found: Terms, left_out: list[LeftOut]) -> None:
+    """Inertia and damping of actuators, the forces of those that are no motors, and gears."""
+    compiled, gears = scene.compiled, []
+    armature, damping = (
+        getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
+        for what in ("armature", "damping")
+    )
+    for actuator in range(compiled.nu):
+        name, gear = _actuator_name(scene, actuator), float(compiled.actuator_gear[actuator, 0])
+        tendon = _transmission(scene, actuator)
+        passive = _passive_force(compiled, actuator)
+        values = dict.fromkeys(("Ia", "Fv", "Ks", "Fo"), 0.0) | (passive or {})
+        values["Ia"] += float(armature[actuator])
+        values["Fv"] += float(damping[actuator])
+        if any(values.values()) and not _add(found, tendon, values):
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            known = (tendon, values) if tendon else ({}, {})
+            left_out.append(LeftOut(f"{given} of actuator {name}", {}, *known))
+        if passive is not None:
+            what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
+            left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
+        elif tendon and abs(gear) != 1:
+            gears.append(f"{gear:g} of {name}")
+    if gears:
+        what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
+        left_out.append(LeftOut(what, is_force=False))
+
+
+def _actuator_name(scene: Scene, actuator: int) -> str:
+    return scene.names.actuators[actuator] or f"number {actuator}"
+
+
+def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
+    """Joints that an actuator drives, with the factors of its length."""
+    compiled = scene.compiled
+    kind, target = compiled.actuator_trntype[actuator], int(compiled.actuator_trnid[actuator, 0])
+    gear = float(compiled.actuator_gear[actuator, 0])
+    if kind in DRIVES_JOINT:
+        return {scene.names.joints[target]: gear} if gear else {}
+    return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
+
+
+def _passive_force(compiled: mujoco.MjModel, actuator: int) -> dict[str, float] | None:
+    """Terms of an actuator that no control moves, as a spring or damper; None of a motor.
+
+    Its force is gain times control plus bias, each affine in length and rate. The control of a
+    damper only opens it: as long as it is zero there is no force.
+    """
+    view = compiled.actuator(actuator)
+    laws = view.gaintype[0], view.biastype[0]
+    if laws[0] not in GAINS or laws[1] not in BIASES:
+        return None
+    gain = view.gainprm[:3] * ([1, 0, 0] if laws[0] == GAINS[0] else [1, 1, 1])
+    bias = view.biasprm[:3] * (0 if laws[1] == BIASES[0] else 1)
+    damper = gain[2] and not gain[:2].any() and not bias.any()
+    if gain.any() and not damper:
+        return None
+    constant, length, rate = bias
+    return {"Fo": -float(constant), "Ks": -float(length), "Fv": -float(rate)}

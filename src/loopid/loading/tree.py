@@ -12,6 +12,7 @@ import pinocchio as pin
 from loopid.arrays import FloatArray
 from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.loading.description import Description
+from loopid.robot import LeftOut
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF
@@ -44,9 +45,11 @@ class TreeSource:
     description : Description
         What the file itself says of closures, motors and reference.
     notes : tuple of str
-        What the file says and the model leaves out, such as springs: warned of on loading.
+        What the file says and the model leaves out: warned of on loading.
     replaced : dict
         Joint of the file to the joints that have taken its place.
+    left_out : tuple of LeftOut
+        Forces of the file that no model has: warned of on loading, too.
     """
 
     name: str
@@ -57,6 +60,7 @@ class TreeSource:
     description: Description = field(default_factory=Description)
     notes: tuple[str, ...] = ()
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:
@@ -88,7 +92,16 @@ def build_tree(
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")
     source = replace(source, description=description)
+    if description.gravity is not None:
+        source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(file, source, _replacements(source.model, description), turned=False)
+    for name, limits in description.limits.items():
+        joint = joint_named(name, source.model, f"{file}: unknown joint {name!r} in limits")
+        if joint.nq != 1:
+            raise RobotFileError(f"{file}: limits: joint {name} has {joint.nv} coordinates")
+        low, high = limits or (-np.inf, np.inf)
+        source.model.lowerPositionLimit[joint.idx_q] = low
+        source.model.upperPositionLimit[joint.idx_q] = high
     whole = list(description.fixed)
     left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
     for name in locked:
@@ -120,7 +133,7 @@ def _hinges(axes: str) -> Chain:
 
 
 def _replacements(model: pin.Model, description: Description) -> dict[str, Chain]:
-    """What the description puts in the place of joints, and hinges without limits for couplings.
+    """What the description puts in the place of joints, and hinges for couplings and limits.
 
     A gear ratio relates turns that add up; a ``continuous`` joint only counts its angle on the
     circle.
@@ -131,7 +144,10 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
             chains[name] = (("", pin.JointModelSpherical()),)
         elif kind != "FIXED":
             chains[name] = _hinges(kind.removeprefix("UJOINT_"))
-    for name in (name for closure in description.closures for name in closure.joints or ()):
+    coupled = [
+        name for c in description.all_closures for name in (*(c.joints or ()), *(c.of or ()))
+    ]
+    for name in (*coupled, *description.limits):
         if name not in chains and model.existJointName(name):
             joint = model.joints[model.getJointId(name)]
             if joint.nv == 1 and joint.nq == 2:

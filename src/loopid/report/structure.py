@@ -19,6 +19,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.parameters import NamedLength
+from loopid.regressors import OF_FILE, FileForce, file_forces
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 
@@ -64,6 +65,19 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
+        "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
+    }
+
+
+def _file_force(force: FileForce) -> dict[str, Any]:
+    return {
+        "what": force.what,
+        "joint": force.joint or None,
+        "term": force.kind or None,
+        "value": json_value(force.value),
+        "unit": force.unit or None,
+        "relative_size": json_value(force.size),
+        "included_by": f"--terms {OF_FILE}" if force.kind else None,
     }
 
 
@@ -126,7 +140,22 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         name = " - ".join(closure["frames"]) or closure["name"]
         numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
         closures.add_row(name, closure["type"], *numbers)
-    return [joints, *([closures] if record["closures"] else []), _summary_table(record)]
+    tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
+    return tables + ([_left_out_table(record)] if record["in_file_not_in_model"] else [])
+
+
+def _left_out_table(record: dict[str, Any]) -> Table:
+    columns = ("", ">value", ">of the rigid-body forces", "included by")
+    table = plain_table("in the file, not in the model of rigid bodies", *columns)
+    for force in record["in_file_not_in_model"]:
+        value, size = force["value"], force["relative_size"]
+        table.add_row(
+            force["what"],
+            "" if value is None else f"{value:.4g} {force['unit']}",
+            "" if size is None else f"{size:.2g}",
+            force["included_by"] or "nothing",
+        )
+    return table
 
 
 def _summary_table(record: dict[str, Any]) -> Table:

@@ -9,8 +9,10 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
+from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
+    RANK_TOLERANCE,
     ROTATIONS,
     TRANSLATIONS,
     Body,
@@ -21,6 +23,7 @@ from loopid.robot.mechanism import (
     in_groups,
     inertia_defects,
     lock_options,
+    shortened,
     tie_indices,
     tie_matrix,
     unequal_links,
@@ -28,12 +31,17 @@ from loopid.robot.mechanism import (
 
 __all__ = [
     "CLOSURE_KINDS",
+    "JOINT_TERMS",
+    "RANK_TOLERANCE",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",
     "FramePair",
     "InertiaDefect",
     "JointCoupling",
+    "JointState",
+    "JointTerm",
+    "LeftOut",
     "LinkGroup",
     "LoopClosure",
     "Mechanism",
@@ -45,6 +53,7 @@ __all__ = [
     "lock_options",
     "named_lengths",
     "relative_quaternion",
+    "shortened",
     "tie_indices",
     "tie_matrix",
     "unequal_links",
