@@ -68,6 +68,14 @@ def require_folder(folder: str | Path) -> None:
         raise OutputError(f"cannot write to {folder}: no permission in {existing}")
 
 
+def require_other_file(path: str | Path, *inputs: str | Path) -> None:
+    """Refuse to write over a file that the result is made from."""
+    place = Path(path)
+    for given in map(Path, inputs):
+        if place.exists() and given.exists() and place.samefile(given):
+            raise OutputError(f"{path} is {given.name}, which this is made from: name another file")
+
+
 def write_file(path: str | Path, content: bytes | str) -> None:
     """Write one file whole or not at all; see ``write_files``."""
     write_files(Path(path).parent, {Path(path).name: content})

@@ -32,14 +32,14 @@ def agree(problem, chunk, task):
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @given(data=st.data())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_the_determinant_screen_never_loses_the_optimum(criterion, data):
     problem = data.draw(problems(st.one_of(*BASES.values()), criterion))
     agree(problem, data.draw(st.integers(1, 9)), data.draw(st.integers(1, 40)))
 
 
 @given(problems(random_bases(9), "regressor", decades=6.0), st.integers(1, 5))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
     agree(problem, chunk, 1000)
 

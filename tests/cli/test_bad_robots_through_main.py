@@ -60,7 +60,7 @@ def test_the_family_itself_is_checked(check, yaml):
     assert check(FAMILY, yaml) == 0
 
 
-@settings(max_examples=40, suppress_health_check=FUNCTION_SCOPED)
+@settings(max_examples=20, suppress_health_check=FUNCTION_SCOPED)
 @given(yaml=mutilated_yaml(FAMILY_YAML))
 def test_a_spoilt_description(check, yaml):
     check(FAMILY, yaml)
@@ -72,7 +72,7 @@ def test_a_spoilt_family(check, urdf):
     check(urdf, "urdf: robot.urdf")
 
 
-@settings(max_examples=40, suppress_health_check=FUNCTION_SCOPED)
+@settings(max_examples=20, suppress_health_check=FUNCTION_SCOPED)
 @given(data=st.data())
 def test_a_spoilt_knee_robot(check, urdf_folder, data):
     yaml = (urdf_folder / "3ups_rpu.yaml").read_text().replace("3ups_rpu.urdf", "robot.urdf")

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 from lxml import etree
+from numpy.polynomial import Polynomial
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
@@ -74,6 +75,7 @@ AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
 MOST_INCLUDES = 20
+ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -97,6 +99,8 @@ def read_mjcf(path: Path) -> TreeSource:
         for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
+    tight, slack = _limited_tendons(scene)
+    closures += tight
     terms, left_out = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
@@ -112,7 +116,7 @@ def read_mjcf(path: Path) -> TreeSource:
             reference=_reference(scene),
             joint_terms=terms,
         ),
-        notes=(*_left_out(scene), *notes, *warnings),
+        notes=(*_left_out(scene), *slack, *notes, *warnings),
         left_out=tuple(left_out),
     )
 
@@ -237,9 +241,9 @@ def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
         str(tag.get(key)) for tag in root.iter("compiler") for key in FOLDERS if tag.get(key)
     }
     for tag in root.iter("*"):
-        for size, most in SIZES.get(str(tag.tag), {}).items():
+        for size, limit in SIZES.get(str(tag.tag), {}).items():
             product = math.prod(_size(word) for key in size for word in tag.get(key, "").split())
-            if product > most:
+            if product > limit:
                 what = " x ".join(f"{key} {tag.get(key)}" for key in size)
                 raise RobotFileError(f"{path}: {what} of <{tag.tag!s}> is too large")
         for key in tag.attrib:
@@ -535,7 +539,8 @@ def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescriptio
         add_frame(model, frames[-1], link, places[number])
     # A weld may leave rotation free.
     turned = welded and data[TORQUE_SCALE] != 0
-    return ClosureDescription(type="6d" if turned else "3d", frames=(frames[0], frames[1]))
+    kind, ends = "6d" if turned else "3d", (frames[0], frames[1])
+    return ClosureDescription(type=kind, name=name or None, frames=ends)
 
 
 def _bodies(compiled: mujoco.MjModel, equality: int) -> tuple[int, int]:
@@ -558,7 +563,7 @@ def _equality_name(scene: Scene, equality: int) -> str:
 
 
 def _coupling(scene: Scene, equality: int) -> ClosureDescription:
-    """Linear coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
+    """Coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
 
     MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
     ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
@@ -575,22 +580,52 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
         {} if k < 0 else _fixed_tendon(scene, k) if kind == TENDON else {k: 1.0}
         for k in (int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality]))
     )
-    if x and any(data[2:5]):
-        terms = ", ".join(f"{value:g}" for value in data[:5])
-        raise ValueError(f"has polycoef {terms}: only linear couplings are supported")
-    slope = data[1] if x else 0.0
-    joints = dict(y)
-    for joint, factor in x.items():
-        joints[joint] = joints.get(joint, 0.0) - slope * factor
     drawn = compiled.qpos0[compiled.jnt_qposadr]
     y0, x0 = (sum(factor * float(drawn[j]) for j, factor in terms.items()) for terms in (y, x))
-    offset = data[0] + y0 - slope * x0
-    if not np.isfinite([offset, *joints.values()]).all():
+    with np.errstate(all="ignore"):
+        curve = Polynomial(data[:5] if x else data[:1])(Polynomial([-x0, 1.0])).coef.tolist()
+    curve[0] += y0
+    constant, slope, *powers = [*curve, 0.0][: max(2, len(curve))]
+    joints = dict(y)
+    for joint, factor in x.items() if not any(powers) else ():
+        joints[joint] = joints.get(joint, 0.0) - slope * factor
+    if not np.isfinite([*curve, *joints.values()]).all():
         raise ValueError("has coefficients that are too large")
-    named = {scene.names.joints[joint]: value for joint, value in joints.items() if value != 0}
+    named, of = (
+        {scene.names.joints[joint]: value for joint, value in terms.items() if value != 0}
+        for terms in (joints, x)
+    )
     if not named:
         raise ValueError("couples no joint")
-    return ClosureDescription(type="coupling", joints=named, offset=offset)
+    name = scene.names.equalities[equality] or None
+    if not any(powers):
+        return ClosureDescription(type="coupling", name=name, joints=named, offset=constant)
+    return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
+
+
+def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]:
+    """Couplings of fixed tendons that have no room to move, and notes about other limits."""
+    compiled, tight = scene.compiled, list[ClosureDescription]()
+    notes: dict[str, list[str]] = {}
+    for tendon in np.flatnonzero(compiled.tendon_limited):
+        name = scene.names.tendons[tendon] or f"number {tendon}"
+        low, high = map(float, compiled.tendon_range[tendon])
+        try:
+            terms = _fixed_tendon(scene, int(tendon))
+        except ValueError:
+            terms = {}
+        joints = {scene.names.joints[joint]: factor for joint, factor in terms.items() if factor}
+        held = high - low <= ROOM * max(map(abs, joints.values()), default=1.0)
+        if held and joints:
+            middle = 0.5 * (low + high)
+            tight.append(
+                ClosureDescription(type="coupling", name=name, joints=joints, offset=middle)
+            )
+            what = f"fixed tendons with a range below {ROOM:g} are couplings: "
+        else:
+            what = "limits of tendons are not modelled: "
+        notes.setdefault(what, []).append(name)
+    return tight, [what + ", ".join(names) for what, names in notes.items()]
 
 
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
@@ -647,7 +682,7 @@ def _leaders(
     closures: Sequence[ClosureDescription], before: Sequence[str], joints: Sequence[str]
 ) -> list[str]:
     """Joints that couplings let move while those before them stand still."""
-    couplings = [closure.joints for closure in closures if closure.joints is not None]
+    couplings = [(c.of or {}) | c.joints for c in closures if c.joints is not None]
     names = sorted({*before, *joints, *(name for terms in couplings for name in terms)})
     rows = [[0.0] * len(names)]  # so that there is one at least
     rows += [[terms.get(name, 0.0) for name in names] for terms in couplings]
