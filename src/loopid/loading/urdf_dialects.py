@@ -388,8 +388,6 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
     left_out, others = list[LeftOut](), dict[str, list[str]]()
     for joint in urdf.root.findall("joint"):
         name = required(joint, "name")
-        if name not in given:  # of a second parent: it closes a loop
-            continue
         if name not in given:
             continue  # it closes a loop
         with naming(label(joint)):
