@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,7 @@ class BagFormat(LogFormat):
             groups.setdefault(messages.tobytes(), []).append(name)
         return [tuple(group) for group in groups.values()]
 
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         topic = self._topics[stream]
         values = [name for name in names if name not in (STAMP, RECEIVED)]
         messages: IntArray = np.array(topic.columns[values[0]][0], dtype=np.int64)
