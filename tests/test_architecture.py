@@ -32,6 +32,7 @@ STREET = (
     "consistency",
     "experiment",
     "saved",
+    "prediction",
     "export",
     "report",
     "paper",

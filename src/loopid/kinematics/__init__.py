@@ -1,5 +1,12 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
+from loopid.kinematics.accuracy import (
+    Accuracy,
+    geometry_accuracy,
+    nearly_equal_lengths,
+    same_motion,
+    within_accuracy,
+)
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, Assembly, assemble, try_assemble
 from loopid.kinematics.closing import (
     close_by_continuation,
@@ -55,6 +62,7 @@ __all__ = [
     "DEFAULT_MARGIN",
     "FOLDED",
     "NEAR_SINGULARITY",
+    "Accuracy",
     "Assembly",
     "ClosedMotion",
     "Factorisation",
@@ -77,12 +85,14 @@ __all__ = [
     "displaced",
     "frame_motions",
     "frame_poses",
+    "geometry_accuracy",
     "independent_coordinates",
     "integrate",
     "largest_residual",
     "measured_coordinates",
     "mobility",
     "nearby_configurations",
+    "nearly_equal_lengths",
     "null_space",
     "partition",
     "platform_coordinates",
@@ -90,8 +100,10 @@ __all__ = [
     "project",
     "random_configurations",
     "random_motions",
+    "same_motion",
     "scaled_constraint",
     "singularity_measure",
     "torque_regressors",
     "try_assemble",
+    "within_accuracy",
 ]
