@@ -23,7 +23,7 @@ from loopid.errors import (
     warn,
 )
 from loopid.kinematics import mobility
-from loopid.loading.closures import find_closures, find_couplings, frame_named, link_frames
+from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
 from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import (
@@ -42,6 +42,7 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
+    link_frames,
     unequal_links,
 )
 

@@ -582,6 +582,12 @@ class Mechanism:
         return (first[:, None] + np.arange(width)).ravel()
 
 
+def link_frames(model: pin.Model) -> dict[str, int]:
+    """Indices of the frames of all links, by name."""
+    frames = enumerate(model.frames)
+    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
+
+
 def lock_options(mechanism: Mechanism) -> str:
     """Options that lock all that the motors leave free: joints, or single turns of ball joints."""
     free, found = set(mechanism.free), dict[str, None]()
