@@ -31,7 +31,6 @@ from pydantic import (
     model_validator,
 )
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, Number, finite, frozen
@@ -56,6 +55,7 @@ from loopid.regressors import (
     structural_observation,
 )
 from loopid.robot import Mechanism
+from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json", ".npz")
 STATES = 3  # of the robot, by which it is known again
@@ -63,7 +63,6 @@ STATES = 3  # of the robot, by which it is known again
 SAME_ROBOT = 1e-6
 # Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
 MOST_MASS, LIGHT = 3.0, 0.01
-MOST_BYTES = 50_000_000  # of a file, unpacked
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
@@ -653,23 +652,22 @@ def read_fit(path: str | Path) -> SavedFit:
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
+    written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
         size = place.stat().st_size
         if ending == ".npz":
             with ZipFile(place) as archive:
                 size = max(member.file_size for member in archive.infolist())
-        if size > MOST_BYTES:
-            raise ValueError(f"it holds more than the {MOST_BYTES:,} bytes of a fit")
+        if size > LARGE:
+            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
         if ending == ".npz":
             with np.load(place, allow_pickle=False) as arrays:
                 document = str(arrays["document"])
         else:
-            document = place.read_text(encoding="utf-8")
-        if ending in (".yaml", ".yml"):
-            document = json.dumps(_yaml().load(document))
+            document = place.read_text(encoding="utf-8") if written is None else json.dumps(written)
         json.loads(document, object_pairs_hook=_each_once)
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
-            RecursionError, TypeError, ValueError, YAMLError) as error:  # fmt: skip
+            RecursionError, TypeError, ValueError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
     try:
