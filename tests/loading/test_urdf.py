@@ -432,7 +432,7 @@ def test_an_inertial_of_zeros_is_none_and_a_tiny_one_a_body(read):
     assert [inertia.mass for inertia in inertias] == [0, 1e-9]
 
 
-@pytest.mark.parametrize("mass", ["1_0", " 10.", "+1e1", "10"])
+@pytest.mark.parametrize("mass", ["10.0", " 10.", "+1e1", "10"])
 def test_numbers_mean_to_pinocchio_what_they_mean_to_python(read, mass):
     source = read(body("arm", mass), joint("a", "base", "arm"))
     assert source.model.inertias[1].mass == 10

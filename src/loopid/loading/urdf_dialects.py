@@ -34,9 +34,11 @@ from loopid.loading.urdf import (
     naming,
     numbers,
     placement,
+    plain_number,
     read_urdf_file,
     refuse_repetition,
     required,
+    single,
 )
 from loopid.robot import LeftOut, shortened
 from loopid.yaml_files import first_problem
@@ -389,8 +391,9 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
         if name not in given:
             continue  # it closes a loop
         with naming(label(joint)):
-            for dynamics in joint.findall("dynamics"):
-                for key in dynamics.attrib:
+            dynamics = single(joint, "dynamics")
+            if dynamics is not None:
+                for key in map(str, dynamics.attrib):
                     if key in COEFFICIENTS:
                         given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
                     else:
@@ -437,7 +440,7 @@ def _read_transmission(
         return
     try:
         ratio, rotor = (
-            float(text) if text else default
+            plain_number(text) if text else default
             for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
         )
         inertia = rotor * ratio**2
@@ -460,7 +463,7 @@ def _coefficients(element: Element) -> dict[str, float]:
         text = _said(element, (tag,))
         if text:
             try:
-                found[kind] = float(text)
+                found[kind] = plain_number(text)
             except ValueError:
                 raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}") from None
     return found

@@ -21,6 +21,7 @@ from loopid.logs.formats import (
     optional,
     refusals,
 )
+from loopid.yaml_files import LARGE, load_yaml
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -162,6 +163,8 @@ def _refuse_unfinished(path: Path) -> None:
             f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
             "give one of the files in it"
         )
+    if path.is_dir():  # before rosbags, which reads whatever it says
+        load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
     beside = path.iterdir() if path.is_dir() else (Path(f"{path}{end}") for end in JOURNALS)
     for file in sorted(beside):
         if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:
