@@ -29,10 +29,8 @@ def installed(tmp_path_factory):
 @pytest.mark.skipif(bool(MISSING), reason=f"needs pip install {' '.join(MISSING)}")
 def test_commands_of_the_wheel(installed, tmp_path):
     data = installed / "loopid" / "urdf"
-    names = {
-        path.name for pattern in ("*.urdf", "*.yaml") for path in (ROOT / "urdf").glob(pattern)
-    }
-    assert {path.name for path in data.iterdir() if path.is_file()} == {path.name for path in files}
+    files = {path.name for kind in ("urdf", "yaml") for path in ROOT.glob(f"urdf/*.{kind}")}
+    assert {path.name for path in data.iterdir() if path.is_file()} == files
     environment = os.environ | {"PYTHONPATH": str(installed)}
     for command in (
         ["-c", f"import loopid; assert loopid.__file__.startswith({str(installed)!r})"],
