@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from dask import delayed
 
-from loopid import JointTerms, closed_motion, force_parts, random_configurations
+from loopid import (
+    JointTerms,
+    closed_motion,
+    force_parts,
+    load_mechanism,
+    random_configurations,
+)
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
 from loopid.experiment.force_model import body_sizes
@@ -199,7 +205,9 @@ def load(recording):
     return recording
 
 
-@pytest.mark.parametrize("scheduler", ["synchronous", "processes"])
+@pytest.mark.parametrize(
+    "scheduler", ["synchronous", pytest.param("processes", marks=pytest.mark.validate)]
+)
 def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, scheduler):
     parts = [part for recording in recordings for part in recording.split(0.3)]
     sources = [parts[0], partial(load, parts[1]), delayed(load)(parts[2]), parts[3]]
