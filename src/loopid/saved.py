@@ -23,7 +23,6 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, Number, finite, frozen
@@ -48,6 +47,7 @@ from loopid.regressors import (
     structural_observation,
 )
 from loopid.robot import Mechanism
+from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json", ".npz")
 STATES = 3  # of the robot, by which it is known again
@@ -627,16 +627,17 @@ def read_fit(path: str | Path) -> SavedFit:
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
+    written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
         if ending == ".npz":
             with np.load(place, allow_pickle=False) as archive:
                 document = str(archive["document"])
-        else:
+        elif ending == ".json":
             document = place.read_text(encoding="utf-8")
-            if ending != ".json":
-                document = json.dumps(_yaml().load(document))
+        else:
+            document = json.dumps(written)
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
-            RecursionError, TypeError, ValueError, YAMLError) as error:  # fmt: skip
+            RecursionError, TypeError, ValueError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
     try:

@@ -208,6 +208,8 @@ def find_files(path: str | Path) -> RobotFiles:
     MissingFileError, RobotFileError
     """
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
+    if file.suffix == ".sdf":  # which says why not
+        return RobotFiles(file, Description(), file)
     if file.suffix not in SUFFIXES:
         raise RobotFileError(f"{file}: a robot file ends in {', '.join(SUFFIXES)}")
     if file.suffix not in DESCRIPTIONS:

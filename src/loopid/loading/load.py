@@ -33,7 +33,7 @@ from loopid.loading.tree import (
     read_joint,
     written_reference,
 )
-from loopid.loading.urdf import read_urdf
+from loopid.loading.urdf_dialects import read_urdf
 from loopid.robot import (
     JOINT_TERMS,
     RANK_TOLERANCE,
