@@ -14,7 +14,14 @@ from loopid.arrays import FloatArray, finite, frozen
 from loopid.base_parameters import BaseParameters, find_base_parameters
 from loopid.errors import DataError, OptionError, RankError
 from loopid.experiment.force_model import ForceModel
-from loopid.identification import Estimator, FitResult, FitSamples, fit
+from loopid.identification import (
+    Estimator,
+    FitResult,
+    FitSamples,
+    chosen_estimator,
+    fit,
+    quiet_fit,
+)
 from loopid.logs import Recording
 from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet, html_table
 from loopid.regressors import Observation
@@ -75,40 +82,38 @@ class PayloadFit:
         RankError
             When the forces tell it only together with other parameters.
         """
-        return float(self.values[self._alone()[0]])
+        return float(self.values[self._alone()["m"]])
 
     def centre(self, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Centre of mass (3,) in the link's frame in m, and its confidence intervals (3, 2).
 
-        To first order in the errors.
+        To first order in the errors; NaN along axes that the forces do not tell.
 
         Raises
         ------
         RankError
-            When the forces tell mass and first moments only together with other parameters.
+            When the forces tell the mass only together with other parameters.
         """
-        rows = self._alone()
-        mass, *moments = self.values[rows]
-        centre = np.array(moments) / mass
-        jacobian = np.column_stack([-centre, np.eye(3)]) / mass
-        covariance = jacobian @ self.covariance[np.ix_(rows, rows)] @ jacobian.T
-        reach = student.ppf(0.5 + level / 2, self.fit.degrees_of_freedom)
-        reach = reach * np.sqrt(np.diag(covariance))
+        alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
+        mass, factor = self.mass, student.ppf(0.5 + level / 2, self.fit.degrees_of_freedom)
+        for axis, kind in enumerate(GRAVITY_KINDS[1:]):
+            if kind in alone:
+                rows = [alone["m"], alone[kind]]
+                centre[axis] = self.values[rows[1]] / mass
+                slope = np.array([-centre[axis], 1.0]) / mass
+                reach[axis] = factor * np.sqrt(slope @ self.covariance[np.ix_(rows, rows)] @ slope)
         return frozen(centre), frozen(np.stack([centre - reach, centre + reach], axis=1))
 
-    def _alone(self) -> list[int]:
-        """Rows of m, mx, my and mz, where each is a combination of its own."""
-        rows = {}
-        for k, terms in enumerate(self.base.terms):
-            if len(terms) == 1:
-                rows[self.parameters[k].kind] = k
-        missing = [kind for kind in GRAVITY_KINDS if kind not in rows]
-        if missing:
+    def _alone(self) -> dict[str, int]:
+        """Rows, by kind, of parameters that are told alone; the mass has to be one."""
+        terms = enumerate(self.base.terms)
+        rows = {self.parameters[k].kind: k for k, each in terms if len(each) == 1}
+        if "m" not in rows:
             raise RankError(
-                f"the forces do not tell {missing[0]} of a payload on {self.link} alone: they tell "
+                f"the forces do not tell the mass of a payload on {self.link} alone: they tell "
                 f"{', '.join(self.base.expressions)}"
             )
-        return [rows[kind] for kind in GRAVITY_KINDS]
+        return rows
 
     def _rows(self) -> list[tuple[str, str, str, str]]:
         told = zip(self.base.expressions, self.values, self.intervals(), strict=True)
@@ -317,7 +322,7 @@ def drive_gains(
     if not extra.any(axis=0).all():
         motor = samples.actuators[int(np.flatnonzero(~extra.any(axis=0))[0])]
         raise DataError(f"no force of {motor} depends on a mass on {link}: its gain stays unknown")
-    values, scales = np.zeros(n), np.ones(dof)
+    values, scales, chosen = np.zeros(n), np.ones(dof), chosen_estimator(estimator)
     for _ in range(MOST_STEPS):
         rigid = samples.predicted(values) + extra
         slopes = spooled(
@@ -329,7 +334,7 @@ def drive_gains(
         # c ≈ s₀ (K Φ + K_L δ) + (s - s₀) (K Φ₀ + K_L δ), linear in Φ and s.
         target = samples.force + scales * (rigid - extra)
         data = slopes, target, samples.used, samples.stretches
-        step = fit(FitSamples.of(names, samples.actuators, *data), estimator)
+        step = quiet_fit(FitSamples.of(names, samples.actuators, *data), chosen)
         change = np.abs(step.values[n:] / scales - 1).max()
         values, scales = step.values[:n], step.values[n:]
         if (scales <= 0).any():
