@@ -57,6 +57,7 @@ LIKELY_ROUNDING = 1e-4
 NEAR = 0.2
 # Of observations that only tell a rank: rows, and the part of the limits from which poses are.
 ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -181,13 +182,15 @@ def _in_a_mode(
 
 
 def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
-    """Number of base parameters of the full model in a mode; None where it is not clear."""
+    """Number of base parameters of the full model in a mode; None where that is not clear, or too long."""
+    if len(mechanism.parameters()) > LARGEST:
+        return None
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     try:
         q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
         motion = closed_motion(robot, q, *random_motions(robot, samples))
-        W = motion_regressor(robot, motion)
+        W = motion_regressor(robot, motion).reshape(-1, len(robot.parameters()))
         return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
     except LoopidError:
         return None
