@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +102,13 @@ def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]
         return []
     if m * n < LARGE:
         return [(np.arange(m)[None], np.arange(n)[None])]
-    pattern = (matrices != 0.0).any(axis=0)
+    return _blocks_of((matrices != 0.0).any(axis=0).tobytes(), m, n)
+
+
+@lru_cache(maxsize=64)
+def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
+    """The same of a pattern of zeros, which is that of most calls of a robot."""
+    pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
     count, group = connected_components(
         block_array([[None, csr_array(pattern)], [csr_array(pattern.T), None]]), directed=False
     )

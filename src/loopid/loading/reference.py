@@ -106,6 +106,12 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     chosen = chosen or (max(inside, key=_measure) if inside else closed[0])
+    if not given and (excluded := _excluded(mechanism)):
+        warn(
+            f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
+            "the loops were closed from the middle of the limits; give the pose as 'reference'",
+            ReferenceWarning,
+        )
     outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -113,6 +119,17 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         text = f"the loops close to {left:.1e} m only: its numbers are rounded"
         warn(f"{mechanism.path}: {text}", ClosureWarning)
     return chosen
+
+
+def _excluded(mechanism: Mechanism) -> list[str]:
+    """Joints of loops that stand in the middle of limits which their zero is outside of."""
+    found = []
+    for name in mechanism.joints:
+        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
+        middle = joint.nq == 1 and mechanism.reference[joint.idx_q] == 0.5 * (low + high)
+        if middle and not low <= 0 <= high and mechanism.moving[:, joint.idx_v].any():
+            found.append(name)
+    return found
 
 
 def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
@@ -182,7 +199,7 @@ def _in_a_mode(
 
 
 def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
-    """Number of base parameters of the full model in a mode; None where that is not clear, or too long."""
+    """Number of base parameters of the full model in a mode; None where it is not clear."""
     if len(mechanism.parameters()) > LARGEST:
         return None
     robot, _ = _closed_at(mechanism, mode.reference)

@@ -21,7 +21,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
-from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -315,6 +315,21 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
+
+        for name in {*self.actuated}:
+            if self.actuated.count(name) > 1:
+                raise OptionError(f"{self.name}: joint {name} is listed twice among the actuated")
+        frames = [self.model.frames[k] for closure in self.closures for k in closure.frame_ids]
+        placed = [(frame.name, frame.placement.rotation) for frame in frames]
+        placed += zip(
+            self.joints, [M.rotation for M in list(self.model.jointPlacements)[1:]], strict=True
+        )
+        for name, R in placed:
+            if not (np.abs(R @ R.T - np.eye(3)).max() <= UNIT and np.linalg.det(R) > 0):
+                raise OptionError(
+                    f"{self.name}: the axes of frame {name} must be right-handed unit vectors at "
+                    f"right angles (tolerance {UNIT:g})"
+                )
 
     def __repr__(self) -> str:
         return (
