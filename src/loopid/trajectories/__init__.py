@@ -1,5 +1,6 @@
 """How the robot moves: waypoints, motion files, Fourier series, and what all joints do then."""
 
+from loopid.trajectories.curves import Curve, FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.joint_motion import (
     JointMotion,
@@ -14,6 +15,8 @@ from loopid.trajectories.reference import read_reference
 
 __all__ = [
     "Arc",
+    "Curve",
+    "FourierCurve",
     "FourierSeries",
     "JointMotion",
     "JointRange",
@@ -22,6 +25,7 @@ __all__ = [
     "MotionProgram",
     "MotionReview",
     "PlannedMotion",
+    "SplineCurve",
     "Waypoint",
     "differentiate",
     "joint_motion",
