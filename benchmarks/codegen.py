@@ -29,7 +29,7 @@ from loopid.export import CompiledRegressor, compile_regressor, regressor_code
 from loopid.export.c_code import NUMBERS
 from loopid.kinematics import ClosedMotion, closed_motion
 from loopid.regressors import motion_regressor
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 from tables import show, write_json
 
 ROBOTS = ("five_bar", "3ups_rpu", "delta", "6ups", "UR10")

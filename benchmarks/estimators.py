@@ -42,8 +42,8 @@ from loopid.identification import (
     TotalLeastSquares,
     quiet_fit,
 )
-from loopid.threads import one_blas_thread
 from loopid.trajectories import Motion, differentiate
+from loopid.workers import one_blas_thread
 from tables import show, write_json
 
 UR10 = "ur_description/urdf/ur10_robot.urdf"

@@ -10,9 +10,7 @@ STREET = (
     "errors",
     "arrays",
     "arguments",
-    "progress",
     "seeds",
-    "threads",
     "workers",
     "scratch",
     "files",
@@ -105,7 +103,7 @@ def test_a_step_to_the_right_is_seen(room, source, culprit):
     assert violations(SOURCE / room / "new.py", source) == {culprit}
 
 
-@pytest.mark.parametrize("culprit", ["threads", "paper", "robot"])
+@pytest.mark.parametrize("culprit", ["workers", "paper", "robot"])
 def test_the_symbolic_model_is_independent(culprit):
     source = f"from loopid.{culprit} import something\nfrom loopid.arrays import samples"
     assert violations(SOURCE / "paper" / "symbolic.py", source) == {culprit}

@@ -44,3 +44,37 @@ def test_the_commands_of_a_page_exist_with_their_options(page, words):
     options = {option for parameter in commands[words[0]].params for option in parameter.opts}
     given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")}
     assert given <= options, f"{page}: loopid {' '.join(words)}"
+
+
+def anchor(heading):
+    """The anchor of a heading, as GitHub and Markdown viewers make it."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+ALL = [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]
+
+
+@pytest.mark.parametrize("page", ALL, ids=lambda page: page.name)
+def test_links_lead_to_files_and_headings(page):
+    for link in re.findall(r"\]\((?!http)([^)]+)\)", page.read_text()):
+        name, _, heading = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_file(), link
+        if heading:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(), re.M)
+            assert heading in map(anchor, headings), link
+
+
+def test_the_tolerances_of_the_notation_are_in_the_rooms_that_it_names():
+    source, rooms = ROOT / "src" / "loopid", ()
+    for line in (ROOT / "docs" / "notation.md").read_text().splitlines():
+        if line.startswith("### "):
+            rooms = re.findall(r"`(\w+)`", line)
+            files = [
+                f
+                for room in rooms
+                for f in (*source.glob(f"{room}.py"), *source.glob(f"{room}/**/*.py"))
+            ]
+            text = "\n".join(file.read_text() for file in files)
+        for name in re.findall(r"`([A-Z_]{3,})`", line.partition(" | ")[0]) if rooms else ():
+            assert re.search(rf"^(\w+, )*{name}\b[^=\n]* = ", text, re.M), (rooms, name)

@@ -1,11 +1,33 @@
 """The same results from one process and from several."""
 
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from loopid.errors import OptionError
+from loopid.workers import one_blas_thread, ordered_map
+
+# Prints the numbers of its workers, for ever.
+PARENT = """
+import os, sys, time
 from loopid.workers import ordered_map
+
+def number(_):
+    time.sleep(0.2)
+    return os.getpid()
+
+if __name__ == "__main__":
+    for found in ordered_map(number, range(10**9), 2):
+        print(found, flush=True)
+"""
 
 
 def product(seed):
@@ -65,3 +87,52 @@ def test_errors_of_the_function_are_raised_here(n_jobs):
 def test_other_numbers_of_processes_are_refused(n_jobs):
     with pytest.raises(OptionError, match="n_jobs must be a whole number of processes"):
         ordered_map(product, range(2), n_jobs)
+
+
+def test_threads_of_blas_are_restored_by_the_last_one_out():
+    def overlapping():
+        with one_blas_thread():
+            inside.set()
+            leave.wait(10)
+
+    inside, leave = threading.Event(), threading.Event()
+    with threadpool_limits(2, "blas"):
+        before = threads_of(None)
+        thread = threading.Thread(target=overlapping)
+        with one_blas_thread():
+            thread.start()
+            assert inside.wait(10)
+        assert set(threads_of(None)) == {1}  # the other one is still inside
+        leave.set()
+        thread.join()
+        assert threads_of(None) == before
+
+
+def alive(number):
+    try:
+        status = Path(f"/proc/{number}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rsplit(")", 1)[1].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="asks Linux which processes live")
+@pytest.mark.parametrize("stop", ["SIGTERM", "SIGKILL", "SIGINT"])
+def test_no_worker_outlives_its_parent(stop, tmp_path):
+    (tmp_path / "parent.py").write_text(PARENT)
+    process = subprocess.Popen(
+        [sys.executable, "parent.py"], cwd=tmp_path, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    workers = {int(process.stdout.readline()) for _ in range(4)}
+    assert all(map(alive, workers))
+    if stop == "SIGINT":  # as Ctrl-C does, to all of them
+        os.killpg(process.pid, signal.SIGINT)
+    else:
+        process.send_signal(getattr(signal, stop))
+    said = process.communicate(timeout=30)[1]
+    deadline = time.monotonic() + 20
+    while any(map(alive, workers)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert said.count("Traceback") == (stop == "SIGINT")  # the parent's own alone

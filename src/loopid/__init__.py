@@ -1,8 +1,6 @@
 """Identification of the dynamics of robots with closed kinematic loops."""
 
 from importlib import import_module
-from importlib.metadata import version
-from typing import Any
 
 # Public names in the order of the work, each with its room, which is imported when a name of it is
 # asked for. ``__init__.pyi`` says the same to type checkers.
@@ -71,9 +69,10 @@ _ROOMS = {
 __all__ = [*_ROOMS, "__version__"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
+    found: object
     if name == "__version__":
-        found: Any = version("loopid")
+        found = import_module("importlib.metadata").version("loopid")
     elif name in _ROOMS:
         found = getattr(import_module(f"loopid.{_ROOMS[name]}"), name)
     elif name in _ROOMS.values():

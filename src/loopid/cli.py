@@ -6,13 +6,16 @@ A command imports what it needs when it runs: ``loopid check`` does not wait for
 from __future__ import annotations
 
 import io
-import json
+import os
+import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from threading import current_thread, main_thread
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -21,7 +24,7 @@ from rich.table import Table
 
 from loopid.errors import LoopidError, OptionError, one_line
 from loopid.files import require_folder, write_files
-from loopid.progress import Progress as Reporter
+from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording
@@ -45,6 +48,10 @@ FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
+TERMS_HELP = (
+    "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
+    "motors and passive joints; or none."
+)
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
@@ -73,6 +80,7 @@ def base(
     file: RobotFile,
     model: Annotated[str, typer.Option(help="gravity or full.")] = "gravity",
     search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
     criterion: Annotated[
         str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
     ] = "nullspace",
@@ -96,14 +104,18 @@ def base(
         find_base_parameters,
         make_strategy,
     )
-    from loopid.regressors import structural_observation
+    from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
     from loopid.report import base_record, base_tables
     from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    joint_terms = JointTerms.of(mechanism, terms)
+    warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
-        observation = structural_observation(mechanism, model, samples, seed, progress=report)
+        observation = structural_observation(
+            mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
+        )
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
@@ -152,9 +164,7 @@ def identify(
     model: Annotated[
         str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
     ] = "gravity",
-    terms: Annotated[
-        str, typer.Option(help="Of every motor: Fc, Fv, Fo, Ia with commas between, or none.")
-    ] = "Fc,Fv",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "Fc,Fv,file",
     estimator: Annotated[
         str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
     ] = "wls",
@@ -226,8 +236,7 @@ def identify(
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
-    kinds = tuple(kind.strip() for kind in terms.split(",") if kind.strip())
-    joint_terms = None if kinds in ((), ("none",)) else JointTerms(mechanism.actuated, kinds)
+    joint_terms = JointTerms.of(mechanism, terms)
     lowpass = None if cutoff is None else LowPass(cutoff)
 
     def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
@@ -370,7 +379,9 @@ def require_output(out: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        from loopid.report import json_text
+
+        typer.echo(json_text(record))
         return
     console = Console()
     for table in tables:
@@ -384,9 +395,10 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     if not console.is_terminal:
         yield lambda done, total: None
         return
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    said = TextColumn("{task.description}", markup=False)
+    columns = (said, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(what, total=None)
+        task = progress.add_task(one_line(what), total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
@@ -411,24 +423,76 @@ def loopid(
 def main() -> None:
     """Run the command line; every refusal is one line and exit code 2."""
     warnings.showwarning = _show_warning
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: a file of ours would be opened in its place
+            _discard(name)
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        app(prog_name="loopid")
+        with _interruptible():
+            try:
+                app(prog_name="loopid")
+            finally:
+                sys.stdout.flush()
     except LoopidError as error:
         _refuse(str(error))
     except MemoryError as error:
         _refuse(f"there is not enough memory: {error}")
-    except KeyboardInterrupt:
+    except BrokenPipeError:  # as of ``loopid ... | head``
+        _discard("stdout")
+        sys.exit(1)
+    except OSError as error:
+        if error.filename is not None:
+            _refuse(f"{error.filename}: {error.strerror}")
+        _discard("stdout")
+        _refuse(f"cannot write the result to the standard output: {error.strerror}")
+    except _InterruptedError:
+        _say("loopid: interrupted")
         sys.exit(130)
+
+
+class _InterruptedError(BaseException):
+    """Ctrl-C; libraries pass it on."""
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Ctrl-C raises ``_InterruptedError`` once, and ends the process at once the second time."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or current_thread() is not main_thread():
+        yield  # ignored, or for others to handle
+        return
+
+    def interrupt(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        raise _InterruptedError
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """One line, without the source line that Python adds."""
-    sys.stderr.write(f"loopid: warning: {one_line(str(message))}\n")
+    _say(f"loopid: warning: {message}")
 
 
-def _refuse(reason: str) -> None:
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
-    console.print(f"loopid: error: {reason}", markup=False)
+def _refuse(reason: str) -> NoReturn:
+    _say(f"loopid: error: {reason}")
     sys.exit(2)
+
+
+def _say(line: str) -> None:
+    """Write a line to the error stream, if it takes any: results do not depend on it."""
+    try:
+        sys.stderr.write(f"{one_line(line)}\n")
+        sys.stderr.flush()
+    except OSError:
+        _discard("stderr")
+
+
+def _discard(name: str) -> None:
+    """Let nothing more be written to a standard stream, not even what waits to be."""
+    setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115

@@ -19,7 +19,7 @@ from loopid.arrays import BoolArray, FloatArray, finite, frozen
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.scratch import row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Rows that are reduced at a time, and columns whose reflections are applied together: so many, or
 # a part of all.

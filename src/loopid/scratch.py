@@ -7,8 +7,10 @@ touched. Code that goes over it by ``row_blocks`` keeps only one block at a time
 from __future__ import annotations
 
 import mmap
+import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 from weakref import WeakSet
 
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from loopid.arrays import IntArray, all_measurable, finite, frozen, samples
+from loopid.errors import OutputError
 
 # Rows that are in memory at a time.
 BLOCK_ROWS = 4096
@@ -48,8 +51,11 @@ def empty_columns(count: int, width: int) -> NDArray[np.float64]:
     size = 8 * count * width
     if size <= SPOOLED_BYTES:
         return np.empty((width, count)).T
-    with tempfile.TemporaryFile() as file:
-        file.truncate(size)
+    with _room(), tempfile.TemporaryFile() as file:
+        if hasattr(os, "posix_fallocate"):  # or a full disk would be a fault of the bus later
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            file.truncate(size)
         mapping = mmap.mmap(file.fileno(), size)
     _mappings.add(mapping)
     return np.frombuffer(mapping, np.float64).reshape(width, count).T
@@ -91,9 +97,11 @@ class Spool:
         self._bytes += block.nbytes
         self._blocks.append(block)
         if self._bytes > SPOOLED_BYTES:
-            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115
-            for waiting in self._blocks:
-                self._file.write(waiting.tobytes())
+            with _room():
+                self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115
+                for waiting in self._blocks:
+                    self._file.write(waiting.tobytes())
+                self._file.flush()
             # One empty block stays, for the shape and type.
             self._blocks = [block[:0].copy()]
 
@@ -102,11 +110,22 @@ class Spool:
         if self._file is None:
             return frozen(np.concatenate(self._blocks), self._blocks[0].dtype)
         with self._file as file:
-            file.flush()
             mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         _mappings.add(mapping)
         sample = self._blocks[0]
         return np.frombuffer(mapping, sample.dtype).reshape(self._rows, *sample.shape[1:])
+
+
+@contextmanager
+def _room() -> Iterator[None]:
+    """Say where there is none for temporary files."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"cannot write temporary files to {tempfile.tempdir}: {error.strerror}; set TMPDIR to "
+            "a folder with more room"
+        ) from error
 
 
 def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:

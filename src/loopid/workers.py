@@ -1,18 +1,29 @@
-"""One function on many items, in this process or in others, with the same results to the bit."""
+"""One function on many items, in this process or in others, with the same results to the bit.
+
+Small matrices are worked on by one BLAS thread: more threads only wait for each other.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Lock, Thread
 from typing import Any, TypeVar
 
-from loopid.errors import OptionError
-from loopid.threads import one_blas_thread
+from threadpoolctl import ThreadpoolController
 
+from loopid.errors import OptionError
+
+# What long work calls with the number of items done and the number in all.
+Progress = Callable[[int, int], None]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -48,12 +59,16 @@ def _in_workers(
 ) -> Iterator[Result]:
     context = get_context("spawn")
     with ProcessPoolExecutor(n_jobs, context, _install, (function,)) as pool:
+
+        def submit(item: Item) -> Future[Result]:
+            with _without_interrupts():  # starts a worker, as long as there are too few
+                return pool.submit(_work, item)
+
         try:
-            first = islice(items, WAITING * n_jobs)
-            waiting: deque[Future[Result]] = deque(pool.submit(_work, item) for item in first)
+            waiting = deque(submit(item) for item in islice(items, WAITING * n_jobs))
             while waiting:
                 yield waiting.popleft().result()
-                waiting.extend(pool.submit(_work, item) for item in islice(items, 1))
+                waiting.extend(submit(item) for item in islice(items, 1))
         except BrokenProcessPool as error:
             raise OptionError(
                 f"a worker of n_jobs={n_jobs} ended: a script must ask for workers under "
@@ -64,13 +79,83 @@ def _in_workers(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started here are deaf to Ctrl-C, from their first line on.
+
+    It goes to the parent, too, which ends them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _install(function: Callable[[Any], Any]) -> None:
     global _function
     _function = function
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent has ended in any way: the pool alone would wait for ever."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _work(item: Any) -> Any:
     return _on_one_thread(_function, item)
+
+
+class _OneBlasThread:
+    """Holds linear algebra at one thread while anybody, in any thread of Python, is inside."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside = Lock(), 0
+        self._limit: Any = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                _take_control()
+                self._limit = _blas().limit(limits=1)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            # The last one out: limits that overlap would each restore what the one before had set.
+            if not self._inside:
+                _take_control()
+                self._limit.restore_original_limits()
+                _take_control()
+
+
+_ONE_BLAS_THREAD = _OneBlasThread()
+
+
+def one_blas_thread() -> AbstractContextManager[None]:
+    """Context in which linear algebra runs on one thread; the last one out restores them."""
+    return _ONE_BLAS_THREAD
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    # Finding the libraries takes milliseconds, as long as a whole search.
+    return ThreadpoolController()
+
+
+def _take_control() -> None:
+    """Let this thread set limits: threadpoolctl 3.8 silently heeds one thread only."""
+    for library in _blas().lib_controllers:
+        if hasattr(library, "clear_controlling_thread"):
+            library.clear_controlling_thread(force=True)
 
 
 def _on_one_thread(function: Callable[[Item], Result], item: Item) -> Result:

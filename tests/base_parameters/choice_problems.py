@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 from loopid.base_parameters import ChoiceProblem, Structure
-from loopid.base_parameters.search.block import Block
+from loopid.base_parameters.search.tree import Block
 from loopid.parameters import KINDS, ParameterSet
 
 # Choices that are not equal to round-off should not tie by chance either.

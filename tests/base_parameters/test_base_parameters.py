@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.base_parameters import find_base_parameters
-from loopid.base_parameters.expressions import DIGITS, expression
+from loopid.base_parameters.naming import SHOWN, expression
 from loopid.errors import DataError
 from loopid.regressors import Observation
 
@@ -74,7 +74,7 @@ def test_every_column_is_base_dependent_or_without_effect(seed):
 def test_expressions_read_back_to_the_displayed_digits(seed):
     found = make(seed)
     for text, terms in zip(found.expressions, found.terms, strict=True):
-        assert parse(text) == pytest.approx(terms, rel=0.5001 * 10 ** (1 - DIGITS))
+        assert parse(text) == pytest.approx(terms, rel=0.5001 * 10 ** (1 - SHOWN))
         assert list(parse(text)) == list(terms)
 
 

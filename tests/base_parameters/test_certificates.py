@@ -10,7 +10,7 @@ from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 from loopid import bundled_robots, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, analyse
 from loopid.base_parameters.search import exact
-from loopid.base_parameters.search.block import split
+from loopid.base_parameters.search.tree import Budget, split
 
 SMALL_SEEDS, COUPLED_SEEDS = 15, 9
 
@@ -124,7 +124,7 @@ def test_the_answer_does_not_depend_on_where_the_search_starts(monkeypatch):
     expected = [ExactSearch().search(problem) for problem in problems]
     worst = exact.good_selection
     monkeypatch.setattr(exact, "FIRST_NODES", 40)
-    monkeypatch.setattr(exact, "good_selection", lambda block, floor: block_start(block, worst))
+    monkeypatch.setattr(exact, "good_selection", lambda block, *_: block_start(block, worst))
     for problem, first in zip(problems, expected, strict=True):
         again = ExactSearch().search(problem)
         assert again.certified
@@ -138,4 +138,4 @@ def block_start(block, guess):
     for row in range(block.size - 1, -1, -1):
         if np.linalg.matrix_rank(block.vectors[[*chosen, row]], tol=1e-3) > len(chosen):
             chosen.append(row)
-    return np.sort(chosen) if len(chosen) == block.count else guess(block)
+    return np.sort(chosen) if len(chosen) == block.count else guess(block, Budget(np.inf))

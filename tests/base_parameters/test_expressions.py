@@ -3,7 +3,7 @@
 import pytest
 
 from loopid.base_parameters import CoefficientName, equations, expression
-from loopid.base_parameters.expressions import FORMS
+from loopid.base_parameters.naming import FORMS
 from loopid.parameters import NamedLength
 
 X = NamedLength("x(tip)", -0.3, "x of tip in arm")

@@ -9,7 +9,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from loopid.base_parameters.search import guess
-from loopid.base_parameters.search.block import Block
 from loopid.base_parameters.search.guess import (
     ABOVE,
     BELOW,
@@ -19,6 +18,9 @@ from loopid.base_parameters.search.guess import (
     walked,
 )
 from loopid.base_parameters.search.qr import pivots
+from loopid.base_parameters.search.tree import Block, Budget
+
+ENDLESS = Budget(np.inf)
 
 
 @st.composite
@@ -112,7 +114,8 @@ def test_a_swap_leaves_the_matrices_that_the_new_selection_has(case, pick):
 def test_a_walk_never_ends_worse_than_it_began(sides, decades, data, fraction):
     block = data.draw(blocks(decades=decades))
     start = pivots(block.vectors, block.count)
-    before, after = block.levels(start), block.levels(walked(block, start, fraction, sides))
+    end = walked(block, start, ENDLESS, fraction, sides)
+    before, after = block.levels(start), block.levels(end)
     if ABOVE in sides:
         assert after.ratio <= before.ratio * (1 + 1e-6)
     else:
@@ -121,7 +124,7 @@ def test_a_walk_never_ends_worse_than_it_began(sides, decades, data, fraction):
 
 @given(blocks())
 def test_where_a_walk_ends_no_swap_raises_the_smallest_eigenvalue_much(block):
-    end = walked(block, pivots(block.vectors, block.count), 0.999)
+    end = walked(block, pivots(block.vectors, block.count), ENDLESS, 0.999)
     rest = np.setdiff1d(np.arange(block.size), end)
     best = block.levels(end).smallest
     for place in range(block.count):
@@ -137,7 +140,7 @@ def test_a_good_selection_is_regular_never_worse_than_the_pivots_and_always_the_
     decades, data, floor
 ):
     block = data.draw(blocks(decades=decades))
-    chosen = good_selection(block, floor)
+    chosen = good_selection(block, ENDLESS, floor)
     start = block.levels(pivots(block.vectors, block.count))
     levels = block.levels(chosen)
     assert len(set(chosen.tolist())) == block.count
@@ -145,12 +148,18 @@ def test_a_good_selection_is_regular_never_worse_than_the_pivots_and_always_the_
     assert levels.smallest > 0
     worst = max(start.largest, floor) / start.smallest
     assert max(levels.largest, floor) / levels.smallest <= worst * (1 + 1e-6)
-    np.testing.assert_array_equal(chosen, good_selection(block, floor))
+    np.testing.assert_array_equal(chosen, good_selection(block, ENDLESS, floor))
 
 
 def test_nothing_to_choose_needs_no_swap():
     X = np.linalg.qr(np.random.default_rng(0).normal(size=(4, 4)))[0]
-    np.testing.assert_array_equal(good_selection(block_of(X)), np.arange(4))
+    np.testing.assert_array_equal(good_selection(block_of(X), ENDLESS), np.arange(4))
+
+
+def test_after_the_deadline_the_first_guess_stands():
+    block = block_of(np.linalg.qr(np.random.default_rng(0).normal(size=(400, 150)))[0])
+    chosen = good_selection(block, Budget(-np.inf))
+    np.testing.assert_array_equal(chosen, np.sort(pivots(block.vectors, block.count)))
 
 
 def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer(monkeypatch):
@@ -161,7 +170,7 @@ def test_good_selections_are_close_to_the_best_and_kicks_bring_them_closer(monke
         for large, ratios in found.items():
             monkeypatch.setattr(guess, "LARGE", large)
             monkeypatch.setattr(guess, "LOOKED_AT", 0)
-            ratios.append(block.levels(good_selection(block)).ratio / least)
+            ratios.append(block.levels(good_selection(block, ENDLESS)).ratio / least)
     assert np.median(found[36]) < 1.1
     assert np.median(found[0]) < 1.02
     assert np.mean(found[0]) <= np.mean(found[36])

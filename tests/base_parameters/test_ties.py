@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
 from loopid.base_parameters.search import exact
-from loopid.base_parameters.search.block import _representatives
+from loopid.base_parameters.search.tree import _representatives
 
 
 def coefficients(problem, dependent):

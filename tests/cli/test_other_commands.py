@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -239,6 +240,57 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly():
         assert process.wait(timeout=60) in (0, 1, 141)
     assert "Traceback" not in said
     assert "BrokenPipe" not in said
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
+@pytest.mark.parametrize("words", [("--json",), ()])
+def test_a_result_that_does_not_fit_on_the_disk_is_told(words):
+    with Path("/dev/full").open("w") as full:
+        script = [sys.executable, "-m", "loopid", "check", "five_bar", *words]
+        done = subprocess.run(script, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("loopid: error: cannot write the result to the standard output: ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
+@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full"])
+def test_a_result_is_printed_though_nobody_hears_warnings(stream, arm_files):
+    words = [sys.executable, "-m", "loopid", "identify", *arm_files[:2], "--json"]
+    script = f"exec {' '.join(words)} {stream}"
+    done = subprocess.run(script, shell=True, stdout=subprocess.PIPE, text=True, check=True)
+    assert json.loads(done.stdout)["mechanism"] == "small"
+
+
+@pytest.mark.parametrize("when", ["imported", "working"])
+def test_ctrl_c_is_answered_by_one_line(when):
+    # Python's own start is not ours: the signal comes from inside.
+    stop = "import os, signal, sys; kill = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)"
+    places = {
+        "imported": "sys.meta_path.insert(0, type('', (), {'find_spec': kill}))",
+        "working": "import loopid.loading; loopid.loading.load_mechanism = kill",
+    }
+    script = f"{stop}; from loopid.__main__ import main; {places[when]}; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", script, "check", "five_bar"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "loopid: interrupted\n")
+
+
+def test_no_room_for_temporary_files_is_told(tmp_path):
+    rows = "\n".join(f"{k / 1000},{k / 1e5},{k % 7}" for k in range(150_000))
+    (tmp_path / "run.csv").write_text(f"time,crank_joint.position,crank_joint.force\n{rows}\n")
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))"
+    script = [sys.executable, "-c", f"{limit}; from loopid.cli import main; main()"]
+    words = [*script, "identify", "four_bar", str(tmp_path / "run.csv")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("loopid: error: cannot write temporary files to ")
+    assert last.endswith("set TMPDIR to a folder with more room")
 
 
 def test_warnings_of_a_process_of_its_own_are_single_lines(arm_files):

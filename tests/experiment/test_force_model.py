@@ -20,7 +20,7 @@ from loopid.identification import (
 )
 from loopid.kinematics import random_motions
 from loopid.logs import Recording
-from loopid.regressors import JOINT_TERMS
+from loopid.robot import JOINT_TERMS
 from loopid.trajectories import JointMotion
 from made_runs import record
 

@@ -7,7 +7,6 @@ from loopid import JointTerms, closed_motion
 from loopid.experiment import find_force_model, identify
 from loopid.identification import quiet_fit
 from loopid.logs import Recording, prepare_recording, read_log
-from loopid.regressors import JOINT_TERMS
 from loopid.simulation import simulate_measurement
 from made_runs import logged, quietly, wander
 
@@ -42,7 +41,7 @@ def truth(robot, model):
 
 
 def test_terms_of_all_motors_do_their_work_in_any_motion(robot, motion):
-    terms = JointTerms(robot.actuated, tuple(JOINT_TERMS))
+    terms = JointTerms(robot.actuated, ("Ia", "Fc", "Fv", "Fo"))
     whole = closed_motion(robot, motion.configurations, motion.velocities, motion.accelerations)
     values = np.random.default_rng(2).uniform(1, 2, size=12).reshape(3, 4)
     rates, pushes = (

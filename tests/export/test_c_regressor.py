@@ -5,6 +5,7 @@ import importlib.util
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -42,7 +43,18 @@ GEAR = {
     "name_mot": ["joint1", "joint2"],
     "reference": {},
 }
-STRICT = ("-O0", "-std=c99", "-pedantic", "-Wall", "-Werror", "-Wno-unused-parameter")
+STRICT = ("-O0", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+# Names that would leave a comment or a text of C, each to define a function of its own.
+HOSTILE = (
+    "a*/ int injected(void) {return 1;} /*",
+    "a*\\\n/ int injected(void) {return 1;} /\\\n*",
+    "a*??/\n/ int injected(void) {return 1;} /*",
+    'a"; int injected(void) {return 1;} /*',
+    "a\nint injected(void) {return 1;}\n",
+    "a\r\n#error\r\n",
+    "a\u2028%:error\x1b[31m\x9b31m ??/",
+    "a\\",
+)
 
 
 @pytest.fixture(scope="module")
@@ -296,18 +308,42 @@ def test_forces_and_values(compiled):
     np.testing.assert_allclose(numbers[-1], K[0] @ values, rtol=1e-12)
 
 
-def test_names_stay_inside_of_texts_and_comments(tmp_path):
-    name = 'a*/ int main(void){} /* "q" \\ ?? é'
-    escaped = name.replace('"', "&quot;")
-    path = tmp_path / "odd.urdf"
-    path.write_text(urdf(body(escaped), joint(escaped, "ground", escaped)).replace("small", "*/ é"))
-    found = force_model(path, "full")
+@pytest.mark.parametrize(
+    "flags", [STRICT, (*STRICT, "-trigraphs"), ("-Wall", "-Wextra", "-Werror")]
+)
+def test_names_are_texts_and_nothing_else(tmp_path, flags):
+    """Readers refuse such names; other programs may make mechanisms, too."""
+    model, bodies, parent = pin.Model(), [], 0
+    for name in HOSTILE:
+        parent = model.addJoint(parent, pin.JointModelRY(), pin.SE3.Random(), name)
+        model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
+        bodies.append(Body(name, parent))
+    mechanism = Mechanism(
+        HOSTILE[1], Path("none"), model, (), HOSTILE, tuple(bodies), pin.neutral(model)
+    )
+    found = all_columns(mechanism, "full", ("Fv",))
     code = regressor_code(found)
     assert code.name.isidentifier()
-    compiled = compile_regressor(found, code, tmp_path, STRICT)
-    first = ctypes.c_char_p.in_dll(ctypes.CDLL(str(compiled.library)), f"{code.name}_row_names")
-    assert first.value.decode() == name
-    assert_agrees(found, compiled)
+    assert (code.header + code.source).isascii()
+    compiled = compile_regressor(found, code, tmp_path, flags)
+    library = ctypes.CDLL(str(compiled.library))
+    assert not hasattr(library, "injected")
+    texts = ctypes.c_char_p * len(HOSTILE)
+    rows = texts.in_dll(library, f"{code.name}_row_names")
+    assert [row.decode() for row in rows] == list(HOSTILE)
+    motion = np.zeros((1, model.nv))
+    assert not compiled(pin.neutral(model)[None], motion, motion)[1].any()
+
+
+def test_long_texts_are_cut(tmp_path):
+    found = force_model("five_bar", "gravity", ())
+    long = replace(found, mechanism=replace(found.mechanism, name="ö" * 5000))
+    code = regressor_code(long)
+    compiled = compile_regressor(long, code, tmp_path, STRICT)
+    text = ctypes.c_char.in_dll(ctypes.CDLL(str(compiled.library)), f"{code.name}_robot")
+    assert ctypes.string_at(ctypes.addressof(text)).endswith(b"...")
+    named = replace(found, mechanism=replace(found.mechanism, name="x" * 5000))
+    assert len(regressor_code(named).name) < 100  # of files
 
 
 def test_two_robots_and_cpp_in_one_program(tmp_path):

@@ -239,7 +239,6 @@ DESCRIPTIONS = {
     "no value": ({"reference": {"elbow": []}}, ("elbow", "reference", "one number")),
     "far off": ({"reference": {"rail": 1e200}}, ("rail", "reference", "1e+200")),
     "a vector": (BALL | {"reference": {"ball": [0, 0, 1]}}, ("ball", "reference", "4 numbers")),
-    "an angle": (BALL | {"reference": {"ball": 0.1}}, ("ball", "reference", "4 numbers")),
     "no turn": (BALL | {"reference": {"ball": [0, 0, 0, 0]}}, ("ball", "reference", "unit vector")),
     "unknown joint": (
         {"joint_name": ["wrist"], "joint_type": ["SPHERICAL"]},

@@ -1,5 +1,7 @@
 """Bundled robots by name, by YAML and by URDF; locked joints and fixed mounts."""
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,6 +17,7 @@ from loopid import (
 from loopid.errors import MobilityWarning, ModelWarning, RobotFileError
 from loopid.kinematics import constraint_residual
 from loopid.loading import bundled_directory
+from small_tree import PARTS
 
 
 def test_the_bundled_names_are_those_of_the_committed_pairs(urdf_folder):
@@ -219,3 +222,68 @@ def test_warnings_point_to_the_line_that_loads(tmp_path):
     (warning,) = (found for found in caught if found.category is ModelWarning)
     assert warning.filename == __file__
     assert str(warning.message) == f"{file}: <loop_joint> is not read"
+
+
+# Joints that others have taken the place of keep their reference.
+
+ROD = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
+<body name="crank"><inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+  <joint name="crank" axis="0 0 1"/>
+  <body name="rod" pos="0.2 0 0" euler="10 -20 35">
+    <inertial pos="0.3 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><joint name="ball" type="ball"/>
+  </body></body>
+<body name="rocker" pos="0.9 0 0.1"><inertial pos="0 0.1 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+  <joint name="rocker" axis="0 0.3 1"/></body></worldbody>
+<equality><connect name="end" body1="rod" body2="rocker" anchor="0.5 0 0"/></equality>
+<actuator><motor joint="crank"/></actuator>
+<keyframe><key name="home" qpos="0.1 0.9 0.1 -0.3 0.2 0.05"/></keyframe></mujoco>"""
+
+
+@pytest.fixture
+def rod(tmp_path):
+    """File of a rod on a ball joint that MuJoCo draws turned; links are named like joints."""
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    (tmp_path / "rod.xml").write_text(ROD)
+    return tmp_path / "rod.xml"
+
+
+def test_a_turn_is_locked_where_the_closed_reference_of_the_file_has_it(rod):
+    with pytest.warns(MobilityWarning, match="ball"):
+        whole = load_mechanism(rod)
+    crank, *ball, rocker = whole.reference.tolist()
+    closed = " ".join(map(repr, (crank, ball[3], *ball[:3], rocker)))
+    rod.write_text(ROD.replace("0.1 0.9 0.1 -0.3 0.2 0.05", closed))
+    robot = load_mechanism(rod, lock=["ball.wx"])
+    assert robot.independent == ("crank",)
+    assert robot.free == ()
+    for link in ("crank", "rod", "rocker"):
+        places = []
+        for each in (whole, robot):
+            data = each.model.createData()
+            pin.framesForwardKinematics(each.model, data, each.reference)
+            places.append(data.oMf[each.model.getFrameId(link, pin.FrameType.BODY)])
+        assert places[0].isApprox(places[1], 1e-9)
+
+
+@pytest.mark.parametrize("kind", ["UJOINT_XY", "UJOINT_ZX", "SPHERICAL"])
+def test_a_replaced_ball_keeps_its_motors_and_takes_what_it_can_of_its_reference(rod, kind):
+    rod.with_suffix(".yaml").write_text(
+        f"mjcf: rod.xml\njoint_name: [ball]\njoint_type: [{kind}]\nname_mot: [crank, ball]\n"
+        "reference: {ball: [0.1, 0, 0, 1]}\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        robot = load_mechanism(rod.with_suffix(".yaml"))
+    parts = {"SPHERICAL": ["ball"]}.get(kind, [f"ball_{axis}" for axis in kind[-2:]])
+    assert robot.actuated == ("crank", *parts)
+    if kind == "UJOINT_XY":
+        angles = robot.reference[robot.velocity_indices(parts)]
+        np.testing.assert_allclose(angles, [2 * np.arctan(0.1), 0], atol=0.2)
+
+
+def test_a_hinge_that_becomes_a_ball_starts_at_its_angle(load_files):
+    robot = load_files(
+        PARTS, {"joint_name": ["ball"], "joint_type": ["SPHERICAL"], "reference": {"ball": 0.4}}
+    )
+    k = robot.joint("ball").idx_q
+    np.testing.assert_allclose(robot.reference[k : k + 4], [0, 0, np.sin(0.2), np.cos(0.2)])

@@ -289,42 +289,22 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
 @pytest.mark.parametrize(
     ("joints", "rest", "note"),
     [
-        ('<joint name="a" stiffness="3"/>', "", "springs of joints are not modelled: a"),
-        (
-            '<joint name="a" stiffness="3"/><joint name="b" axis="1 0 0"/>'
-            '<joint name="c" axis="0 1 0" stiffness="1"/>',
-            "",
-            "springs of joints are not modelled: a, c",
-        ),
         (
             '<joint name="a" type="ball" range="0 30"/>',
             "",
             "limits of ball joints are not checked: a",
         ),
-        ("<joint/>", '<option density="1.2"/>', "the fluid around the robot is not modelled"),
         (
             '<joint name="a"/>',
-            '<tendon><fixed name="t" stiffness="1"><joint joint="a" coef="1"/></fixed></tendon>',
-            "springs of tendons are not modelled: t",
+            '<option><flag equality="disable"/></option>'
+            '<equality><connect name="c" body1="box" anchor="0 0 0"/></equality>',
+            "a <flag> disables the equalities, so they close no loop: remove it: c",
         ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
     (text,) = read_body(joints, rest).notes
     assert text == note
-
-
-def test_gravity_compensation_is_not_modelled(read):
-    text = ARM.replace('<body name="upper"', '<body name="upper" gravcomp="1"')
-    (note,) = read(text.replace("REST", "")).notes
-    assert note == "gravity compensation of bodies is not modelled: upper"
-
-
-def test_damping_and_armature_need_no_note(read_body):
-    source = read_body('<joint damping="1" armature="2" frictionloss="3"/>')
-    assert source.notes == ()
-    # They are terms of the joints beside the rigid bodies.
-    np.testing.assert_array_equal(source.model.armature, 0)
 
 
 # Refusals.
@@ -361,7 +341,6 @@ def refused(tmp_path, refusal):
         (small(HINGE.format("") * 2), "repeated name 'j'"),
         (small(HINGE.replace("1 0 0", "0 0 0").format("")), "axis"),
         (small(rest='<include file="gone.xml"/>'), "gone.xml"),
-        (small(rest='<asset><mesh file="gone.stl"/></asset>'), "gone.stl"),
         (small(rest='<actuator><motor joint="k"/></actuator>'), "'k'"),
         (small(body='pos="inf 0 0"'), "body_pos of MuJoCo's model is not finite"),
         (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model is not finite"),
@@ -437,3 +416,41 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
+
+
+# Meshes and plugins are not needed where the file gives the inertias.
+
+MESHES = f"""<mujoco><compiler meshdir="assets"/>
+<extension><plugin plugin="acme.drive"><instance name="drive"/></plugin></extension>
+<default><default class="seen"><geom type="mesh" mesh="hull" density="0"/></default></default>
+<asset><mesh name="hull" file="missing.stl"/><mesh file="pointer.obj"/>
+  <texture name="skin" type="2d" file="skin.png"/><material name="paint" texture="skin"/>
+  <hfield name="floor" file="floor.png" size="1 1 1 1"/></asset>
+<worldbody><geom name="ground" type="hfield" hfield="floor"/>
+  <body name="arm">{INERTIAL}<joint name="elbow" axis="0 1 0"/><geom class="seen" material="paint"/>
+    <geom name="shape" type="mesh" mesh="pointer"/><plugin plugin="acme.flexible"/>
+    <body name="ball" pos="1 0 0"><joint name="wrist" axis="0 1 0"/>
+      <geom type="sphere" size="0.1" mass="3"/><geom class="seen"/></body></body></worldbody>
+<contact><pair geom1="ground" geom2="shape"/></contact>
+<actuator><plugin joint="elbow" plugin="acme.drive" instance="drive"/></actuator></mujoco>"""
+
+
+def test_meshes_and_plugins_are_not_needed_where_inertias_are_given(tmp_path):
+    (tmp_path / "assets").mkdir()
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n"
+    (tmp_path / "assets" / "pointer.obj").write_text(pointer)
+    (tmp_path / "arm.xml").write_text(MESHES)
+    (tmp_path / "robot.xml").write_text('<mujoco><include file="arm.xml"/></mujoco>')
+    source = read_mjcf(tmp_path / "robot.xml")
+    assert source.notes[:1] == ("plugins are left out: acme.drive, acme.flexible",)
+    assert source.notes[1].startswith("geometry is left out, as inertias are given without it")
+    assert [inertia.mass for inertia in source.model.inertias] == [0, 2, 3]
+    assert source.description.name_mot == ["elbow"]
+
+
+def test_a_body_whose_inertia_is_that_of_a_missing_mesh_is_named(read, refusal):
+    with pytest.raises(RobotFileError) as failure:
+        read(MESHES.replace(INERTIAL, ""))
+    refusal(failure, "inertias of arm come from geometry", "give these bodies an <inertial>")
+    # As it says.
+    assert read(MESHES).model.nv == 2

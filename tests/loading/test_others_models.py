@@ -3,13 +3,16 @@
 Files are those of the folder of reference data, numbers those of docs/mechanisms.md.
 """
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from bank_robots import moved
-from loopid import mobility, random_configurations
+from loopid import load_mechanism, mobility, random_configurations
 from loopid.errors import InertiaWarning, MobilityWarning, ModelWarning
+from loopid.robot import lock_options
 from others_robots import ROWS, load, path, poses
 
 # What the motors leave free, by hand. Unnamed: the motors are as many as the freedoms.
@@ -93,6 +96,17 @@ def test_all_poses_are_closed(name, shared):
         for coupling in robot.couplings:
             left = np.dot(coupling.coefficients, q[list(coupling.q_indices)]) - coupling.offset
             assert abs(left) < 1e-9
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
+    file = path(shared, name)
+    options = lock_options(load(file)[0]).replace("--lock ", "").split()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # springs
+        robot = load_mechanism(file, lock=options)
+    assert robot.free == ()
+    assert len(robot.independent) == len(robot.actuated)
 
 
 @pytest.mark.parametrize("name", SPINNING)

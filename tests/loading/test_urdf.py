@@ -511,7 +511,7 @@ def test_closures_of_other_formats_are_noted(read):
 
 def test_what_is_not_of_the_tree_may_be_broken(read):
     rubbish = '<link name="x"><visual><geometry/></visual></link><gazebo:plugin/><material/>'
-    source = read(*BRANCHES, rubbish, joint("y", "base", "x", inside='<dynamics damping="?"/>'))
+    source = read(*BRANCHES, rubbish, joint("y", "base", "x", inside="<dynamic damping='?'/>"))
     assert source.model.nv == 4
     assert read(*BRANCHES, space='xmlns="http://drake.mit.edu"').model.nv == 3
 

@@ -20,7 +20,7 @@ from loopid.paper.experiment import (
     simulate_stand_in,
     with_noise,
 )
-from loopid.paper.printed import FORCE_NOISE
+from loopid.paper.structure import FORCE_NOISE
 
 PARTS = ("inertial", "coriolis", "gravity")
 # Of the robot file, in the order of Table II (kg, kg m).

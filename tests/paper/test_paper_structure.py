@@ -8,8 +8,9 @@ import pytest
 from loopid.errors import SearchError
 from loopid.paper import structure
 from loopid.paper.page import transfer_table
-from loopid.paper.printed import TABLE_I, TABLE_II
 from loopid.paper.structure import (
+    TABLE_I,
+    TABLE_II,
     compare_base_parameters,
     matching_rows,
     measured_geometry,
@@ -112,4 +113,4 @@ def test_table_iii_is_what_inertia_transfer_says(knee, comparison, monkeypatch):
 
 
 def cells(table):
-    return zip(*(column.cells for column in table.columns), strict=True)
+    return zip(*(map(str, column.cells) for column in table.columns), strict=True)

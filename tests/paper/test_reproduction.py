@@ -16,7 +16,6 @@ from loopid.paper.experiment import (
     run_experiment,
     simulate_stand_in,
 )
-from loopid.paper.printed import TABLE_IV
 from loopid.paper.reproduction import (
     LEVEL,
     coverage_samples,
@@ -25,6 +24,7 @@ from loopid.paper.reproduction import (
     identify_in_two_steps,
     measure_coverage,
 )
+from loopid.paper.structure import TABLE_IV
 
 SEEDS = range(1, 4)
 

@@ -38,6 +38,18 @@ def inverse_dynamics():
 
 
 @pytest.fixture(scope="session")
+def joint_positions():
+    """Position (N, nv) of every joint: all have one coordinate, turns without end two numbers."""
+
+    def positions(robot, q):
+        joints = [robot.joint(name) for name in robot.joints]
+        parts = ([q[:, j.idx_q + k] for k in range(j.nq)] for j in joints)
+        return np.stack([p[0] if len(p) == 1 else np.arctan2(p[1], p[0]) for p in parts], axis=1)
+
+    return positions
+
+
+@pytest.fixture(scope="session")
 def all_velocities():
     """Velocities of all coordinates (N, nv) from those of the actuated ones."""
 

@@ -13,7 +13,7 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.regressors import JOINT_TERMS, JointTerm
+from loopid.robot import JOINT_TERMS, JointTerm
 
 
 @pytest.fixture
@@ -25,27 +25,28 @@ def all_terms(robot, **options):
     return JointTerms(robot.joints, tuple(JOINT_TERMS), **options)
 
 
-def signals(motion):
+@pytest.fixture
+def signals(moving, motion, joint_positions):
     """What the kinds multiply at each joint, by definition; (N, nv, kinds)."""
-    v, a = motion.velocities, motion.accelerations
-    return np.stack([a, np.sign(v), v, np.ones_like(v)], axis=2)
+    v, a, q = motion.velocities, motion.accelerations, motion.configurations
+    return np.stack([a, np.sign(v), v, np.ones_like(v), joint_positions(moving[0], q)], axis=2)
 
 
-def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion):
+def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion, signals):
     robot, _, rates, _ = moving
     terms = all_terms(robot)
     phi = np.random.default_rng(1).normal(size=len(terms.parameters(robot)))
     forces = terms.columns(robot, motion) @ phi
-    in_joints = np.einsum("njk,jk->nj", signals(motion), phi.reshape(-1, len(JOINT_TERMS)))
+    in_joints = np.einsum("njk,jk->nj", signals, phi.reshape(-1, len(JOINT_TERMS)))
     lost = np.einsum("nj,nj->n", in_joints, motion.velocities)
     np.testing.assert_allclose(np.einsum("ni,ni->n", forces, rates), lost, rtol=1e-9)
 
 
-def test_an_actuated_joint_feels_its_own_terms_only(moving, motion):
+def test_an_actuated_joint_feels_its_own_terms_only(moving, motion, signals):
     robot = moving[0]
     for row, joint in enumerate(robot.actuated):
         columns = JointTerms((joint,), tuple(JOINT_TERMS)).columns(robot, motion)
-        own = signals(motion)[:, robot.velocity_indices([joint])[0]]
+        own = signals[:, robot.velocity_indices([joint])[0]]
         np.testing.assert_allclose(columns[:, row], own, atol=1e-12)
         np.testing.assert_allclose(np.delete(columns, row, axis=1), 0, atol=1e-12)
 
@@ -112,19 +113,21 @@ def test_wrong_terms_are_refused(knee, arguments, word):
 
 
 def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
-    class Spring(JointTerm):
-        units = ("N/m", "N m/rad")
+    class Quadratic(JointTerm):
+        name = "drag"
+        units = ("N s²/m²", "N m s²/rad²")
 
         @staticmethod
         def signal(joint, terms, math):
-            return joint.position
+            return joint.rate * math.fabs(joint.rate)
 
-    monkeypatch.setitem(JOINT_TERMS, "Ks", Spring)
+    monkeypatch.setitem(JOINT_TERMS, "Fq", Quadratic)
     q = random_configurations(knee, 5)
     motion = closed_motion(knee, q, *random_motions(knee, 5))
-    terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Ks",))
-    assert [p.unit for p in terms.parameters(knee)] == ["N/m", "N m/rad"]
+    terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Fq",))
+    assert [p.unit for p in terms.parameters(knee)] == ["N s²/m²", "N m s²/rad²"]
     columns = terms.columns(knee, motion)
     for k, index in enumerate(knee.velocity_indices(terms.joints)):
-        expected = motion.projection.G[:, index] * q[:, index, None]
+        v = motion.velocities[:, index, None]
+        expected = motion.projection.G[:, index] * v * np.abs(v)
         np.testing.assert_allclose(columns[:, :, k], expected, rtol=1e-14)

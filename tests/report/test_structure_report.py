@@ -49,9 +49,16 @@ def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
     }
 
 
+@pytest.mark.parametrize("gap", [inf, 1.0, 1.2, 5.0])
+def test_the_reason_for_no_certificate_is_said(gap):
+    search = {"certified": False, "gap": None if gap == inf else gap, "reason": "near ties"}
+    assert "(near ties)" in certificate(search)
+    assert ("proven best" in certificate(search)) == (gap == 1)
+
+
 @given(gap=floats(1 + 1e-6, 1e12))
 def test_a_printed_bound_holds(gap):
-    said = certificate({"certified": False, "gap": gap})
+    said = certificate({"certified": False, "gap": gap, "reason": "time limit"})
     (number,) = [float(word) for word in said.split() if word[0].isdigit()]
     printed = 1 + number / 100 if "%" in said else number
     assert gap <= printed * (1 + 1e-12)

@@ -1,22 +1,25 @@
 """Markdown tables hold the cells of the terminal's, whatever these are."""
 
+import io
+import json
 import re
 from dataclasses import replace
+from html import unescape
 
 import pytest
+from rich.console import Console
 from rich.table import Table
 
-from loopid.report import identification_tables, markdown_table, plain_table
+from loopid.errors import one_line
+from loopid.report import identification_tables, json_text, markdown_table, plain_table
 
 
 def parsed(text):
     """Title, header, alignments and rows of a Markdown table."""
     lines = text.strip().splitlines()
-    title = lines[0].strip("*") if lines[0].startswith("**") else None
+    title = unescape(lines[0].strip("*")) if lines[0].startswith("**") else None
     rows = [
-        [cell.replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-        for line in lines
-        if line.startswith("|")
+        [unescape(cell) for cell in line.split("|")[1:-1]] for line in lines if line.startswith("|")
     ]
     head, rules, *body = [[cell.strip() for cell in row] for row in rows]
     return title, head, rules, body
@@ -24,7 +27,7 @@ def parsed(text):
 
 def assert_same_cells(table: Table):
     title, head, rules, body = parsed(markdown_table(table))
-    assert title == table.title
+    assert title == str(table.title)
     assert head == [column.header for column in table.columns]
     right = [column.justify == "right" for column in table.columns]
     assert [rule.endswith(":") for rule in rules] == right
@@ -70,4 +73,37 @@ def test_what_is_said_below_a_table_is_on_the_page_too():
 def test_names_with_brackets_are_no_markup(name, identification):
     recordings = tuple(replace(part, name=name) for part in identification.training)
     table = identification_tables(replace(identification, training=recordings))[4]
-    assert name in markdown_table(table)
+    assert name in unescape(markdown_table(table))
+
+
+LIVE = re.compile(r"[<>\[\]`$\\]|(?<!\*)\*(?!\*)|\b_|_\b|__|://")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("<script>alert(1)</script>", "<img src=x onerror=alert(1)>", "![](http://a.b/c.png)"),
+        *("[a](javascript:b)", "`a`", "<http://a.b>", "&lt;b&gt;", "a | b", "\\", "**a**", "~a~"),
+        *("__a__", "$a$", "http://a.b", ":bomb:", "[/red]", "[bold]", "\x1b[31m", "\x9b31m"),
+    ],
+)
+def test_names_are_neither_live_nor_changed(name):
+    table = plain_table(name, "row")
+    table.add_row(name)
+    text, shown = markdown_table(table), one_line(name)
+    assert not LIVE.search(text)
+    assert parsed(text)[0] == shown
+    assert parsed(text)[3] == [[shown]]
+    stream = io.StringIO()
+    Console(file=stream, width=200, force_terminal=True, color_system=None).print(table)
+    said = re.sub("\x1b\\[[01]m", "", stream.getvalue())  # the title is bold
+    assert said.count(shown) == 2
+    assert said.replace("\n", "").isprintable()
+
+
+def test_records_hold_names_but_no_control_codes():
+    record = {"name": "\x1b[31m\x9b é 腕\u2028\U000e0001\ud800"}
+    text = json_text(record)
+    assert text.replace("\n", "").isprintable()
+    assert "é 腕" in text
+    assert json.loads(text) == record

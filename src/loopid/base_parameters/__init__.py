@@ -1,8 +1,12 @@
 """What can be known: rank, independent blocks, regrouping and the searches for the best choice."""
 
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
-from loopid.base_parameters.expressions import CoefficientName, equations, expression
-from loopid.base_parameters.naming import name_coefficients
+from loopid.base_parameters.naming import (
+    CoefficientName,
+    equations,
+    expression,
+    name_coefficients,
+)
 from loopid.base_parameters.search import (
     CRITERIA,
     STRATEGIES,

@@ -9,10 +9,9 @@ from html import escape
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.base_parameters.expressions import expression
-from loopid.base_parameters.regrouping import base_columns, regrouping_matrix
+from loopid.base_parameters.naming import expression
 from loopid.base_parameters.search import ChoiceProblem, SearchResult, SearchStrategy, make_strategy
-from loopid.base_parameters.structure import Structure, analyse
+from loopid.base_parameters.structure import Structure, analyse, base_columns, regrouping_matrix
 from loopid.errors import DataError, SearchError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet

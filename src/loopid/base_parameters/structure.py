@@ -1,7 +1,9 @@
-"""What a regressor lets be known: zero columns, rank with its gap, null space.
+"""What a regressor lets be known: zero columns, rank with its gap, null space, regrouping.
 
-[Gautier1991]: with W = U S Vᵀ and rank r, the last columns of V span the combinations of
-parameters that no force ever shows.
+[Gautier1991]: with W = U S Vᵀ and rank r, the last columns V2 of V span the combinations of
+parameters that no force ever shows. With Pᵀ V2 = [V21; V22], V22 the rows of the dependent
+parameters D, W_D = -W_B V21 V22⁻¹, so Φ_base = Φ_B - V21 V22⁻¹ Φ_D reproduces every force:
+W_B Φ_base = W Φ.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
 ZERO_COLUMN = 1e-12
@@ -27,6 +29,8 @@ MINIMUM_RANK_GAP = 1e3
 ROUND_OFF_CEILING = 1e-7
 # Entries of the null-space projector below this are round-off; entries are at most 1.
 CONNECTED = 1e-9
+# Regrouping coefficients below this fraction of the largest are round-off of the inversion.
+ZERO_COEFFICIENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -185,3 +189,36 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
             first,
         )
     return tuple(np.flatnonzero(first == block) for block in np.unique(first))
+
+
+def base_columns(size: int, dependent: IntArray) -> IntArray:
+    """Columns that are not dependent, ascending; shape (n - d,)."""
+    is_base = np.ones(size, dtype=bool)
+    is_base[dependent] = False
+    return np.flatnonzero(is_base)
+
+
+def regrouping_matrix(null_basis: FloatArray, dependent: IntArray) -> FloatArray:
+    """Coefficients β of Φ_base = Φ_B + β Φ_D.
+
+    Parameters
+    ----------
+    null_basis : FloatArray
+        (n, d).
+    dependent : IntArray
+        (d,), or (c, d) for c choices at once.
+
+    Returns
+    -------
+    FloatArray
+        (n - d, d) or (c, n - d, d); coefficients that are round-off are zero.
+    """
+    choices = np.atleast_2d(dependent)
+    n = len(null_basis)
+    base = np.array([base_columns(n, choice) for choice in choices]).reshape(len(choices), -1)
+    V21, V22 = null_basis[base], null_basis[choices]
+    solution = -np.linalg.solve(V22.transpose(0, 2, 1), V21.transpose(0, 2, 1))
+    beta = solution.transpose(0, 2, 1)
+    largest = np.abs(beta).max(axis=(1, 2), initial=0.0)
+    beta[np.abs(beta) <= ZERO_COEFFICIENT * np.maximum(largest, 1.0)[:, None, None]] = 0.0
+    return beta if np.ndim(dependent) == 2 else beta[0]

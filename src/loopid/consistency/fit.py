@@ -18,7 +18,7 @@ from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.identification import FitProblem, FitResult
 from loopid.parameters import ParameterSet, html_table
 from loopid.regions import Region
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Least eigenvalue of a pseudo-inertia relative to the prior's, and part of a region kept free.
 MARGIN = 1e-3

@@ -17,12 +17,16 @@ from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet
-from loopid.progress import Progress
-from loopid.regressors import JointTerms, motion_regressor, structural_observation
+from loopid.regressors import (
+    JointTerms,
+    motion_regressor,
+    structural_observation,
+    warn_of_omitted,
+)
 from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
-from loopid.workers import ordered_map
+from loopid.workers import Progress, ordered_map
 
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
 Source: TypeAlias = Recording | Callable[[], Recording] | Any
@@ -93,13 +97,19 @@ class ForceModel:
 
     @property
     def standard_prior(self) -> FloatArray:
-        """Standard parameters (p,) of the robot file, zero for joint terms, unknown to it."""
+        """Standard parameters (p,) of the robot file, zero for joint terms unknown to it."""
         bodies = self.mechanism.standard_parameters(self.model)
-        return np.pad(bodies, (0, len(self.base.parameters) - len(bodies)))
+        return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
+
+    @property
+    def joint_values(self) -> FloatArray:
+        """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
+        terms = self.joint_terms
+        return np.zeros(0) if terms is None else terms.values(self.mechanism)
 
     @property
     def prior(self) -> FloatArray:
-        """Values (n,) of the robot file, zero for joint terms."""
+        """Values (n,) of the robot file, zero for joint terms unknown to it."""
         return self.base.values(self.standard_prior)
 
     @cached_property
@@ -177,7 +187,7 @@ def find_force_model(
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms, optional
-        Friction, drive inertias and offsets to be identified with the bodies.
+        Friction, drive inertias, springs and offsets to be identified with the bodies.
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
 
@@ -189,6 +199,7 @@ def find_force_model(
     >>> loopid.find_force_model(robot, "full", friction)
     ForceModel(five_bar, full: 11 base parameters of bodies, 4 of joint terms)
     """
+    warn_of_omitted(mechanism, joint_terms)
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
     )
@@ -255,6 +266,19 @@ def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
     return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
 
 
+def _joint_sizes(force_model: ForceModel) -> FloatArray:
+    """Sizes (k,) of the joint terms that the robot file gives; infinite of all others."""
+    mechanism, sizes = force_model.mechanism, np.abs(force_model.joint_values)
+    names = force_model.base.parameters.parameters[-len(sizes) :] if len(sizes) else ()
+    for j, name in enumerate(names):
+        # The constant part of a spring is that of an unknown position where it is slack.
+        stiffness = mechanism.joint_values.get(name.link, {}).get("Ks", 0.0)
+        if name.kind == "Fo" and stiffness:
+            (unit,) = mechanism.coordinate_scales[mechanism.velocity_indices([name.link])]
+            sizes[j] = max(np.nan_to_num(sizes[j]), abs(stiffness) * unit)
+    return np.where(sizes > 0, sizes, np.inf)
+
+
 @checked
 def cad_prior(
     force_model: ForceModel,
@@ -274,7 +298,8 @@ def cad_prior(
     relative : float
         That part.
     joint_values, joint_deviations : FloatArray, optional
-        (k,), what is known of ``force_model.joint_terms``; by default nothing.
+        (k,), what is known of ``force_model.joint_terms``; by default what the robot file gives,
+        with deviations as large as the values themselves where the part is 0.3.
 
     Raises
     ------
@@ -290,8 +315,10 @@ def cad_prior(
         raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
     sizes = relative * body_sizes(mechanism, force_model.model)
     bodies, count = len(sizes), M.shape[1] - len(sizes)
-    values = np.zeros(count) if joint_values is None else finite(joint_values, "joint values")
-    deviations = np.full(count, np.inf)
+    values = np.nan_to_num(force_model.joint_values)
+    if joint_values is not None:
+        values = finite(joint_values, "joint values")
+    deviations = relative / PRIOR_DEVIATION * _joint_sizes(force_model)
     if joint_deviations is not None:
         deviations = finite(joint_deviations, "joint deviations")
     if not values.shape == deviations.shape == (count,):

@@ -31,6 +31,13 @@ IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi ha
 SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
 COMPILERS = ("cc", "gcc", "clang")
 NUMBERS = ctypes.POINTER(ctypes.c_double)
+LONGEST_NAME = 60  # of files and functions that are named after the robot
+LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
+ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+"""
 
 
 @checked_fields
@@ -90,7 +97,7 @@ def regressor_code(
 
     chosen = name
     if chosen is None:
-        plain = re.sub(r"[^A-Za-z0-9]+", "_", model.mechanism.name).strip("_")
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", model.mechanism.name)[:LONGEST_NAME].strip("_")
         chosen = plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
     if not IDENTIFIER.fullmatch(chosen):
         raise OptionError(
@@ -109,7 +116,7 @@ def regressor_code(
     loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
     parts = (_filled(template, fields) for template in ("regressor.c", loops))
     functions = c_functions(model, f"{chosen}_casadi")
-    source = "\n".join([f'#include "{chosen}.h"\n', functions, *parts])
+    source = "\n".join([f'#include "{chosen}.h"\n', ONE_SIGNATURE, functions, *parts])
     return RegressorCode(chosen, _filled("regressor.h", fields), source)
 
 
@@ -244,14 +251,13 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
     """Dimensions, tolerances and names that the templates are filled with."""
     mechanism = model.mechanism
     chosen, dependent = partition(mechanism)
-    columns = zip(model.parameters, model.base.expressions, strict=True)
     joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
     # A joint's name where it has one position, else numbered from 0.
     positions = [j if nq == 1 else f"{j}[{k}]" for j, nq in joints for k in range(nq)]
     return {
         "NAME": name,
         "GUARD": name.upper(),
-        "ROBOT": _comment(mechanism.name),
+        "ROBOT": _string(mechanism.name),
         "MODEL": model.model,
         "VERSION": version("loopid"),
         "NQ": str(mechanism.model.nq),
@@ -263,34 +269,29 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "PARAMETERS": str(len(model.parameters)),
         "SINGULAR": repr(SINGULAR),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
-        "ROW_COMMENTS": _listed(f"force along {row}" for row in mechanism.independent),
-        "COLUMN_COMMENTS": _listed(f"{p.label} [{p.unit}] = {text}" for p, text in columns),
         "POSITION_NAMES": _strings(positions),
         "VELOCITY_NAMES": _strings(mechanism.coordinates),
         "ROW_NAMES": _strings(mechanism.independent),
         "PARAMETER_NAMES": _strings(model.parameters.labels),
+        "PARAMETER_UNITS": _strings(parameter.unit for parameter in model.parameters),
+        "PARAMETER_EXPRESSIONS": _strings(model.base.expressions),
         "VALUES": "",
         "VALUES_DECLARATION": "",
     }
 
 
-def _listed(texts: Iterable[str]) -> str:
-    return "\n".join(f"     {k}: {_comment(text)}" for k, text in enumerate(texts))
-
-
-def _comment(text: str) -> str:
-    """Text that does not end the comment that it is in."""
-    return text.replace("*/", "* /").replace("/*", "/ *")
-
-
 def _strings(texts: Iterable[str]) -> str:
-    """C strings; every character but plain ones by its octal codes."""
-    return ",".join(
-        '\n    "'
-        + "".join(
-            chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f"\\{byte:03o}"
-            for byte in text.encode()
-        )
-        + '"'
-        for text in texts
-    )
+    return ",".join(f"\n    {_string(text)}" for text in texts)
+
+
+def _string(text: str) -> str:
+    """A C string; every character but plain ones by its octal codes.
+
+    Names come from files of any origin. They stand in strings only: in comments, a backslash at the
+    end of a line or a trigraph would let them out.
+    """
+    codes = text.encode("utf-8", "backslashreplace")
+    if len(codes) > LONGEST_TEXT:
+        codes = codes[: LONGEST_TEXT - 3] + b"..."
+    plain = (chr(c) if 32 <= c < 127 and chr(c) not in '"\\?' else f"\\{c:03o}" for c in codes)
+    return f'"{"".join(plain)}"'

@@ -24,8 +24,8 @@ from loopid.errors import OptionError
 from loopid.experiment import ForceModel
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
-from loopid.regressors import JOINT_TERMS, JointState, JointTerms
-from loopid.robot import Mechanism, SymbolicPose, tie_indices
+from loopid.regressors import JointTerms
+from loopid.robot import JOINT_TERMS, JointState, Mechanism, SymbolicPose, tie_indices
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 OPTIONS: dict[str, Any] = {
@@ -127,11 +127,13 @@ def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
 def _joint_term(
     mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, *state: Any
 ) -> Any:
-    """A drive inertia, friction or offset, by the law of its kind."""
+    """A joint term, by the law of its kind."""
     q, v, a, G = state
     index = int(mechanism.velocity_indices([parameter.link])[0])
-    joint = mechanism.joint(parameter.link)
-    position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
+    position = None  # of one of several coordinates
+    if parameter.link in mechanism.joints:
+        joint = mechanism.joint(parameter.link)
+        position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 

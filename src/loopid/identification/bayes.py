@@ -32,7 +32,7 @@ from loopid.identification.least_squares import (
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
 from loopid.parameters import ParameterSet
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Smallest over largest eigenvalue of the correlations, below which a covariance is singular.
 LEAST_EIGENVALUE = 1e-12

@@ -21,7 +21,7 @@ from loopid.identification.least_squares import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, NoiseModel
 from loopid.scratch import mapped_rows, row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Keeps models of very slow errors stationary.
 LARGEST_REFLECTION = 0.9999

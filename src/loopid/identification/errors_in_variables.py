@@ -35,7 +35,7 @@ from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
 from loopid.observation import triangular_factor
 from loopid.scratch import mapped_rows, row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Statistic F of the regression of the regressor on the instruments, in the direction that these
 # determine least, below which they are too weak for intervals to hold [Staiger1997].

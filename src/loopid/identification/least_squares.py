@@ -20,7 +20,7 @@ from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import FitResult, fit_quality
 from loopid.scratch import row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8

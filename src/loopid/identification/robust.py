@@ -28,7 +28,7 @@ from loopid.identification.least_squares import (
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import Robustness, fit_quality
 from loopid.scratch import mapped_rows, row_blocks
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 ITERATIONS = 200
 # Change of the predicted forces, relative to the scale of their errors, that ends the iteration,

@@ -28,7 +28,7 @@ from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import BLOCK, blocks, integrate
 from loopid.kinematics.projection import Solver
 from loopid.robot import Mechanism
-from loopid.threads import one_blas_thread
+from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
 SHORTEST_PATH_STEP = 2.0**-12  # part of the way below which a sample is given up

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.closures import ClosureDescription, FrameKind
+from loopid.robot import JOINT_TERMS
 from loopid.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")
@@ -29,6 +30,15 @@ JointType = Annotated[
     # Gepetto's files had another name for a universal joint before.
     BeforeValidator(lambda kind: "UJOINT_XY" if kind == "CARDAN" else kind),
 ]  # fmt: skip
+
+
+def _known_term(kind: object) -> object:
+    if kind not in JOINT_TERMS:
+        raise ValueError(f"unknown joint term {kind!r:.60}: choose among {', '.join(JOINT_TERMS)}")
+    return kind
+
+
+JointKind = Annotated[str, BeforeValidator(_known_term)]
 
 
 class PlatformDescription(Section):
@@ -58,6 +68,7 @@ class Description(Section):
     joint_name: list[str] = Field(default=[])
     joint_type: list[JointType] = Field(default=[])
     reference: dict[str, float | list[float]] = Field(default={})
+    joint_terms: dict[str, dict[JointKind, float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
 
@@ -105,9 +116,9 @@ def _repeated(names: Iterable[str]) -> list[str]:
 
 
 def merged(own: Description, given: Description) -> Description:
-    """What was given, with the closures, motors and reference of a tree's own file added.
+    """What was given, with closures, motors, reference and terms of a tree's own file added.
 
-    Of two frames that are closed in both, and of motors and joint values, the given ones count.
+    Of two frames that are closed in both, and of motors and values of joints, the given ones count.
     """
     again = [set(closure.frames or ()) for closure in given.all_closures]
     kept = [c for c in own.closures if c.frames is None or set(c.frames) not in again]
@@ -115,6 +126,10 @@ def merged(own: Description, given: Description) -> Description:
         "closures": [*kept, *given.closures],
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
         "reference": own.reference | given.reference,
+        "joint_terms": {
+            joint: own.joint_terms.get(joint, {}) | given.joint_terms.get(joint, {})
+            for joint in (*own.joint_terms, *given.joint_terms)
+        },
     }
     return given.model_copy(update=update)
 

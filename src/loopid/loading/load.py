@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -33,7 +34,15 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf import read_urdf
-from loopid.robot import Body, LinkGroup, Mechanism, Platform, inertia_defects, unequal_links
+from loopid.robot import (
+    JOINT_TERMS,
+    Body,
+    LinkGroup,
+    Mechanism,
+    Platform,
+    inertia_defects,
+    unequal_links,
+)
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 
@@ -98,22 +107,24 @@ ModelWarning
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
+    _require_printable_names(file, tree, description)
     model, bodies = tree.model, _bodies(tree)
     locked = _locked_values(file, source.model, description, lock)
     values = {name: value for name, value in locked.items() if value is not None}
-    reference = {n: value for n, value in description.reference.items() if n not in locked}
+    motors = _motors(file, tree, locked)
     mechanism = Mechanism(
         name=tree.name,
         path=file,
         model=model,
         closures=find_closures(file, model, description.all_closures),
         couplings=find_couplings(file, model, description.all_closures, values),
-        actuated=_motors(file, model, description, locked),
+        actuated=motors,
         bodies=bodies,
-        reference=written_reference(file, model, reference),
+        reference=written_reference(file, model, tree.description.reference),
         platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
+        left_out=tree.left_out,
         options={
             "lock": tuple(lock),
             "floating_base": floating_base,
@@ -123,8 +134,11 @@ ModelWarning
     )
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
-    mechanism, around = close_reference(
-        mechanism, given=files.given.reference if motors_given else ()
+    given = files.given.reference if motors_given else ()
+    parts = [part for name in given for part in (name, *tree.replaced.get(name, ()))]
+    mechanism, around = close_reference(mechanism, given=parts)
+    mechanism = replace(
+        mechanism, joint_values=_joint_values(mechanism, source.model, description, locked)
     )
     _warn_of_findings(mechanism, around, tree, motors_given)
     return mechanism
@@ -143,6 +157,17 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
     except ImportError as error:
         raise MissingExtraError("mujoco", "mjcf") from error
     return read_mjcf(files.tree)
+
+
+def _require_printable_names(file: Path, tree: TreeSource, description: Description) -> None:
+    """Names are printed, drawn, and written into files for others."""
+    frames = (frame.name for frame in tree.model.frames)
+    platform = description.platform.coordinates if description.platform else ()
+    for name in (tree.name, *tree.model.names, *frames, *description.identical, *platform):
+        if not name.isprintable():
+            raise RobotFileError(
+                f"{file}: names must be printable and on one line, not {name!r:.60}"
+            )
 
 
 def _locked_values(
@@ -165,16 +190,17 @@ def _locked_values(
     return locked | {name: read_joint(joint, q) for name, joint in joints.items()}
 
 
-def _motors(
-    file: Path, model: pin.Model, description: Description, locked: Mapping[str, float | None]
-) -> tuple[str, ...]:
+def _motors(file: Path, tree: TreeSource, locked: Mapping[str, float | None]) -> tuple[str, ...]:
     """Joints with motors that are not locked; all with one coordinate where no file says."""
-    joints, motors = list(model.names)[1:], description.name_mot
+    model, motors = tree.model, tree.description.name_mot
+    joints = list(model.names)[1:]
     if motors is None:
         motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
     elif isinstance(motors, str):
         motors = [name for name in joints if motors in name]
-    motors = [name for name in motors if name not in locked]
+    left = (name for name in motors if name not in locked)
+    parts = (part for name in left for part in tree.replaced.get(name, (name,)))
+    motors = [part for part in parts if part not in locked]
     for name in motors:
         joint_named(name, model, f"{file}: unknown joint {name!r} in name_mot")
     if not motors:
@@ -183,6 +209,47 @@ def _motors(
             f"{', '.join(joints)}"
         )
     return tuple(motors)
+
+
+def _joint_values(
+    mechanism: Mechanism,
+    whole: pin.Model,
+    description: Description,
+    locked: Mapping[str, float | None],
+) -> dict[str, dict[str, float]]:
+    """What the files give of terms, by coordinate; joints that are locked or replaced have none."""
+    found: dict[str, dict[str, float]] = {}
+    for name, values in description.joint_terms.items():
+        given = {kind: value for kind, value in values.items() if value}
+        if any("Fo" in JOINT_TERMS[kind].beside for kind in given):
+            given = {"Fo": 0.0} | given  # a spring that is slack at zero
+        if name in mechanism.joints:
+            coordinates = mechanism.coordinates_of([name])
+        elif name in mechanism.coordinates:
+            coordinates = (name,)
+        elif name in locked or whole.existJointName(name):
+            if given and name not in locked:
+                warn(
+                    f"{mechanism.path}: other joints have taken the place of {name}, so its "
+                    f"{', '.join(given)} are left out: give theirs in joint_terms",
+                    ModelWarning,
+                )
+            continue
+        else:
+            raise RobotFileError(
+                f"{mechanism.path}: joint_terms: unknown joint {name!r}: choose among "
+                f"{', '.join(mechanism.coordinates)}"
+            )
+        for kind in given:
+            turning = JOINT_TERMS[kind].needs_position and name not in mechanism.joints
+            if turning or (kind in ("Ks", "Fo") and len(coordinates) > 1):
+                raise RobotFileError(
+                    f"{mechanism.path}: joint_terms: {kind} needs a joint with one coordinate, "
+                    f"which {name} is not: choose among Ia, Fc, Fv"
+                )
+        if given:
+            found |= {coordinate: dict(given) for coordinate in coordinates}
+    return found
 
 
 def _bodies(tree: TreeSource) -> tuple[Body, ...]:
@@ -233,6 +300,9 @@ def _warn_of_findings(
     path = mechanism.path
     for note in tree.notes:
         warn(f"{tree.file}: {note}", ModelWarning)
+    forces = "; ".join(left.what for left in tree.left_out if left.is_force)
+    if forces:
+        warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
     if not motors_given and (mechanism.redundant or tree.notes):
         follow = ", ".join(mechanism.redundant)
         though = f", though {follow} follow from the others" if follow else ""

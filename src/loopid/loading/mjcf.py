@@ -5,7 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,11 +15,12 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.arrays import BoolArray
+from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
+from loopid.robot import LeftOut
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
@@ -44,9 +45,16 @@ DIRECT = (
     int(mujoco.mjtBias.mjBIAS_NONE),
     int(mujoco.mjtDyn.mjDYN_NONE),
 )
+# Laws of actuators whose gain and bias are affine in length and rate.
+GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
+BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+# What MuJoCo raises, of which only the text is of use.
+MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
+MOST_INCLUDES = 20
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -66,12 +74,12 @@ def read_mjcf(path: Path) -> TreeSource:
     model, child_links = _tree(scene, name)
     closures = [
         _closure(scene, model, equality)
-        for equality, active in enumerate(compiled.eq_active0)
+        for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
+    terms, left_out = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
-    heard = (f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
     return TreeSource(
         name=name,
         file=path,
@@ -79,9 +87,13 @@ def read_mjcf(path: Path) -> TreeSource:
         inertial_links=tuple(_where(scene.names.bodies, heavy)),
         child_links=child_links,
         description=Description(
-            closures=closures, name_mot=motors or None, reference=_reference(scene)
+            closures=closures,
+            name_mot=motors or None,
+            reference=_reference(scene),
+            joint_terms=terms,
         ),
-        notes=(*_left_out(scene), *notes, *heard),
+        notes=(*_left_out(scene), *notes, *warnings),
+        left_out=tuple(left_out),
     )
 
 
@@ -129,7 +141,7 @@ class Scene(NamedTuple):
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compiled model of an MJCF file, and what MuJoCo warns of.
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from.
 
     Raises
     ------
@@ -150,11 +162,17 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     heard: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(heard.append)
+    notes: list[str] = []
     try:
         compiled = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+    except MUJOCO_ERRORS as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
+        try:
+            compiled, notes = _compile_without_assets(path)
+        except RobotFileError:
+            raise
+        except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
+            raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
     finally:
         mujoco.set_mju_user_warning(before)
     finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
@@ -167,7 +185,69 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
             raise RobotFileError(f"{path}: {name} of MuJoCo's model has a quaternion of length 0")
-    return compiled, heard
+    return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
+
+
+def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """Compile a file without plugins, then without meshes, where dynamics needs none of them."""
+    root = etree.parse(path).getroot()
+    _include(root, path.parent)
+    plugins = {str(tag.get("plugin")) for tag in root.iter("plugin")} - {"None"}
+    for tag in root.findall(".//actuator/plugin"):  # a motor, whatever its law
+        tag.tag, ends = "general", {key: tag.attrib[key] for key in ACTUATOR_ENDS & set(tag.attrib)}
+        tag.clear()
+        tag.attrib.update(ends)
+    etree.strip_elements(root, "plugin", "extension", with_tail=False)
+    spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
+    spec.modelfiledir = str(path.parent)
+    notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
+    drawn = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]
+    needed = sorted({geom.parent.name for geom in drawn if _gives_inertia(spec, geom)})
+    try:
+        return spec.compile(), notes
+    except MUJOCO_ERRORS as error:
+        reason = " ".join(str(error).split())
+    unused = (spec.sensors, spec.pairs, spec.skins, spec.materials)
+    for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
+        for element in list(group):
+            spec.delete(element)
+    for body in spec.bodies if needed else ():
+        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
+    compiled = spec.compile()
+    if needed:
+        raise RobotFileError(
+            f"{path}: inertias of {', '.join(needed)} come from geometry that MuJoCo cannot read "
+            f"({reason}): give these bodies an <inertial>, or restore the files"
+        )
+    return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
+
+
+def _include(root: etree._Element, folder: Path, depth: int = 0) -> None:
+    """Put what ``<include>`` tags name in their places."""
+    for tag in root.findall(".//include"):
+        if depth == MOST_INCLUDES:
+            raise OSError("files include each other")
+        inner, parent = etree.parse(folder / tag.get("file", "")).getroot(), tag.getparent()
+        _include(inner, folder, depth + 1)
+        if parent is not None:
+            at = parent.index(tag)
+            parent[at : at + 1] = list(inner)
+
+
+def _gives_inertia(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
+    """Whether the inertia of a body that moves comes from a geom."""
+    first, last = spec.compiler.inertiagrouprange
+    body = geom.parent
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    explicit = body.explicitinertial and int(spec.compiler.inertiafromgeom) != always
+    light = geom.mass == 0 or (np.isnan(geom.mass) and geom.density == 0)
+    if explicit or light or not first <= geom.group <= last:
+        return False
+    while body.name != "world":
+        if len(body.joints):
+            return True
+        body = body.parent
+    return False
 
 
 def read_names(compiled: mujoco.MjModel) -> Names:
@@ -455,17 +535,10 @@ def _motors(
     """
     joints: list[str] = []
     idle, shared = [], []
-    for actuator, kind in enumerate(scene.compiled.actuator_trntype):
-        target, terms = int(scene.compiled.actuator_trnid[actuator, 0]), dict[int, float]()
-        if kind in DRIVES_JOINT:
-            terms = {target: 1.0}
-        elif kind == DRIVES_TENDON:
-            try:
-                terms = _fixed_tendon(scene, target)
-            except ValueError:  # a spatial one
-                terms = {}
-        driven = [scene.names.joints[joint] for joint, factor in terms.items() if factor != 0]
-        name = scene.names.actuators[actuator] or f"number {actuator}"
+    for actuator in range(scene.compiled.nu):
+        if _passive_force(scene.compiled, actuator) is not None:
+            continue
+        driven, name = list(_transmission(scene, actuator)), _actuator_name(scene, actuator)
         if not driven:
             idle.append(name)
         if len(driven) > 1:
@@ -479,7 +552,7 @@ def _motors(
             shared
         ),
         "no actuator drives a joint: without 'name_mot' all hinges and slides count": (
-            [""] if idle and not joints else []
+            [""] if scene.compiled.nu and not joints else []
         ),
     }
     return joints, [what + ", ".join(which) for what, which in notes.items() if which]
@@ -506,33 +579,197 @@ def _leaders(
 def _left_out(scene: Scene) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled, names = scene.compiled, scene.names
-    tendons = [name or f"number {index}" for index, name in enumerate(names.tendons)]
     equalities = [_equality_name(scene, equality) for equality in range(compiled.neq)]
-    active = compiled.eq_active0 != 0
+    active = _active(compiled)
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
         compiled.jnt_limited != 0
     )
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
     left_out = {
-        "springs of joints are not modelled": _where(names.joints, _springs(compiled, "jnt")),
-        "springs of tendons are not modelled": _where(tendons, _springs(compiled, "tendon")),
-        "gravity compensation of bodies is not modelled": _where(
-            names.bodies, compiled.body_gravcomp != 0
+        "a <flag> disables the equalities, so they close no loop: remove it": (
+            equalities if disabled else []
         ),
-        "inactive equalities are left out": _where(equalities, ~active),
+        "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(names.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
-    if compiled.opt.density or compiled.opt.viscosity:
-        notes.append("the fluid around the robot is not modelled")
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes
 
 
-def _springs(compiled: mujoco.MjModel, prefix: str) -> BoolArray:
-    stiff = getattr(compiled, f"{prefix}_stiffness") != 0
-    # Springs may be nonlinear in newer versions of MuJoCo.
-    higher = getattr(compiled, f"{prefix}_stiffnesspoly", None)
-    return np.asarray(stiff if higher is None else stiff | (higher != 0).any(axis=1))
+def _active(compiled: mujoco.MjModel) -> BoolArray:
+    """Which equalities hold."""
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
+    return np.asarray((compiled.eq_active0 != 0) & (not disabled))
+
+
+def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
+    """Whether the file disables a kind of force, under any of its names."""
+    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
+    return any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
+
+
+# Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
+
+Terms = dict[str, dict[str, float]]
+
+
+def _joint_forces(scene: Scene) -> tuple[Terms, list[LeftOut]]:
+    """Values of joint terms by joint, and forces that no model has."""
+    compiled, names, left_out = scene.compiled, scene.names, list[LeftOut]()
+    found: Terms = {name: {} for name in names.joints}
+    springs = not _disabled(compiled, "SPRING", "PASSIVE")
+    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
+    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
+    for joint, name in enumerate(names.joints):
+        dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
+        values = {
+            "Ia": compiled.dof_armature[dof],
+            "Fc": friction * compiled.dof_frictionloss[dof],
+            "Fv": dampers * compiled.dof_damping[dof],
+        }
+        stiffness = float(springs * compiled.jnt_stiffness[joint])
+        if kind in ("hinge", "slide"):
+            slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
+            values |= {"Ks": stiffness, "Fo": -stiffness * slack}
+        elif stiffness:
+            left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
+        if kind == "free":
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            left_out += [LeftOut(f"{given} of the free joint {name}")] if given else []
+        else:
+            _add(found, {name: 1.0}, values)
+        for what, poly, index in (
+            ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
+            ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
+        ):
+            if index < len(poly) and poly[index].any():
+                left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
+    _add_tendons(scene, found, left_out, (springs, dampers, friction))
+    _add_actuators(scene, found, left_out)
+    for body, part in enumerate(compiled.body_gravcomp):
+        if part and compiled.body_mass[body]:
+            link, mass = names.bodies[body], float(part * compiled.body_mass[body])
+            weight = {link: (mass, *map(float, compiled.body_ipos[body]))}
+            left_out.append(LeftOut(f"gravity compensation of {link}", weight))
+    if compiled.opt.density or compiled.opt.viscosity:
+        left_out.append(LeftOut("the fluid around the robot"))
+    return {joint: values for joint, values in found.items() if values}, left_out
+
+
+def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
+    """Higher coefficients of newer versions of MuJoCo; none in older ones."""
+    return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
+
+
+def _add(found: Terms, tendon: Mapping[str, float], values: Mapping[str, float]) -> bool:
+    """Add what acts along one joint to its terms; whether it does."""
+    if len(tendon) != 1:
+        return False
+    ((joint, factor),) = tendon.items()
+    powers = {"Fo": factor, "Fc": abs(factor)}
+    for kind, value in values.items():
+        if value:
+            own = float(value) * powers.get(kind, factor**2)
+            found[joint][kind] = found[joint].get(kind, 0.0) + own
+    return True
+
+
+def _add_tendons(
+    scene: Scene, found: Terms, left_out: list[LeftOut], on: tuple[bool, bool, bool]
+) -> None:
+    """Springs, dampers, friction and inertia of tendons; of one joint they are the joint's own."""
+    compiled, (springs, dampers, friction) = scene.compiled, on
+    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
+    for tendon, name in enumerate(scene.names.tendons):
+        stiffness = float(springs * compiled.tendon_stiffness[tendon])
+        low, high = map(float, compiled.tendon_lengthspring[tendon])
+        values = {
+            "Ia": float(armature[tendon]),
+            "Fc": float(friction * compiled.tendon_frictionloss[tendon]),
+            "Fv": float(dampers * compiled.tendon_damping[tendon]),
+            "Ks": stiffness,
+            "Fo": -stiffness * low,
+        }
+        poly = (
+            _poly(compiled, f"tendon_{what}poly")[tendon:][:1] for what in ("stiffness", "damping")
+        )
+        simple = not any(row.any() for row in poly) and (low == high or not stiffness)
+        joints = _driven(scene, tendon)
+        if any(values.values()) and not (joints and simple and _add(found, joints, values)):
+            known = (joints, values) if joints and simple else ({}, {})
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            left_out.append(LeftOut(f"{given} of tendon {name or tendon}", {}, *known))
+
+
+def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
+    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
+    try:
+        terms = _fixed_tendon(scene, tendon)
+    except ValueError:
+        return {}
+    return {scene.names.joints[j]: gear * factor for j, factor in terms.items() if factor}
+
+
+def _add_actuators(scene: Scene, found: Terms, left_out: list[LeftOut]) -> None:
+    """Inertia and damping of actuators, the forces of those that are no motors, and gears."""
+    compiled, gears = scene.compiled, []
+    armature, damping = (
+        getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
+        for what in ("armature", "damping")
+    )
+    for actuator in range(compiled.nu):
+        name, gear = _actuator_name(scene, actuator), float(compiled.actuator_gear[actuator, 0])
+        tendon = _transmission(scene, actuator)
+        passive = _passive_force(compiled, actuator)
+        values = dict.fromkeys(("Ia", "Fv", "Ks", "Fo"), 0.0) | (passive or {})
+        values["Ia"] += float(armature[actuator])
+        values["Fv"] += float(damping[actuator])
+        if any(values.values()) and not _add(found, tendon, values):
+            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
+            known = (tendon, values) if tendon else ({}, {})
+            left_out.append(LeftOut(f"{given} of actuator {name}", {}, *known))
+        if passive is not None:
+            what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
+            left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
+        elif tendon and abs(gear) != 1:
+            gears.append(f"{gear:g} of {name}")
+    if gears:
+        what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
+        left_out.append(LeftOut(what, is_force=False))
+
+
+def _actuator_name(scene: Scene, actuator: int) -> str:
+    return scene.names.actuators[actuator] or f"number {actuator}"
+
+
+def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
+    """Joints that an actuator drives, with the factors of its length."""
+    compiled = scene.compiled
+    kind, target = compiled.actuator_trntype[actuator], int(compiled.actuator_trnid[actuator, 0])
+    gear = float(compiled.actuator_gear[actuator, 0])
+    if kind in DRIVES_JOINT:
+        return {scene.names.joints[target]: gear} if gear else {}
+    return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
+
+
+def _passive_force(compiled: mujoco.MjModel, actuator: int) -> dict[str, float] | None:
+    """Terms of an actuator that no control moves, as a spring or damper; None of a motor.
+
+    Its force is gain times control plus bias, each affine in length and rate. The control of a
+    damper only opens it: as long as it is zero there is no force.
+    """
+    view = compiled.actuator(actuator)
+    laws = view.gaintype[0], view.biastype[0]
+    if laws[0] not in GAINS or laws[1] not in BIASES:
+        return None
+    gain = view.gainprm[:3] * ([1, 0, 0] if laws[0] == GAINS[0] else [1, 1, 1])
+    bias = view.biasprm[:3] * (0 if laws[1] == BIASES[0] else 1)
+    damper = gain[2] and not gain[:2].any() and not bias.any()
+    if gain.any() and not damper:
+        return None
+    constant, length, rate = bias
+    return {"Fo": -float(constant), "Ks": -float(length), "Fv": -float(rate)}

@@ -12,6 +12,7 @@ import pinocchio as pin
 from loopid.arrays import FloatArray
 from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.loading.description import Description
+from loopid.robot import LeftOut
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF
@@ -44,7 +45,11 @@ class TreeSource:
     description : Description
         What the file itself says of closures, motors and reference.
     notes : tuple of str
-        What the file says and the model leaves out, such as springs: warned of on loading.
+        What the file says and the model leaves out: warned of on loading.
+    replaced : dict
+        Joint of the file to the joints that have taken its place.
+    left_out : tuple of LeftOut
+        Forces of the file that no model has: warned of on loading, too.
     """
 
     name: str
@@ -54,6 +59,8 @@ class TreeSource:
     child_links: dict[str, str]
     description: Description = field(default_factory=Description)
     notes: tuple[str, ...] = ()
+    replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:
@@ -70,6 +77,8 @@ def build_tree(
 ) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
+    The reference of the description comes back with the values of the joints that are left.
+
     Parameters
     ----------
     locked : sequence of str
@@ -82,14 +91,16 @@ def build_tree(
     """
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")
-    source = _replaced(source, _replacements(source.model, description))
+    source = replace(source, description=description)
+    source = _replaced(file, source, _replacements(source.model, description), turned=False)
     whole = list(description.fixed)
     left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
     for name in locked:
         joint, _, turn = name.rpartition(".")
         model = source.model
         if model.existJointName(name) or not model.existJointName(joint):
-            whole.append(name)
+            # What has taken the place of a joint is locked with it.
+            whole += source.replaced.get(name, (name,))
             continue
         spherical = model.joints[model.getJointId(joint)].shortname() == "JointModelSpherical"
         if turn not in TURNS or not spherical:
@@ -97,26 +108,15 @@ def build_tree(
                 f"{name} cannot be locked alone: lock {joint}, or a turn of a ball joint"
             )
         left[joint] = left.get(joint, "XYZ").replace(TURNS[turn], "")
-    for joint, axes in left.items():
-        if not axes:
-            raise OptionError(f"all turns of {joint} are locked: lock the joint instead")
-    source = _replaced(source, {joint: _hinges(axes) for joint, axes in left.items()})
-    model = source.model
     for name in whole:
-        joint_named(name, model, f"{file}: unknown joint {name!r} to lock", OptionError)
-    if whole:
-        values = {name: at for name, at in description.reference.items() if name in whole}
-        q, ids = written_reference(file, model, values), [model.getJointId(name) for name in whole]
-        try:
-            model = pin.buildReducedModel(model, ids, q)
-        except ValueError as error:
-            reason = " ".join(str(error).split())
-            raise RobotFileError(f"{file}: Pinocchio cannot lock joints of it: {reason}") from error
-    if model.nv == 0:
+        joint_named(name, source.model, f"{file}: unknown joint {name!r} to lock", OptionError)
+    chains = {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
+    source = _replaced(file, source, chains, turned=True)
+    if source.model.nv == 0:
         raise RobotFileError(
             f"{source.file}: no joint can move, unless its base floats (floating_base: true)"
         )
-    return replace(source, model=model)
+    return source
 
 
 def _hinges(axes: str) -> Chain:
@@ -140,25 +140,41 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
             joint = model.joints[model.getJointId(name)]
             if joint.nv == 1 and joint.nq == 2:
                 data = joint.createData()
-                joint.calc(data, np.array([1.0, 0.0]))
+                joint.calc(data, pin.neutral(model))
                 axis = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
                 chains[name] = (("", pin.JointModelRevoluteUnaligned(axis)),)
     return chains
 
 
-def _replaced(source: TreeSource, chains: Mapping[str, Chain]) -> TreeSource:
-    """The tree with other joints in the places of some; bodies hang on the last of each chain."""
+def _replaced(
+    file: Path, source: TreeSource, chains: Mapping[str, Chain], turned: bool
+) -> TreeSource:
+    """The tree with other joints in the places of some; bodies hang on the last of each chain.
+
+    Where a joint is ``turned``, its reference becomes the zero of what takes its place; else the
+    reference of the chain comes as near to the joint's as it can.
+    """
     if not chains:
         return source
     old, model = source.model, pin.Model()
     model.name, model.gravity = old.name, old.gravity
-    last, frames = {0: 0}, {0: 0}  # from indices of the old model to those of the new one
+    # From joints of the old model to those of the new one and placements in them; frames too.
+    mounts, frames = {0: (0, pin.SE3.Identity())}, {0: 0}
+    reference, taken = dict(source.description.reference), dict[str, tuple[str, ...]]()
     for index in range(1, old.njoints):
-        parent, placement = last[old.parents[index]], old.jointPlacements[index]
+        parent, mount = mounts[old.parents[index]]
+        placement = mount * old.jointPlacements[index]
         name, joint = old.names[index], old.joints[index]
         if name in chains:
-            for ending, hinge in chains[name]:
-                parent = model.addJoint(parent, hinge, placement, name + ending)
+            taken[name] = tuple(name + ending for ending, _ in chains[name])
+            start = _start(file, old, name, reference, chains[name])
+            if start is not None and turned:
+                placement = placement * start
+            elif start is not None:
+                values = _nearest(start.rotation, [hinge for _, hinge in chains[name]])
+                reference |= dict(zip(taken[name], values, strict=True))
+            for part, (_, hinge) in zip(taken[name], chains[name], strict=True):
+                parent = model.addJoint(parent, hinge, placement, part)
                 placement = pin.SE3.Identity()
         else:
             q = slice(joint.idx_q, joint.idx_q + joint.nq)
@@ -166,17 +182,63 @@ def _replaced(source: TreeSource, chains: Mapping[str, Chain]) -> TreeSource:
             most = old.upperEffortLimit[v], old.upperVelocityLimit[v]
             limits = old.lowerPositionLimit[q], old.upperPositionLimit[q]
             parent = model.addJoint(parent, joint, placement, name, *most, *limits)
-        last[index] = parent
-        model.appendBodyToJoint(parent, old.inertias[index], pin.SE3.Identity())
+            placement = pin.SE3.Identity()
+        mounts[index] = int(parent), placement
+        model.appendBodyToJoint(parent, old.inertias[index], placement)
     for index, frame in list(enumerate(old.frames))[1:]:
-        ends = last[frame.parentJoint], frames[frame.parentFrame]
-        copy = pin.Frame(frame.name, *ends, frame.placement, frame.type)
+        joint, mount = mounts[frame.parentJoint]
+        place = mount * frame.placement
+        copy = pin.Frame(frame.name, joint, frames[frame.parentFrame], place, frame.type)
         frames[index] = model.addFrame(copy, False)
     carried = {
-        model.names[last[old.getJointId(name)]] if old.existJointName(name) else name: link
+        model.names[mounts[old.getJointId(name)][0]] if old.existJointName(name) else name: link
         for name, link in source.child_links.items()
+        if chains.get(name) != ()
     }
-    return replace(source, model=model, child_links=carried)
+    before = {
+        name: tuple(end for part in parts for end in taken.get(part, (part,)))
+        for name, parts in source.replaced.items()
+    }
+    return replace(
+        source,
+        model=model,
+        child_links=carried,
+        description=source.description.model_copy(update={"reference": reference}),
+        replaced=taken | before,
+    )
+
+
+def _start(
+    file: Path, model: pin.Model, name: str, reference: dict[str, Reference], chain: Chain
+) -> pin.SE3 | None:
+    """Take a joint's motion from the reference; None where that is of what takes its place."""
+    parts = [name + ending for ending, _ in chain]
+    joint, given = model.joints[model.getJointId(name)], reference.get(name)
+    if parts == [name] and isinstance(given, list) == (chain[0][1].nv > 1):
+        return None
+    if chain and (given is None or any(part in reference for part in parts if part != name)):
+        reference.pop(name, None)
+        return None
+    q = written_reference(file, model, {name: reference.pop(name)} if given is not None else {})
+    data = joint.createData()
+    joint.calc(data, q)
+    return data.M
+
+
+def _nearest(rotation: FloatArray, chain: Sequence[pin.JointModel]) -> list[Reference]:
+    """Values of a ball, or of hinges about axes of the frame, that come near to a rotation."""
+    axes = {kind().shortname(): np.eye(3)[k] for k, kind in enumerate(HINGES.values())}
+    if len(chain) == 1:
+        return [pin.Quaternion(rotation).coeffs().tolist()]
+    first, second = (axes[hinge.shortname()] for hinge in chain)
+    return [
+        _angle(first, second, rotation @ second),
+        -_angle(second, first, rotation.T @ first),
+    ]
+
+
+def _angle(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
+    return float(np.arctan2(axis @ np.cross(start, end), start @ end))
 
 
 # Values of joints.

@@ -28,6 +28,7 @@ from loopid.errors import RobotFileError
 from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
+from loopid.robot import LeftOut, shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint, Robot
@@ -106,6 +107,7 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
         couplings = _couplings(urdf)
         closures = _closing_frames([link.name for link in links]) + _loops(urdf.root, model)
         motors = _motors(urdf, mimics, couplings, looped=bool(closures))
+        terms, left_out = _joint_forces(urdf)
     children = {joint.child for joint in joints}
     root_link = next(link.name for link in links if link.name not in children)
     carried = {ROOT_JOINT: root_link} if floating_base else {}
@@ -123,7 +125,9 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
         description=Description(
             closures=[*closures, *(coupling for _, coupling in couplings), *mimics.values()],
             name_mot=motors,
+            joint_terms=terms,
         ),
+        left_out=tuple(left_out),
         notes=tuple(f"{label(tag)} is not read" for tag in urdf.root if tag.tag in UNREAD),
     )
 
@@ -526,6 +530,134 @@ def _ends(element: Element, links: Collection[str]) -> tuple[str, str]:
     if first == second:
         raise RobotFileError(f"link {first!r} is its predecessor and its successor")
     return first, second
+
+
+# Forces in joints: <dynamics>, transmissions, and what simulators add.
+
+# Attributes of <dynamics>, and tags of simulators, by the term that they are a coefficient of.
+COEFFICIENTS = {
+    "damping": "Fv",
+    "friction": "Fc",
+    "armature": "Ia",
+    "springStiffness": "Ks",
+    "spring_stiffness": "Ks",
+    "springReference": "slack",
+    "spring_reference": "slack",
+}
+REDUCTIONS = ("gear_ratio", "mechanicalReduction", "mechanical_reduction")
+ROTORS = ("rotor_inertia", "motorInertia", "motor_inertia")
+WEIGHTLESS = {"turnGravityOff": True, "gravity": False}  # what each must say
+# Tags of Drake that pull at links, and of Gazebo that slow them.
+PULLING = ("linear_bushing_rpy", "linear_spring_damper", "dampingFactor", "velocity_decay")
+
+
+def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
+    """Terms of the joints that the file gives values of, and forces that no model has."""
+    kinds = {joint.name: joint.type for joint in urdf.robot.joints}
+    given: dict[str, dict[str, float]] = {name: {} for name in kinds}
+    heavy = {link.name: link for link in urdf.robot.links if link.inertial is not None}
+    left_out, others = list[LeftOut](), dict[str, list[str]]()
+    for joint in urdf.root.findall("joint"):
+        name = required(joint, "name")
+        with naming(label(joint)):
+            for dynamics in joint.findall("dynamics"):
+                for key in dynamics.attrib:
+                    if key in COEFFICIENTS:
+                        given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
+                    else:
+                        others.setdefault(key, []).append(name)
+            given[name] |= _coefficients(joint)
+    for extension in urdf.root.findall("gazebo"):
+        name = (extension.get("reference") or "").strip()
+        if name in given:
+            given[name] |= _coefficients(extension)
+        for tag, weightless in WEIGHTLESS.items() if name in heavy else ():
+            if TRUTH.get(_said(extension, (tag,)).lower()) is weightless:
+                weights = {name: _weight(heavy[name])}
+                left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
+    for transmission in urdf.root.iter("transmission", "{*}transmission"):
+        _read_transmission(transmission, given, left_out)
+    left_out += [LeftOut(f"<{element.tag!s}>") for element in _all(urdf.root, PULLING)]
+    for key, names in others.items():
+        what = f"{key} in <dynamics> of {shortened(names)}: not known"
+        left_out.append(LeftOut(what, is_force=False))
+    terms = {}
+    for name, values in given.items():
+        if "slack" in values:  # Ks (q - q0) = Ks q + Fo
+            values["Fo"] = -values.get("Ks", 0.0) * values.pop("slack")
+        if kinds[name] in SEVERAL and any(values.values()):
+            what = " and ".join(f"{kind} {value:g}" for kind, value in values.items() if value)
+            left_out.append(LeftOut(f"{what} of the {kinds[name]} joint {name}"))
+        elif kinds[name] != "fixed" and any(values.values()):
+            terms[name] = values
+    return terms, left_out
+
+
+def _read_transmission(
+    transmission: Element, given: dict[str, dict[str, float]], left_out: list[LeftOut]
+) -> None:
+    """Inertia of the rotor behind the reduction, of a transmission of one joint."""
+    joints = [(joint.get("name") or "").strip() for joint in _all(transmission, ("joint",))]
+    driven = [name for name in dict.fromkeys(joints) if name in given]
+    texts = {
+        what: _said(transmission, tags)
+        for what, tags in (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))
+    }
+    listed = ", ".join(f"{what} {text}" for what, text in texts.items() if text)
+    if not driven or not listed:
+        return
+    try:
+        ratio, rotor = (
+            float(text) if text else default
+            for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
+        )
+        inertia = rotor * ratio**2
+    except (ValueError, OverflowError):
+        inertia = math.nan
+    if len(driven) > 1 or not math.isfinite(inertia):
+        left_out.append(LeftOut(f"{listed} of the transmission of {', '.join(driven)}"))
+        return
+    if inertia:
+        given[driven[0]]["Ia"] = given[driven[0]].get("Ia", 0.0) + inertia
+    if ratio != 1:
+        what = f"reduction {ratio:g} of the transmission of {driven[0]}"
+        left_out.append(LeftOut(f"{what}: logs count at the joint", is_force=False))
+
+
+def _coefficients(element: Element) -> dict[str, float]:
+    """Coefficients that simulators write as tags of their own inside an element."""
+    found = {}
+    for tag, kind in COEFFICIENTS.items():
+        text = _said(element, (tag,))
+        if text:
+            try:
+                found[kind] = float(text)
+            except ValueError:
+                raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}") from None
+    return found
+
+
+def _said(element: Element, tags: Collection[str]) -> str:
+    """The value or text of the first tag of some below an element, whatever its namespace."""
+    for found in _all(element, tags):
+        return (found.get("value") or found.text or "").strip()
+    return ""
+
+
+def _all(element: Element, tags: Collection[str]) -> Iterator[Element]:
+    return (found for found in element.iterdescendants("*") if _local(found) in tags)
+
+
+def _local(element: Element) -> str:
+    """A tag without its namespace or prefix."""
+    return re.split("[}:]", str(element.tag))[-1]
+
+
+def _weight(link: Any) -> tuple[float, ...]:
+    """Mass and centre of mass of a link."""
+    inertial = link.inertial
+    centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
+    return float(inertial.mass), *map(float, centre)
 
 
 # Motors.

@@ -1,9 +1,8 @@
 """What was measured: logs of positions and forces, made ready for identification."""
 
-from loopid.logs.filtering import default_lowpass
 from loopid.logs.log import Log, read_log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.recording import Recording, prepare_recording
+from loopid.logs.recording import Recording, default_lowpass, prepare_recording
 from loopid.logs.streams import Dropped
 
 __all__ = [

@@ -14,7 +14,6 @@ from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, LogError, MissingFileError, OptionError
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
-from loopid.logs.checks import check_moving, checked_stream
 from loopid.logs.formats import (
     FolderFormat,
     Hdf5Format,
@@ -25,7 +24,7 @@ from loopid.logs.formats import (
     stream_name,
 )
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
-from loopid.logs.streams import Dropped, Stream, align, make_stream
+from loopid.logs.streams import Dropped, Stream, align, check_moving, checked_stream, make_stream
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 

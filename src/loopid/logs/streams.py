@@ -1,4 +1,4 @@
-"""Streams of a log: values of the motors in SI units at time stamps, put on one even grid.
+"""Streams of a log: values of the motors in SI units at time stamps, checked, on one even grid.
 
 The grid follows the stream of the positions, at the median rate of its stamps. A gap in any
 stream ends a stretch of the grid. Between the stamps of a stream its values are interpolated
@@ -17,6 +17,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
 from loopid.logs.mapping import Channel, TimeColumn
+from loopid.robot import Mechanism
 from loopid.scratch import Spool, empty_columns, mapped_rows, release_pages
 
 # Fraction of the rows that may be left out before a log is refused.
@@ -25,6 +26,21 @@ MOST_BAD_ROWS = 0.1
 LEAST_ROWS = 4
 # Rows that a message names.
 MOST_NAMED = 5
+# Median steps (s) that a log may have: others mean that the unit of the time is another.
+SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.2
+OTHER_UNITS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
+# Of the range of a joint: how far outside its limits a value may be without a word, and from how
+# far on it is no position of the joint.
+OUTSIDE, FAR_OUTSIDE = 1e-3, 1.0
+# Fraction of the values that a change of unit must bring inside.
+FITTING = 0.9
+# From the smallest change on, as limits around zero hold whatever is small.
+UNITS_OF_LENGTH = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
+UNITS_OF_ANGLE = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
+# Forces this many times their 99th percentile are no forces.
+GLITCH = 100.0
+# Relative excess over a limit that is round-off of how it was written.
+EXCESS = 1e-3
 # A step between stamps longer than so many median steps is a gap.
 GAP_PERIODS = 5.0
 
@@ -144,6 +160,143 @@ def rows_text(rows: IntArray) -> str:
     named = ", ".join(map(str, rows[:MOST_NAMED].tolist()))
     more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
     return f"row{'s' if len(rows) > 1 else ''} {named}{more}"
+
+
+# ---- what the robot lets expect ------------------------------------------------------------
+
+
+def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
+    _check_stamps(stream)
+    stream = _inside_limits(mechanism, stream)
+    stream = _without_glitches(stream)
+    stream = _unwrapped(mechanism, stream)
+    seconds = np.diff(stream.stamps) / 1e9
+
+    def limit_of(limits: FloatArray, joint: str) -> float:
+        value = float(limits[mechanism.velocity_indices([joint])[0]])
+        return value if value > 0 else np.inf  # zero stands for none, as exporters write it
+
+    model = mechanism.model
+    for joint, values in stream.signals("position"):
+        limit = limit_of(model.upperVelocityLimit, joint)
+        speed = np.abs(np.diff(values)) / seconds
+        fast = np.flatnonzero(speed > limit * (1 + EXCESS))
+        if len(fast):
+            warn(
+                f"{stream.source}: {joint} moves faster than its limit of {limit:g} per s "
+                f"before {rows_text(stream.rows[fast + 1])}, at worst {speed.max():.3g} per s",
+                LogWarning,
+            )
+    for joint, values in stream.signals("force"):
+        limit = limit_of(model.upperEffortLimit, joint)
+        strong = np.abs(values) > limit * (1 + EXCESS)
+        if strong.any():
+            warn(
+                f"{stream.source}: the force of {joint} exceeds its effort limit of {limit:g} in "
+                f"{rows_text(stream.rows[strong])}, at worst {np.abs(values).max():.4g}",
+                LogWarning,
+            )
+    return stream
+
+
+def check_moving(streams: Sequence[Stream]) -> None:
+    """Warn of joints whose position or force never changes; refuse when no position does."""
+    source = streams[0].source
+    for quantity in ("position", "force"):
+        signals = (signal for stream in streams for signal in stream.signals(quantity))
+        moves = {joint: bool(np.ptp(values)) for joint, values in signals}
+        dead = [joint for joint, moved in moves.items() if not moved]
+        if quantity == "position" and len(dead) == len(moves):
+            raise LogError(f"{source}: no position ever changes, so nothing moves")
+        if dead:
+            warn(
+                f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
+                LogWarning,
+            )
+
+
+def _check_stamps(stream: Stream) -> None:
+    """Refuse stamps that do not increase, or too fast or slowly for a log."""
+    steps = np.diff(stream.stamps)
+    wrong = np.flatnonzero(steps <= 0)
+    if len(wrong):
+        same = int((steps[wrong] == 0).sum())
+        raise LogError(
+            f"{stream.source}: time must increase from row to row, but goes back "
+            f"{len(wrong) - same} times and stands still {same} times, in "
+            f"{rows_text(stream.rows[wrong + 1])}"
+        )
+    step = float(np.median(steps)) / 1e9
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        fitting = [f for f in OTHER_UNITS if SHORTEST_STEP <= step * f <= LONGEST_STEP]
+        factors = " or ".join(f"{factor:g}" for factor in fitting)
+        raise LogError(
+            f"{stream.source}: the median step between time stamps is {step:.3g} s, but must be "
+            f"from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s: give the unit of the time in a mapping"
+            f"{f'; times {factors} it would fit' if factors else ''}"
+        )
+
+
+def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
+    """The stream without rows where a position is far outside the limits of its joint."""
+    lost = np.zeros(len(stream.rows), dtype=bool)
+    for joint, values in stream.signals("position"):
+        lower, upper = mechanism.limits(joint)
+        if not lower < upper:  # limits that leave no room are none
+            continue
+        if lower <= values.min() and values.max() <= upper:
+            continue
+        distance = np.maximum(lower - values, values - upper)
+        outside = distance > OUTSIDE * (upper - lower)
+        far = distance > FAR_OUTSIDE * (upper - lower)
+        refused = far.sum() > MOST_BAD_ROWS * len(values)
+        told = far if refused else outside & ~far
+        if told.any():
+            said = (
+                f"{stream.source}: {joint} is outside its limits [{lower:g}, {upper:g}] in "
+                f"{rows_text(stream.rows[told])} of {len(values)}, at worst "
+                f"{values[told][np.argmax(distance[told])]:g}"
+            )
+            if refused:
+                straight = mechanism.velocity_indices([joint])[0] in mechanism.prismatic
+                raise LogError(f"{said}; {_advice(straight, lower, upper, values)}")
+            warn(f"{said}: kept", LogWarning)
+        lost |= far
+    return stream.without(lost, "positions far outside the limits of their joints")
+
+
+def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
+    """What change of unit or origin would bring values (R,) inside limits."""
+    for name, factor in (UNITS_OF_LENGTH if straight else UNITS_OF_ANGLE).items():
+        scaled = values * factor
+        if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
+            return f"times {name} they would fit: give position_scale in a mapping"
+    if np.ptp(values) <= upper - lower:
+        return "with position_offset in a mapping they would fit"
+    return "no change of unit brings them inside: are they those of another joint?"
+
+
+def _without_glitches(stream: Stream) -> Stream:
+    """The stream without rows where a force is out of all proportion."""
+    bad = np.zeros(len(stream.rows), dtype=bool)
+    for _, values in stream.signals("force"):
+        sizes = np.abs(values)
+        usual = np.percentile(sizes, 99)
+        if usual > 0:
+            bad |= sizes > GLITCH * usual
+    return stream.without(bad, f"forces more than {GLITCH:g} times their 99th percentile")
+
+
+def _unwrapped(mechanism: Mechanism, stream: Stream) -> Stream:
+    """The stream with joints that turn without end counted on, not reset after each turn."""
+    values = tuple(
+        np.unwrap(signal)
+        if what.quantity == "position" and mechanism.joint(what.joint).nq == 2
+        else signal
+        for what, signal in zip(stream.channels, stream.values, strict=True)
+    )
+    return replace(stream, values=values)
 
 
 # ---- one grid ---------------------------------------------------------------------------------

@@ -11,9 +11,7 @@ from loopid.arrays import FloatArray, IntArray
 from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitSamples
 from loopid.logs import Log, Recording, prepare_recording
-from loopid.paper.printed import FORCE_NOISE, TABLE_II
-from loopid.paper.structure import rows_of_table_ii
-from loopid.progress import Progress
+from loopid.paper.structure import FORCE_NOISE, TABLE_II, rows_of_table_ii
 from loopid.regressors import ForceParts, JointTerms, force_parts
 from loopid.robot import Mechanism
 from loopid.seeds import derived_seed, random_generator
@@ -26,6 +24,7 @@ from loopid.trajectories import (
     read_motion_program,
     review_motion,
 )
+from loopid.workers import Progress
 
 # Friction of the motors, fitted to the real robot's public logs; limb 4 hardly shows its viscous
 # part there, so that one is assumed (docs/paper.md). N, and N s/m.

@@ -74,12 +74,12 @@ def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
     with drawing(height=2.2) as (figure, axes):
         ax = axes[0, 0]
         for some, color, label in (
-            (number <= first, BLUE, r"$p_i$ (eq. 12), 95 %"),
+            (number <= first, BLUE, "pᵢ (eq. 12), 95 %"),
             (number > first, LIGHT_BLUE, None),
         ):
             reach = simulated.influence_reach[some]
             ax.bar(number[some], simulated.influence[some], yerr=reach, color=color, label=label)
-        explained = r"explained: $1 - \|T - A_i\|/\|T\|$"
+        explained = "explained: 1 − ‖T − Aᵢ‖ / ‖T‖"
         ax.plot(number, simulated.explained, "o-", color=RED, markersize=3, label=explained)
         ax.axhline(100.0, color=GREY, linewidth=0.6)
         ax.set(xlabel="first i base parameters, order of Table II", ylabel="% of the forces")

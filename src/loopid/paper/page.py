@@ -14,7 +14,6 @@ from loopid.base_parameters import expression
 from loopid.identification import FitResult
 from loopid.paper.experiment import ForceShares
 from loopid.paper.figures import CAPTIONS, paper_figures
-from loopid.paper.printed import CONDITION_NUMBERS, TABLE_I, TABLE_II, TABLE_IV, TABLE_V, TIMES
 from loopid.paper.reproduction import (
     EIGHT,
     LEVEL,
@@ -24,7 +23,15 @@ from loopid.paper.reproduction import (
     SimulatedFit,
     TwoSteps,
 )
-from loopid.paper.structure import BaseComparison
+from loopid.paper.structure import (
+    CONDITION_NUMBERS,
+    TABLE_I,
+    TABLE_II,
+    TABLE_IV,
+    TABLE_V,
+    TIMES,
+    BaseComparison,
+)
 from loopid.report import markdown_table, motions_record, motions_tables, plain_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
@@ -69,7 +76,8 @@ NOTES = {
 }
 STAND_IN = (
     "No log of the real robot was given: a simulated robot stands in for it, whose masses and "
-    "inertias differ from the robot file by 10 %. Figures 5 and 6 show its first trajectory."
+    "inertias are drawn about the robot file's with a standard deviation of 10 %. Figures 5 and 6 "
+    "show its first trajectory."
 )
 
 

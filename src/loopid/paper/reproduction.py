@@ -37,10 +37,14 @@ from loopid.paper.experiment import (
     simulate_stand_in,
     with_noise,
 )
-from loopid.paper.printed import TABLE_IV
-from loopid.paper.structure import BaseComparison, compare_base_parameters, measured_geometry
-from loopid.progress import Progress
+from loopid.paper.structure import (
+    TABLE_IV,
+    BaseComparison,
+    compare_base_parameters,
+    measured_geometry,
+)
 from loopid.seeds import derived_seed
+from loopid.workers import Progress
 
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]

@@ -11,17 +11,18 @@ from loopid.regressors.closed_loop import (
     standard_values,
     tree_regressor,
 )
-from loopid.regressors.joint_terms import JOINT_TERMS, JointState, JointTerm, JointTerms
+from loopid.regressors.file_physics import FileForce, file_forces, warn_of_omitted
+from loopid.regressors.joint_terms import OF_FILE, JointTerms
 from loopid.regressors.structural import structural_observation
 
 __all__ = [
-    "JOINT_TERMS",
+    "OF_FILE",
+    "FileForce",
     "ForceParts",
-    "JointState",
-    "JointTerm",
     "JointTerms",
     "Observation",
     "dynamic_regressor",
+    "file_forces",
     "force_parts",
     "gravity_regressor",
     "motion_parameters",
@@ -29,4 +30,5 @@ __all__ = [
     "standard_values",
     "structural_observation",
     "tree_regressor",
+    "warn_of_omitted",
 ]

@@ -10,12 +10,11 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.kinematics import closed_motion, configuration_batches, random_motions
 from loopid.observation import Observation
-from loopid.progress import Progress
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
-from loopid.threads import one_blas_thread
+from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4

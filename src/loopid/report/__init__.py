@@ -23,7 +23,7 @@ from loopid.report.structure import (
     motions_record,
     motions_tables,
 )
-from loopid.report.tables import markdown_table, plain_table
+from loopid.report.tables import json_text, markdown_table, plain_table
 
 __all__ = [
     "BLUE",
@@ -38,6 +38,7 @@ __all__ = [
     "identification_files",
     "identification_record",
     "identification_tables",
+    "json_text",
     "markdown_table",
     "motions_record",
     "motions_tables",

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, cast
 
+from rich.cells import cell_len
+
 from loopid.arrays import IntArray, spread_rows
-from loopid.errors import MissingExtraError
+from loopid.errors import MissingExtraError, one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +37,11 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
     "svg.hashsalt": "loopid",
     "svg.fonttype": "path",
+    "text.parse_math": False,  # names may hold anything
 }
+# Of figures with names that the font lacks, which are boxes there, or that leave no room.
+HARMLESS = "Glyph .* missing from font", "constrained_layout not applied"
+LONGEST = 50  # characters of a name that is drawn
 
 
 def require_matplotlib() -> None:
@@ -77,14 +84,25 @@ def drawing(rows: int = 1, columns: int = 1, height: float = 1.6) -> Iterator[tu
 def rendered(figure: Figure, name: str) -> dict[str, bytes]:
     """The figure as ``name.svg`` and ``name.png``; the same bytes every time."""
     files = {}
-    for kind, options in (
-        ("svg", {"metadata": {"Date": None}}),
-        ("png", {"dpi": RESOLUTION, "metadata": {"Software": None}}),
-    ):
-        stream = io.BytesIO()
-        figure.savefig(stream, format=kind, **options)
-        files[f"{name}.{kind}"] = stream.getvalue()
+    with warnings.catch_warnings():
+        for message in HARMLESS:
+            warnings.filterwarnings("ignore", message)
+        for kind, options in (
+            ("svg", {"metadata": {"Date": None}}),
+            ("png", {"dpi": RESOLUTION, "metadata": {"Software": None}}),
+        ):
+            stream = io.BytesIO()
+            figure.savefig(stream, format=kind, **options)
+            files[f"{name}.{kind}"] = stream.getvalue()
     return files
+
+
+def drawn(name: str, longest: int = LONGEST) -> str:
+    """A name as it is drawn: printable, its middle left out where it is too long."""
+    line = one_line(name)
+    width = cell_len(line)  # characters of some scripts are twice as wide
+    half = longest * len(line) // max(2 * width, 1)
+    return line if width <= longest else f"{line[:half]}…{line[-half:]}"
 
 
 def thinned(count: int) -> IntArray:
@@ -92,10 +110,10 @@ def thinned(count: int) -> IntArray:
     return spread_rows(count, MOST_POINTS)
 
 
-def plain_log_labels(axes: Axes) -> None:
-    """Label a logarithmic axis with 1, 2, 5, 10 rather than powers."""
+def plain_log_labels(axes: Axes, subdivisions: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
+    """Label a logarithmic axis with 1, 2, 5, 10, or others, in plain text."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_locator(LogLocator(subs=subdivisions))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())

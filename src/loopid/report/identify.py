@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from loopid.report.tables import json_value, markdown_table, plain_table
+from loopid.report.tables import (
+    json_text,
+    json_value,
+    markdown_table,
+    markdown_text,
+    plain_table,
+)
 
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
@@ -125,7 +130,7 @@ def findings(found: Identification) -> list[str]:
     said.append(
         f"{len(essential)} of {len(found.fit.parameters)} parameters are essential for "
         "predictions; their ± holds if the others are as in the robot file, and joint terms that "
-        "are left out are zero."
+        "it gives no value of are zero."
     )
     return said
 
@@ -209,7 +214,7 @@ def _essential_table(found: Identification) -> Table:
     result, prior = found.reduction.result, found.force_model.prior
     joints = set(found.force_model.joint_columns)
     for column, estimate in zip(found.reduction.columns, result.estimates, strict=True):
-        known = "-" if column in joints else f"{prior[column]:.4g}"
+        known = f"{prior[column]:.4g}" if prior[column] or column not in joints else "-"
         numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
         table.add_row(found.force_model.base.expressions[column], *numbers, estimate.unit)
     return table
@@ -270,13 +275,13 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
     from loopid.saved import SavedFit
 
     record = identification_record(found)
-    parts = [f"# Identification of {found.force_model.mechanism.name}", ""]
+    parts = [f"# Identification of {markdown_text(found.force_model.mechanism.name)}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]
     parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
     fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
     return {
         "report.md": "\n".join(parts),
-        "identification.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n",
+        "identification.json": json_text(record) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()

@@ -12,6 +12,7 @@ from loopid.report.figures import (
     ORANGE,
     RED,
     drawing,
+    drawn,
     plain_log_labels,
     rendered,
     thinned,
@@ -19,6 +20,7 @@ from loopid.report.figures import (
 
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
+LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
 def identification_figures(found: Identification) -> dict[str, bytes]:
@@ -43,7 +45,7 @@ def draw_forces(found: Identification) -> dict[str, bytes]:
             ends = line - reach[:, k], line + reach[:, k]
             ax.plot(time, line, color=RED)
             ax.fill_between(time, *ends, color=RED, alpha=0.3, linewidth=0)
-            ax.set(title=joint, ylabel=f"force ({force_unit(found, joint)})")
+            ax.set(title=drawn(joint), ylabel=f"force ({force_unit(found, joint)})")
         axes[-1, 0].set_xlabel("time (s)")
         labels = ("measured", "robot file, joint terms", "essential", "its 95 % interval")
         handles = [*axes[0, 0].lines, *axes[0, 0].collections]
@@ -81,6 +83,7 @@ def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
         names = [name for name, drawn in zip(labels, there, strict=True) if drawn]
         ax.set(yscale="log", xlabel="combination of parameters", ylabel="effect on forces (%)")
         ax.set_title("singular spectrum: one size of each combination")
+        plain_log_labels(ax, (1.0,))
         figure.legend(handles, names, loc="outside lower center", ncols=2)
         return rendered(figure, "spectrum")
 
@@ -97,7 +100,10 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
         bars = (reach / error)[bodies]
         ax.errorbar(offset, place, xerr=bars, fmt="o", color=BLUE, markersize=3, linewidth=1)
         ax.axvline(0.0, color=GREY, linewidth=0.8)
-        names = [f"{labels[j]}  ±{reach[j]:.2g} {found.fit.parameters[j].unit}" for j in bodies]
+        names = [
+            f"{drawn(labels[j], LONGEST_LABEL)}  ±{reach[j]:.2g} {found.fit.parameters[j].unit}"
+            for j in bodies
+        ]
         ax.set_yticks(place, names)
         figure.suptitle("base parameters against the robot file", fontsize=8)
         figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)

@@ -19,6 +19,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.parameters import NamedLength
+from loopid.regressors import OF_FILE, FileForce, file_forces
 from loopid.report.tables import json_value, plain_table
 from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
-    *("nodes", "ties", "tolerance", "seconds"),
+    *("nodes", "ties", "tolerance", "reason", "seconds"),
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
@@ -64,6 +65,19 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
+        "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
+    }
+
+
+def _file_force(force: FileForce) -> dict[str, Any]:
+    return {
+        "what": force.what,
+        "joint": force.joint or None,
+        "term": force.kind or None,
+        "value": json_value(force.value),
+        "unit": force.unit or None,
+        "relative_size": json_value(force.size),
+        "included_by": f"--terms {OF_FILE}" if force.kind else None,
     }
 
 
@@ -126,7 +140,22 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         name = " - ".join(closure["frames"]) or closure["name"]
         numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
         closures.add_row(name, closure["type"], *numbers)
-    return [joints, *([closures] if record["closures"] else []), _summary_table(record)]
+    tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
+    return tables + ([_left_out_table(record)] if record["in_file_not_in_model"] else [])
+
+
+def _left_out_table(record: dict[str, Any]) -> Table:
+    columns = ("", ">value", ">of the rigid-body forces", "included by")
+    table = plain_table("in the file, not in the model of rigid bodies", *columns)
+    for force in record["in_file_not_in_model"]:
+        value, size = force["value"], force["relative_size"]
+        table.add_row(
+            force["what"],
+            "" if value is None else f"{value:.4g} {force['unit']}",
+            "" if size is None else f"{size:.2g}",
+            force["included_by"] or "nothing",
+        )
+    return table
 
 
 def _summary_table(record: dict[str, Any]) -> Table:
@@ -249,7 +278,7 @@ def _findings(record: dict[str, Any]) -> Table:
 
 def certificate(search: dict[str, Any]) -> str:
     """What is proven about a search's answer, in words."""
-    gap = search["gap"]
+    gap, why = search["gap"], f" ({search['reason']})" if search["reason"] else ""
     if search["certified"]:
         if search["ties"] is None:
             return "proven best (ties too many to count)"
@@ -257,10 +286,13 @@ def certificate(search: dict[str, Any]) -> str:
         others = "the only one" if alone else f"one of {search['ties']:,} equally good"
         return f"proven best, {others}"
     if gap is None:
-        return "not certified: a better choice may exist"
+        return f"not certified{why}: a better choice may exist"
+    if gap == 1:
+        return f"proven best{why}: which of the best is named may differ elsewhere"
     if gap >= 2:
-        return f"not certified: at most {_rounded_up(gap)} times the least possible"
-    return f"not certified: at most {_rounded_up(100 * (gap - 1))} % above the least possible"
+        return f"not certified{why}: at most {_rounded_up(gap)} times the least possible"
+    percent = _rounded_up(100 * (gap - 1))
+    return f"not certified{why}: at most {percent} % above the least possible"
 
 
 def _rounded_up(value: float) -> str:

@@ -1,56 +1,75 @@
-"""One look for all tables, in the terminal and as Markdown."""
+"""One look for all tables, in the terminal and as Markdown, and records as JSON.
+
+Names come from files of any origin: nothing in them may steer a terminal or be live on a page.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from typing import Any
 
 import numpy as np
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
+
+from loopid.errors import one_line
+
+# What Markdown or HTML may take for markup: written as entities, which never are.
+MARKUP = re.compile(r"[&<>\[\]|\\`*~$]|(?<![^\W_])_+|_+(?![^\W_])|(?<=\w):(?=//)")
 
 
 class PlainTable(Table):
     """A table that shows its cells as they are: names may hold what rich takes for markup."""
 
     def add_row(self, *cells: object, **options: Any) -> None:
-        super().add_row(*(escape(str(cell)) for cell in cells), **options)
+        super().add_row(*(plain_text(str(cell)) for cell in cells), **options)
+
+
+def plain_text(text: str, style: str = "") -> Text:
+    """Text that is printed as it is, what is not printable but ends of lines as escapes."""
+    return Text("\n".join(map(one_line, text.split("\n"))), style)
 
 
 def plain_table(title: str, *columns: str) -> PlainTable:
     """A table with a title and columns; a name that begins with ``>`` is aligned right."""
     headed = any(name.strip(">") for name in columns)
     table = PlainTable(
-        title=escape(title),
+        title=plain_text(title, "bold") if title else None,
         title_justify="left",
-        title_style="bold",
         box=box.SIMPLE_HEAD if headed else box.SIMPLE,
         show_header=headed,
     )
     for name in columns:
-        table.add_column(name.removeprefix(">"), justify="right" if name[:1] == ">" else "left")
+        side: Any = "right" if name[:1] == ">" else "left"
+        table.add_column(name.removeprefix(">"), justify=side, overflow="fold")
     return table
 
 
 def markdown_table(table: Table) -> str:
-    """A rich table with plain cells as a Markdown table under its title."""
-
-    def plain(value: object) -> str:
-        return Text.from_markup(str(value)).plain
-
-    def cell(value: object) -> str:
-        return plain(value).replace("|", r"\|").replace("\n", " ")
-
-    columns = [[cell(value) for value in column.cells] for column in table.columns]
-    head = [cell(column.header) for column in table.columns]
+    """A table as Markdown under its title."""
+    columns = [[markdown_text(str(cell)) for cell in column.cells] for column in table.columns]
+    head = [markdown_text(str(column.header)) for column in table.columns]
     rules = ["---:" if column.justify == "right" else "---" for column in table.columns]
     lines = [head, rules, *map(list, zip(*columns, strict=True))]
     body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    title = f"**{plain(table.title)}**\n\n" if table.title else ""
-    caption = f"\n{plain(table.caption)}\n" if table.caption else ""
+    title = f"**{markdown_text(str(table.title))}**\n\n" if table.title else ""
+    caption = f"\n{markdown_text(str(table.caption))}\n" if table.caption else ""
     return f"{title}{body}\n{caption}"
+
+
+def markdown_text(text: str) -> str:
+    """Text that Markdown shows as it is, on one line."""
+    line = one_line(text.replace("\n", " "))
+    return MARKUP.sub(lambda found: "".join(f"&#{ord(c)};" for c in found[0]), line)
+
+
+def json_text(record: Any) -> str:
+    """A record as JSON; what is not printable, such as a terminal's control codes, as escapes."""
+    text = json.dumps(record, indent=2, ensure_ascii=False)
+    return re.sub(r"[^\n]", lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text)
 
 
 def json_value(value: Any) -> Any:

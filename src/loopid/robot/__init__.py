@@ -9,6 +9,7 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
+from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     ROTATIONS,
@@ -21,6 +22,7 @@ from loopid.robot.mechanism import (
     in_groups,
     inertia_defects,
     lock_options,
+    shortened,
     tie_indices,
     tie_matrix,
     unequal_links,
@@ -28,12 +30,16 @@ from loopid.robot.mechanism import (
 
 __all__ = [
     "CLOSURE_KINDS",
+    "JOINT_TERMS",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",
     "FramePair",
     "InertiaDefect",
     "JointCoupling",
+    "JointState",
+    "JointTerm",
+    "LeftOut",
     "LinkGroup",
     "LoopClosure",
     "Mechanism",
@@ -45,6 +51,7 @@ __all__ = [
     "lock_options",
     "named_lengths",
     "relative_quaternion",
+    "shortened",
     "tie_indices",
     "tie_matrix",
     "unequal_links",

@@ -10,8 +10,12 @@ from loopid.trajectories.joint_motion import (
     review_motion,
 )
 from loopid.trajectories.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
-from loopid.trajectories.program import MotionProgram, PlannedMotion, read_motion_program
-from loopid.trajectories.reference import read_reference
+from loopid.trajectories.motion_files import (
+    MotionProgram,
+    PlannedMotion,
+    read_motion_program,
+    read_reference,
+)
 
 __all__ = [
     "Arc",

@@ -19,23 +19,28 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import IntArray
-from loopid.base_parameters.search.block import Block, Levels, split
 from loopid.base_parameters.search.guess import FRACTIONS, good_selection, walked
 from loopid.base_parameters.search.problem import (
+    NOTHING,
     TIE_TOLERANCE,
     ChoiceProblem,
     Exclusion,
+    Readability,
     SearchResult,
     SearchStrategy,
+    most_readable,
+    readabilities,
 )
-from loopid.base_parameters.search.ties import NOTHING, Readability, most_readable, readabilities
 from loopid.base_parameters.search.tree import (
     UNIT_ROUND_OFF,
+    Block,
     Budget,
     Leaves,
+    Levels,
     OutOfBudgetError,
     margin,
     selections_between,
+    split,
 )
 from loopid.errors import OptionError
 
@@ -80,8 +85,9 @@ class ExactSearch(SearchStrategy):
         self.time_limit, self.record = time_limit, record
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
+        budget = Budget(perf_counter() + self.time_limit)
         blocks, apart = split(problem)
-        interval = _Interval(blocks, apart, Budget(perf_counter() + self.time_limit), self.record)
+        interval = _Interval(blocks, apart, budget, self.record)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
         if interval.tolerance <= MOST_TOLERANCE:
@@ -125,7 +131,7 @@ class _Interval:
         self.blocks, self.budget, self.keep = blocks, budget, keep
         self.record: list[Exclusion] = []
         least_largest = max(block.least_largest for block in blocks)
-        self.best = [good_selection(block, least_largest) for block in blocks]
+        self.best = [good_selection(block, budget, least_largest) for block in blocks]
         self._known = [
             [(own, block.levels(own))] for block, own in zip(blocks, self.best, strict=True)
         ]
@@ -275,7 +281,7 @@ class _Interval:
     def _polished(self, b: int, selection: IntArray, below: float) -> IntArray:
         """The selection after swaps that raise its smallest eigenvalue, if it stays below."""
         block = self.blocks[b]
-        better = walked(block, selection, FRACTIONS[-1])
+        better = walked(block, selection, self.budget, FRACTIONS[-1])
         before, after = block.levels(selection), block.levels(better)
         if after.largest < below and after.smallest > before.smallest:
             selection, before = better, after
@@ -340,7 +346,8 @@ def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bo
             if len(dependent) * len(interval.tied) == 1:  # nothing to compare
                 choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
                 continue
-            choice += most_readable(readabilities(block.null_basis, dependent, block.columns))
+            batches = readabilities(block.null_basis, dependent, block.columns)
+            choice += most_readable(interval.budget.checking(batches))
         choices.append(choice)
         ties = ties + ways if ways and (ties or len(choices) == 1) else 0
     return most_readable(choices), None if near else ties or None, near

@@ -28,11 +28,11 @@ from loopid.base_parameters.search.problem import (
     SearchResult,
     SearchStrategy,
     condition_numbers,
+    most_readable,
+    readabilities,
 )
-from loopid.base_parameters.search.ties import most_readable, readabilities
 from loopid.errors import OptionError, SearchError
-from loopid.progress import Progress
-from loopid.threads import one_blas_thread
+from loopid.workers import Progress, one_blas_thread
 
 MOST_CANDIDATES = 2_000_000_000
 CHUNK = 1 << 14  # combinations whose matrices are in memory together

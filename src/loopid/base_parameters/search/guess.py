@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from math import comb
 
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.base_parameters.search.block import Block, Levels
 from loopid.base_parameters.search.qr import pivots
+from loopid.base_parameters.search.tree import Block, Budget, Levels, OutOfBudgetError
 from loopid.seeds import random_generator
 
 BELOW, ABOVE = 1.0, -1.0
@@ -38,12 +38,14 @@ LARGE, KICKS, KICK_SWAPS, KICK_VOLUME = 36, 20, 4, 0.3
 HUGE = 300  # vectors of blocks whose walks take longer than they are worth repeating
 
 
-def good_selection(block: Block, least_largest: float = 0.0) -> IntArray:
+def good_selection(block: Block, budget: Budget, least_largest: float = 0.0) -> IntArray:
     """A selection with a low ratio of largest to smallest eigenvalue, often the lowest.
 
     Parameters
     ----------
     block : Block
+    budget : Budget
+        Its deadline ends the walks, not the first guess.
     least_largest : float
         Largest eigenvalues below this are no better than this one.
 
@@ -65,17 +67,25 @@ def good_selection(block: Block, least_largest: float = 0.0) -> IntArray:
         levels = block.levels(selection)
         return Levels(levels.smallest, max(levels.largest, least_largest)).ratio
 
-    walks = [walked(block, best, fraction, sides) for fraction in FRACTIONS for sides in SIDES]
-    best = min([best, *walks], key=ratio)
-    random = random_generator(block.size)
-    for kick in range(KICKS if LARGE < block.size <= HUGE else 0):
-        start = _kicked(block, best, random)
-        best = min(best, walked(block, start, FRACTIONS[-1], SIDES[kick % 2]), key=ratio)
+    first, random = best, random_generator(block.size)
+    try:
+        for fraction, sides in product(FRACTIONS, SIDES):
+            best = min(best, walked(block, first, budget, fraction, sides), key=ratio)
+        for kick in range(KICKS if LARGE < block.size <= HUGE else 0):
+            start = _kicked(block, best, random)
+            walk = walked(block, start, budget, FRACTIONS[-1], SIDES[kick % 2])
+            best = min(best, walk, key=ratio)
+    except OutOfBudgetError:
+        pass
     return best
 
 
 def walked(
-    block: Block, selection: IntArray, fraction: float, sides: Sequence[float] = (BELOW,)
+    block: Block,
+    selection: IntArray,
+    budget: Budget,
+    fraction: float,
+    sides: Sequence[float] = (BELOW,),
 ) -> IntArray:
     """Swap until the potential is at rest, close in with the barriers, and so on.
 
@@ -84,6 +94,10 @@ def walked(
     IntArray
         (k,), ascending: of the selections at rest the one with the highest smallest eigenvalue,
         or with barriers on both sides the one with the lowest ratio; the given one if that is it.
+
+    Raises
+    ------
+    OutOfBudgetError
     """
     chosen, best, least = selection, selection, np.inf
     for _ in range(MOST_STAGES):
@@ -100,15 +114,18 @@ def walked(
             level = outermost * fraction if side == BELOW else outermost / fraction
             # The weight makes the potential a number without unit.
             barriers.append((outermost, Barrier.at(level, block.vectors, chosen, side)))
-        chosen = _at_rest(barriers, chosen)
+        chosen = _at_rest(barriers, chosen, budget)
     return np.sort(best)
 
 
-def _at_rest(barriers: Sequence[tuple[float, Barrier]], selection: IntArray) -> IntArray:
+def _at_rest(
+    barriers: Sequence[tuple[float, Barrier]], selection: IntArray, budget: Budget
+) -> IntArray:
     """The best swap of all, again and again, while it lowers the weighted potentials."""
     chosen = selection.copy()
     rest = np.setdiff1d(np.arange(len(barriers[0][1].first)), chosen)
     for _ in range(MOST_SWAPS if len(rest) else 0):
+        budget.check()
         changes = np.sum([weight * it.changes(chosen, rest) for weight, it in barriers], axis=0)
         place, other = np.unravel_index(changes.argmin(), changes.shape)
         potential = sum(weight * barrier.potential for weight, barrier in barriers)

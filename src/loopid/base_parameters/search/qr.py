@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray
-from loopid.base_parameters.regrouping import base_columns
 from loopid.base_parameters.search.problem import ChoiceProblem, SearchResult, SearchStrategy
+from loopid.base_parameters.structure import base_columns
 
 # Remaining norms that differ by less than this fraction are equal: the first vector is taken.
 EQUAL_NORMS = 1e-6

@@ -1,7 +1,10 @@
+const char @NAME@_robot[] = @ROBOT@;
 const char *const @NAME@_position_names[] = {@POSITION_NAMES@};
 const char *const @NAME@_velocity_names[] = {@VELOCITY_NAMES@};
 const char *const @NAME@_row_names[] = {@ROW_NAMES@};
 const char *const @NAME@_parameter_names[] = {@PARAMETER_NAMES@};
+const char *const @NAME@_parameter_units[] = {@PARAMETER_UNITS@};
+const char *const @NAME@_parameter_expressions[] = {@PARAMETER_EXPRESSIONS@};
 @VALUES@
 static int @NAME@_columns(const double *q, const double *v, const double *a, const double *X,
                           double *K) {

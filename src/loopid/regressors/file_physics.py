@@ -1,0 +1,169 @@
+"""What the robot file gives beyond rigid bodies, and how large it is beside their forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from loopid.arguments import checked
+from loopid.arrays import FloatArray
+from loopid.errors import AssemblyError, ModelWarning, SingularityError, warn
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    random_configurations,
+    random_motions,
+    torque_regressors,
+)
+from loopid.loading import link_frames
+from loopid.regressors.joint_terms import OF_FILE, JointTerms, joint_state
+from loopid.robot import JOINT_TERMS, JointState, LeftOut, Mechanism, shortened
+
+SAMPLES = 60  # random states that forces are compared in
+NOTHING = 1e-12  # of the largest rigid-body force: round-off
+
+
+@dataclass(frozen=True)
+class FileForce:
+    """A force that the robot file gives and that rigid bodies do not have.
+
+    Attributes
+    ----------
+    what : str
+    joint, kind : str
+        Of a joint term; empty for what no model has.
+    value : float
+        Coefficient of the joint term, in ``unit``; NaN for what no model has.
+    unit : str
+    size : float
+        Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
+        that feels it most; infinite where these are zero, NaN where it is not known.
+    """
+
+    what: str
+    joint: str = ""
+    kind: str = ""
+    value: float = np.nan
+    unit: str = ""
+    size: float = np.nan
+
+
+@checked
+def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
+    """All that the robot file gives beyond rigid bodies, with its size.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.regressors import file_forces
+    >>> file_forces(loopid.load_mechanism("five_bar"))
+    ()
+    """
+    terms = JointTerms.of(mechanism, OF_FILE)
+    if terms is None and not mechanism.left_out:
+        return ()
+    try:
+        q = random_configurations(mechanism, SAMPLES)
+        motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
+    except (AssemblyError, SingularityError):
+        motion = None
+    return tuple(_sized(mechanism, terms, motion))
+
+
+def _sized(
+    mechanism: Mechanism, terms: JointTerms | None, motion: ClosedMotion | None
+) -> Iterator[FileForce]:
+    rigid = None if motion is None else _rms(_rigid_forces(mechanism, motion))
+
+    def size(force: FloatArray | None) -> float:
+        if rigid is None or force is None:
+            return float("nan")
+        found = _rms(force)
+        known = rigid > NOTHING * rigid.max(initial=0.0)
+        felt = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
+        if (felt & ~known).any():
+            return float("inf")
+        return float((found[known] / rigid[known]).max(initial=0.0))
+
+    if terms is not None:
+        names, values = terms.parameters(mechanism), terms.values(mechanism)
+        columns = (
+            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
+        )
+        for j, (name, value) in enumerate(zip(names, values, strict=True)):
+            law = JOINT_TERMS[name.kind]
+            parts = [j]
+            if law.beside:  # a spring counts from where it is slack
+                parts += [names.labels.index(f"{name.link}.{kind}") for kind in law.beside]
+            force = None if columns is None else columns[..., parts].sum(axis=2)
+            parted = f"{name.link}.Ks" in names.labels and name.kind in JOINT_TERMS["Ks"].beside
+            if not (np.isnan(value) or parted):
+                what = f"{law.name} of {name.link}"
+                yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
+    for left in mechanism.left_out:
+        yield FileForce(left.what, size=size(_force(mechanism, motion, left)))
+
+
+def _rms(force: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt((force**2).mean(axis=0)))
+
+
+def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+    state = motion.configurations, motion.velocities, motion.accelerations
+    columns = torque_regressors(mechanism, *state, "full", motion.projection.G)
+    return np.asarray(columns @ mechanism.standard_parameters("full"))
+
+
+def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
+    """Force (N, dof) of what is left out; None where it is not known."""
+    if motion is None or not (left.weights or left.tendon):
+        return None
+    q, G = motion.configurations, motion.projection.G
+    force = np.zeros(G.shape[::2])
+    if left.weights:
+        untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
+        carriers = [body.joint_id for body in mechanism.bodies]
+        for link, (mass, *centre) in left.weights.items():
+            frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
+            if frame.parentJoint in carriers:
+                point = frame.placement.act(np.array(centre))
+                pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
+        force -= torque_regressors(untied, q, model="gravity", G=G) @ pi.ravel()
+    if left.tendon:
+        along = np.zeros(mechanism.model.nv)
+        along[mechanism.velocity_indices(left.tendon)] = list(left.tendon.values())
+        positions = np.stack([joint_state(mechanism, motion, j).position for j in left.tendon], -1)
+        state = JointState(
+            positions @ np.array(list(left.tendon.values())),
+            motion.velocities @ along,
+            motion.accelerations @ along,
+        )
+        signals = [
+            value * np.broadcast_to(JOINT_TERMS[kind].signal(state, JointTerms(()), np), len(q))
+            for kind, value in left.values.items()
+        ]
+        force += np.einsum("n,nji,j->ni", np.sum(signals, axis=0), G, along)
+    return force
+
+
+def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
+    """Warn once of what the robot file gives of joints and the chosen terms do not have."""
+    chosen = {} if terms is None else terms.of_joints
+    omitted: dict[str, list[str]] = {}
+    for joint, values in mechanism.joint_values.items():
+        for kind in values:
+            if kind not in chosen.get(joint, ()):
+                omitted.setdefault(f"{JOINT_TERMS[kind].name} ({kind})", []).append(joint)
+    if not omitted:
+        return
+    uniform = set(chosen.values())
+    kinds = (*uniform.pop(), OF_FILE) if len(uniform) == 1 else (OF_FILE,)
+    listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
+    words = ",".join(kinds)
+    warn(
+        f"{mechanism.path} gives {listed}, which this model leaves out: --terms {words} includes "
+        f"it, in Python JointTerms.of(robot, {words!r})",
+        ModelWarning,
+    )
