@@ -55,9 +55,7 @@ class Check:
 def finer_motion(problem: Problem, X: FloatArray) -> tuple[FloatArray, ClosedMotion | None]:
     """Times (N,) ten times finer than the design's, and the motion then, if the loops close."""
     time = np.linspace(0.0, problem.shape.seconds, FINER * len(problem.time) + 1)
-    x, v, a = problem.shape.functions(time) @ X
-    q = problem.coordinates.assemble(x)
-    return time, None if q is None else problem.coordinates.whole(q, v, a)
+    return time, problem.coordinates.follow(*(problem.shape.functions(time) @ X))
 
 
 def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:

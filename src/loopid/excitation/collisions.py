@@ -72,7 +72,7 @@ def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     folders = [str(folder) for folder in files.tree.absolute().parents]
     try:
         geometry = pin.buildGeomFromUrdf(
-            mechanism.model, str(files.tree), pin.GeometryType.COLLISION, folders
+            mechanism.model, str(files.tree), pin.GeometryType.COLLISION, package_dirs=folders
         )
     except (ValueError, RuntimeError) as error:
         warn(f"collisions of {mechanism.name} are not looked at: {error}", ModelWarning)

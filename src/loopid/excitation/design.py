@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ import scipy.linalg
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
-from loopid.errors import OptionError
+from loopid.errors import OptionError, SingularityWarning
 from loopid.excitation.check import Check, check_motion
 from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
@@ -30,16 +31,15 @@ from loopid.excitation.solvers import SOLVERS, Search
 from loopid.excitation.start import Poses, feasible_start, find_poses, random_margin
 from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitProblem, FitSamples
-from loopid.kinematics import DEFAULT_MARGIN, random_configurations
+from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
 from loopid.logs import Recording
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.regressors import JointTerms
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import row_blocks
-from loopid.threads import one_blas_thread
 from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
-from loopid.workers import ordered_map
+from loopid.workers import one_blas_thread, ordered_map
 
 # Seconds of a motion where nothing else is said.
 DURATIONS = {"gravity": 20.0, "full": 10.0}
@@ -58,7 +58,7 @@ SHRINKS = (
 DEPENDENT = 1e-9
 # Relative singular values of an observation that count as zero, and the part of a parameter that
 # may lie there.
-UNEXCITED, PART_UNEXCITED = 1e-10, 1e-4
+UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
 
@@ -80,6 +80,8 @@ class ExcitationDesign:
         Of the designed coordinates, at the rate of the run.
     joint_motion : JointMotion
         The same, of all joints.
+    motors : Motion
+        The same, of the actuated joints.
     forces : FloatArray
         (N, motors) in N or N m, by the robot file.
     start, waypoints : FloatArray and tuple of Waypoint
@@ -111,6 +113,7 @@ class ExcitationDesign:
     limits: MotionLimits
     motion: Motion
     joint_motion: JointMotion
+    motors: Motion
     forces: FloatArray
     start: FloatArray
     waypoints: tuple[Waypoint, ...]
@@ -191,8 +194,8 @@ def design_excitation(
     coordinates : str
         ``"joints"``, or ``"platform"`` for the platform coordinates.
     noise : float or mapping, optional
-        Standard deviation of each motor's force in N or N m, one for all or by joint; by default
-        that of the logs, or 1.
+        Standard deviation of each motor's force in N or N m, one for all or by joint (``"all"``:
+        the others); by default that of the logs, or 1.
     after : sequence of Recording
         What there is already: the motion adds to it.
     parameters : sequence of str
@@ -250,7 +253,8 @@ def design_excitation(
     mechanism = force_model.mechanism
     _refuse(force_model, criterion, shape, coordinates, solver, parameters, time_limit, starts)
     duration = DURATIONS[force_model.model] if duration is None else duration
-    with one_blas_thread():
+    with one_blas_thread(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", SingularityWarning)  # of motions that are tried
         basis, unknown = _unknown(force_model, payload)
         deviations, prior = _known(force_model, after, noise, basis)
         configurations = random_configurations(mechanism, POSES, seed, margin=0.0)
@@ -279,12 +283,12 @@ def design_excitation(
         best = min(found, key=lambda each: each.criterion)
         X, checks = _repaired(problem, poses, problem.variables(best.best))
         motion = made.motion(problem.coordinates.names, X, rate)
-        whole, forces, factor = _run(problem, motion)
+        followed, motors, forces, factor = _run(problem, motion)
         criteria = Criteria.of(factor)
         old = _root(prior)
         if not after:
             first = problem.variables(best.start)
-            old = _run(problem, made.motion(problem.coordinates.names, first, rate))[2]
+            old = _run(problem, made.motion(problem.coordinates.names, first, rate))[-1]
         scales = np.where((size_of := np.linalg.norm(factor, axis=0)) > 0, size_of, 1.0)
         start, waypoints = made.waypoints(X)
         return ExcitationDesign(
@@ -292,7 +296,8 @@ def design_excitation(
             parameters=unknown,
             limits=limits,
             motion=motion,
-            joint_motion=whole,
+            joint_motion=followed,
+            motors=motors,
             forces=frozen(forces),
             start=frozen(start),
             waypoints=tuple(waypoints),
@@ -318,20 +323,26 @@ def _root(information: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
-def _run(problem: Problem, motion: Motion) -> tuple[JointMotion, FloatArray, FloatArray]:
-    """All joints in a motion, the motors' forces, and the triangular factor of what it tells."""
+def _run(problem: Problem, motion: Motion) -> tuple[JointMotion, Motion, FloatArray, FloatArray]:
+    """All joints in a motion, the motors, their forces, the triangular factor of what it tells."""
     model, space = problem.force_model, problem.coordinates
-    followed = joint_motion(model.mechanism, motion)
-    factor, forces = _root(problem.prior), []
+    mechanism = model.mechanism
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    followed, factor, parts = joint_motion(mechanism, motion), _root(problem.prior), []
     counts = problem.shape.counts(motion.time)
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
         whole = space.whole(*state)
-        forces.append(problem.forces(whole))
+        v, a = whole.velocities[:, motors], whole.accelerations[:, motors]
+        parts.append((v, a, problem.forces(whole)))
         told = problem.rows(whole, model.joint_terms)[counts[rows]]
         stacked = np.concatenate([factor, told.reshape(-1, factor.shape[1])])
         factor = triangular_factor(stacked)
-    return followed, np.concatenate(forces), factor
+    v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
+    read = JointCoordinates(mechanism, mechanism.actuated)
+    x = read.read(followed.configurations.copy())
+    x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
+    return followed, Motion(mechanism.actuated, motion.time, x, v, a), forces, factor
 
 
 def standard_errors(factor: FloatArray) -> FloatArray:
@@ -422,9 +433,9 @@ def _known(
         }
     if isinstance(noise, Mapping):
         for name in noise:
-            if name not in deviations:
+            if name not in deviations and name != "all":
                 raise OptionError.unknown("motor", name, deviations)
-        deviations |= noise
+        deviations = {name: noise.get(name, noise.get("all", x)) for name, x in deviations.items()}
     elif noise is not None:
         deviations = dict.fromkeys(deviations, noise)
     for name, deviation in deviations.items():
@@ -444,7 +455,7 @@ def _residual_deviations(problem: FitProblem) -> list[float]:
     """Standard deviations of each actuator's forces about the best fit, excited or not."""
     R = problem.weighted(1.0 / np.maximum(problem.force_rms, 1e-300))
     n = len(problem.parameters)
-    values = np.linalg.lstsq(R[:n, :n], R[:n, n], rcond=1e-10)[0]
+    values = np.asarray(np.linalg.lstsq(R[:n, :n], R[:n, n], rcond=UNEXCITED)[0], dtype=np.float64)
     freedom = np.maximum(problem.samples - n / max(len(problem.actuators), 1), 1)
     return [float(x) for x in np.sqrt(problem.residual_squares(values) / freedom)]
 
@@ -471,10 +482,8 @@ def _criterion(
             continue
         # A parameter that is part of combinations stands for all of these.
         known = base.parameters.labels
-        inside = (
-            np.flatnonzero(base.matrix[:, known.index(parameter)]) if parameter in known else []
-        )
-        found = {base.names[int(j)] for j in inside} & set(labels)
+        inside = base.matrix[:, known.index(parameter)] if parameter in known else np.zeros(0)
+        found = {base.names[int(j)] for j in np.flatnonzero(inside)} & set(labels)
         if not found:
             raise OptionError.unknown("identifiable parameter", parameter, labels)
         rows |= {labels.index(name) for name in found}
@@ -547,7 +556,8 @@ def _one_start(
     with _interruptible(worker=True) if watch is None else nullcontext() as interrupted:
 
         def enough(criterion: float) -> bool:
-            told = interrupted.is_set() if interrupted is not None else watch(criterion)
+            told = interrupted is not None and interrupted.is_set()
+            told |= watch is not None and watch(criterion)
             return told or monotonic() > end
 
         start, near = feasible_start(problem, poses, seed, number)

@@ -19,7 +19,7 @@ from loopid.kinematics import (
     platform_coordinates,
     scaled_constraint,
 )
-from loopid.robot import Mechanism
+from loopid.robot import ROTATIONS, Mechanism
 
 # Turns, or characteristic lengths, beyond which a limit of the robot file is none.
 UNLIMITED = 1e3
@@ -121,7 +121,8 @@ class Bound:
     @property
     def text(self) -> str:
         """``speed of elbow``."""
-        return f"{self.kind} of {self.name}" if self.name else self.kind
+        between = "" if self.kind == "platform coordinate" else "of "
+        return f"{self.kind} {between}{self.name}" if self.name else self.kind
 
     @property
     def scale(self) -> float:
@@ -226,8 +227,10 @@ class Bounds:
         for name, (low, high) in limits.workspace.items():
             if name not in coordinates:
                 raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
-            self._add("platform coordinate", name, "m or rad", low, high)
-            self._x.append(coordinates.index(name))
+            at = coordinates.index(name)
+            turns = mechanism.platform.motions[at] in ROTATIONS  # type: ignore[union-attr]
+            self._add("platform coordinate", name, "rad" if turns else "m", low, high)
+            self._x.append(at)
         self.loops = mechanism.rows > 0
         self.collisions = collisions if collisions is not None and collisions.pairs else None
         if self.collisions is not None:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
@@ -27,7 +28,7 @@ from loopid.kinematics import (
     platform_motion,
     try_assemble,
 )
-from loopid.regressors import JointTerms, motion_regressor
+from loopid.regressors import OF_FILE, JointTerms, motion_regressor
 
 # Steps of the differences, in parts of a coordinate's unit: half the digits of a double would be
 # 1e-8, and closures are left open by the square of the step.
@@ -63,6 +64,16 @@ class Coordinates:
         step = SHORTEST_STEP if start is not None else 2.0**-12
         found = try_assemble(self.mechanism, positions, names, start, follow, shortest_step=step)
         return found.configurations if found.assembled.all() else None
+
+    def follow(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, start: FloatArray | None = None
+    ) -> ClosedMotion | None:
+        """The motion of all joints, reached as in ``assemble``; None also at singularities."""
+        q = self.assemble(x, start)
+        try:
+            return None if q is None else self.whole(q, v, a)
+        except SingularityError:
+            return None
 
     def whole(self, q: FloatArray, rates: FloatArray, seconds: FloatArray) -> ClosedMotion:
         """The motion of all joints from rates and accelerations (N, c)."""
@@ -218,11 +229,13 @@ class Problem:
         return np.asarray(model.base.regressor(K) @ self.basis / deviation[:, :, None])
 
     def forces(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
-        """Forces of the motors (N, motors) by the robot file, without joint terms."""
+        """Forces of the motors (N, motors) by the robot file."""
         mechanism = self.force_model.mechanism
         K = motion_regressor(mechanism, motion) if regressor is None else regressor
         pi = mechanism.standard_parameters()
         forces = K[:, :, : len(pi)] @ pi
+        if (terms := JointTerms.of(mechanism, OF_FILE)) is not None:
+            forces += terms.columns(mechanism, motion) @ np.nan_to_num(terms.values(mechanism))
         if mechanism.redundant:
             motors = mechanism.velocity_indices(mechanism.actuated)
             shares = motion.projection.G[:, motors].transpose(0, 2, 1)
@@ -231,9 +244,7 @@ class Problem:
 
     def motion(self, y: FloatArray, near: FloatArray) -> ClosedMotion | None:
         """The motion on the grid, reached from configurations (N, nq) or (1, nq)."""
-        x, v, a = self.functions @ self.variables(y)
-        q = self.coordinates.assemble(x, near)
-        return None if q is None else self.coordinates.whole(q, v, a)
+        return self.coordinates.follow(*(self.functions @ self.variables(y)), start=near)
 
     def information(self, rows: FloatArray, counts: BoolArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""

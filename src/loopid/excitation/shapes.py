@@ -103,13 +103,13 @@ class FourierShape(Shape):
         return np.concatenate([one, curve], axis=2)
 
     def still(self) -> FloatArray:
-        return np.eye(self.width)[0]
+        return np.asarray(np.eye(self.width)[0])
 
     def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
         found = generator.normal(size=(self.width, count))
         found[0] = 0.0
         middle = self.functions(self.grid())[0] @ found
-        return found / np.abs(middle - middle.mean(axis=0)).max(axis=0)
+        return np.asarray(found / np.abs(middle - middle.mean(axis=0)).max(axis=0))
 
     def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
         curve = FourierCurve(self._rest @ X[1:])
@@ -212,7 +212,8 @@ class PosesShape(Shape):
     def grid(self) -> FloatArray:
         hold, move = self._parts
         parts = [hold / 2, *(hold + move * np.linspace(0, 1, SAMPLES_OF_WAY + 1)[1:-1])]
-        return np.add.outer(np.arange(self.poses) * (hold + move), np.array(parts)).ravel()
+        starts = np.arange(self.poses) * (hold + move)
+        return np.asarray((starts[:, None] + np.array(parts)).ravel())
 
     def counts(self, time: FloatArray) -> BoolArray:
         hold, move = self._parts

@@ -35,6 +35,10 @@ class Broken(Exception):  # noqa: N818 (no error)
     """A bound that was left out matters."""
 
 
+class Stuck(Exception):  # noqa: N818 (no error)
+    """The solver cannot go on."""
+
+
 class Stopped(Exception):  # noqa: N818 (no error)
     """The watch says that it is enough."""
 
@@ -55,24 +59,22 @@ class Search:
     _at: dict[bytes, Value | None] = field(default_factory=dict)
 
     def value(self, y: FloatArray, slopes: bool = False) -> Value | None:
-        """Criterion and bounds at a point."""
+        """Criterion and bounds at a point, with slopes if asked for; None out of reach."""
         key = y.tobytes()
-        known = key in self._at
-        if known and (not slopes or self._at[key] is None or self._at[key].df.size):  # type: ignore[union-attr]
-            return self._at[key]
+        known = self._at.get(key)
+        if key in self._at and (known is None or known.df.size or not slopes):
+            return known
         if self.watch(self.criterion) or (self.most is not None and self.evaluations >= self.most):
             raise Stopped
-        found = evaluate(self.problem, y, self.near, slopes)
+        found = evaluate(self.problem, y, self.near if known is None else known.q, slopes)
         self.evaluations += 1
-        if found is not None:
-            self.near = found.q
-            self._look_at(found)
-        if not known:
-            self._at = {key: found} if len(self._at) > 2 else {**self._at, key: found}
-        else:
-            self._at[key] = found
-        if found is not None and found.f < self.criterion and self.problem.violation(found) <= 0:
+        self._at = {key: found} if known is None and len(self._at) > 2 else self._at | {key: found}
+        if found is None:
+            return None
+        self.near = found.q
+        if found.f < self.criterion and self.problem.violation(found) <= 0:
             self.best, self.criterion = y.copy(), found.f
+        self._look_at(found)
         return found
 
     def _look_at(self, found: Value) -> None:
@@ -98,6 +100,8 @@ class Search:
                     return False
                 except Broken:
                     continue
+        except Stuck:
+            return False
         except Stopped:
             return True
 
@@ -115,8 +119,14 @@ def by_slsqp(search: Search, start: FloatArray) -> None:
         g = value.g
         return np.concatenate([(g - lower)[:, below], (upper - g)[:, above]], axis=1).ravel()
 
+    def with_slopes(y: FloatArray) -> Value:
+        value = search.value(y, True)
+        if value is None:  # SLSQP has accepted a point out of reach for want of a better one
+            raise Stuck
+        return value
+
     def slopes(y: FloatArray) -> FloatArray:
-        dg = search.value(y, True).dg.reshape(N, len(lower), -1)  # type: ignore[union-attr]
+        dg = with_slopes(y).dg.reshape(N, len(lower), -1)
         return np.concatenate([dg[:, below], -dg[:, above]], axis=1).reshape(-1, dg.shape[2])
 
     def criterion(y: FloatArray) -> float:
@@ -126,7 +136,7 @@ def by_slsqp(search: Search, start: FloatArray) -> None:
     minimize(
         criterion,
         start,
-        jac=lambda y: search.value(y, True).df,  # type: ignore[union-attr]
+        jac=lambda y: with_slopes(y).df,
         constraints={"type": "ineq", "fun": bounded, "jac": slopes},
         method="SLSQP",
         options={"maxiter": 10_000, "ftol": CONVERGED},

@@ -120,12 +120,12 @@ def _impossible(problem: Problem, slack: FloatArray, nearest: FloatArray, tried:
     if len(impossible):
         return (
             f"{name} cannot keep the {bound.text} in {ends}: the nearest of {tried} poses misses "
-            f"it by {by} (with a margin of {problem.inset:g}); widen it by more than that"
+            f"it by {by}, with a margin of {problem.inset:.0%}: widen it by more than that"
         )
     broken = ", ".join(problem.bounds.all[j].text for j in np.flatnonzero(best <= problem.inset))
     return (
         f"{name} cannot keep all limits at once: the best of {tried} poses breaks those of the "
-        f"{broken} ({bound.text} in {ends} by {-float(best[k]) * bound.scale:.4g}); widen one"
+        f"{broken} ({bound.text} in {ends} by {-float(best[k]) * bound.scale:.4g}): widen one"
     )
 
 

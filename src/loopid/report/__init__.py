@@ -1,5 +1,6 @@
 """What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
+from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -35,6 +36,9 @@ __all__ = [
     "check_record",
     "check_tables",
     "drawing",
+    "excitation_files",
+    "excitation_record",
+    "excitation_tables",
     "identification_files",
     "identification_record",
     "identification_tables",

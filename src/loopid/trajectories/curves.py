@@ -36,6 +36,10 @@ class Curve(ABC):
     def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
         """``count`` functions φ_j, their rates and accelerations (3, N, count) at times (N,)."""
 
+    @abstractmethod
+    def backwards(self) -> Curve:
+        """The same curve, from its end to its start."""
+
     def detour(self, time: FloatArray, seconds: float) -> FloatArray:
         """Position off the start, rate and acceleration (3, N, c) at times (N,) of so many s."""
         return self.functions(len(self.shape), time, seconds) @ self.shape
@@ -82,6 +86,10 @@ class FourierCurve(Curve):
         second = np.concatenate([-(omega**2) * sine, -(omega**2) * cosine], axis=1)
         return np.stack([position, rate, second])
 
+    def backwards(self) -> FourierCurve:
+        sines = len(self.shape) // 2
+        return FourierCurve(np.concatenate([-self.shape[:sines], self.shape[sines:]]))
+
     @staticmethod
     def at_rest(harmonics: int) -> FloatArray:
         """Rows (2, 2 H) that a shape must be orthogonal to."""
@@ -104,6 +112,9 @@ class SplineCurve(Curve):
 
     def __post_init__(self) -> None:
         self._check()
+
+    def backwards(self) -> SplineCurve:
+        return SplineCurve(self.shape[::-1])
 
     @staticmethod
     def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
