@@ -1,7 +1,10 @@
 """Robots that all rooms are tested on, and a reproducible hypothesis profile."""
 
+import fcntl
 import importlib.metadata
 import importlib.util
+import os
+import pickle
 import re
 import sys
 import warnings
@@ -26,6 +29,7 @@ from loopid import (
     split_recordings,
 )
 from loopid.errors import MobilityWarning
+from loopid.paper import reproduce_paper
 from made_runs import friction, logged, quietly, wander
 
 ROOT = Path(__file__).parents[1]
@@ -218,17 +222,48 @@ def rate():
 
 
 @pytest.fixture(scope="session")
-def knee_run(knee, tmp_path_factory):
+def once(tmp_path_factory):
+    """Compute what takes seconds once for all workers of a run."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+    def load(name, compute):
+        place = folder / f"{name}.pickle"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not place.exists():
+                place.write_bytes(pickle.dumps(compute()))
+        return pickle.loads(place.read_bytes())
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def knee_run(knee, once, tmp_path_factory):
     """Path of a log of the knee robot with friction, in which motors stand at times."""
+
+    def text():
+        motion = wander(knee, 1, seconds=40.0, rate=50.0)
+        return logged(knee, motion, friction(knee), noise=2.0)
+
     path = tmp_path_factory.mktemp("knee") / "run.csv"
-    motion = wander(knee, 1, seconds=40.0, rate=50.0)
-    path.write_text(logged(knee, motion, friction(knee), noise=2.0))
+    path.write_text(once("knee_run", text))
     return path
 
 
 @pytest.fixture(scope="session")
-def identification(knee, knee_run):
+def identification(knee, knee_run, once):
     """What that log identifies, through reading, filter and split."""
-    recording = quietly(prepare_recording, knee, read_log(knee_run, knee))
-    model = find_force_model(knee, "gravity", friction(knee)[0])
-    return quietly(identify, model, *split_recordings([recording]))
+
+    def identified():
+        recording = prepare_recording(knee, read_log(knee_run, knee))
+        model = find_force_model(knee, "gravity", friction(knee)[0])
+        return identify(model, *split_recordings([recording]))
+
+    return once("identification", lambda: quietly(identified))
+
+
+@pytest.fixture(scope="session")
+def paper(once):
+    """The paper's reproduction from fewer samples and draws."""
+    return once("paper", lambda: quietly(reproduce_paper, repetitions=12, rate=2.0))

@@ -147,6 +147,34 @@ def rack_and_pinion():
     return parts, described([gear], ("pinion_joint", "arm_joint"), {})
 
 
+def cam():
+    """The same with a curve of fourth order, and a second slide that follows two joints at once."""
+    parts, description = rack_and_pinion()
+    curve = {
+        "type": "coupling",
+        "joints": {"rack_joint": 1},
+        "of": {"pinion_joint": 1, "arm_joint": -0.5},
+        "polynomial": [0.1, 0.05, 0.03, -0.01, 0.004],
+    }
+    return parts, description | {"closures": [curve]}
+
+
+def differential():
+    """Two motors whose sum and difference turn the two hinges of a wrist."""
+    parts = [
+        *(body(name) for name in ("left", "right", "fork", "hand")),
+        joint("left_joint", "ground", "left", axis=(0, 1, 0)),
+        joint("right_joint", "ground", "right", axis=(0, 1, 0)),
+        joint("pitch", "ground", "fork", (0.2, 0, 0), (0, 1, 0)),
+        joint("roll", "fork", "hand", (0.1, 0, 0), (1, 0, 0)),
+    ]
+    couplings = [
+        {"joints": {"left_joint": 1, "pitch": -1, "roll": -1}},
+        {"joints": {"right_joint": 1, "pitch": -1, "roll": 1}},
+    ]
+    return parts, described([], ("left_joint", "right_joint"), {}, couplings=couplings)
+
+
 def described(closures, motors, reference, **more):
     return {"closures": closures, "name_mot": list(motors), "reference": reference, **more}
 
@@ -167,4 +195,6 @@ LINKAGES = {
     "geared five-bar": five_bar(("left_joint",), geared=True),
     "redundant five-bar": five_bar(("left_joint", "right_joint", "left_elbow")),
     "rack and pinion": rack_and_pinion(),
+    "cam": cam(),
+    "differential": differential(),
 }

@@ -33,6 +33,7 @@ STREET = (
     "experiment",
     "excitation",
     "saved",
+    "prediction",
     "export",
     "report",
     "paper",

@@ -64,6 +64,7 @@ _ROOMS = {
     # and files for others.
     "save_fit": "saved",
     "read_fit": "saved",
+    "predict": "prediction",
     "export_robot_file": "export",
     "export_regressor": "export",
     "LoopidError": "errors",

@@ -86,6 +86,7 @@ from loopid.logs import prepare_recording as prepare_recording
 from loopid.logs import read_log as read_log
 from loopid.observation import Observation as Observation
 from loopid.parameters import ParameterSet as ParameterSet
+from loopid.prediction import predict as predict
 from loopid.regressors import (
     JointTerms as JointTerms,
 )

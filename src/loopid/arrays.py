@@ -82,6 +82,14 @@ def _real(array: ArrayLike, name: str) -> FloatArray:
         raise DataError(f"{name} must be finite: {error}") from error
 
 
+def number(text: str) -> float:
+    """The number that a text is, or NaN: Python's 1_6 and digits of other scripts are none."""
+    try:
+        return float(text) if text.isascii() and "_" not in text else np.nan
+    except ValueError:
+        return np.nan
+
+
 def spread_rows(count: int, most: int) -> IntArray:
     """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
     rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)

@@ -22,13 +22,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.errors import LoopidError, OptionError, one_line
-from loopid.files import require_folder, write_files
+from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
+from loopid.files import require_folder, require_other_file, write_file, write_files
 from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording
     from loopid.robot import Mechanism
+    from loopid.saved import SavedFit
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -56,6 +57,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
+YAML = (".yaml", ".yml", ".json")
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -152,6 +154,60 @@ def motions(
     seconds = {name: plan.seconds for name, plan in planned.motions.items()}
     record = motions_record(mechanism.name, reviews, seconds)
     show(record, motions_tables(record), as_json)
+
+
+@app.command()
+def simulate(
+    file: RobotFile,
+    program: Annotated[
+        str | None,
+        typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
+    ] = None,
+    motion: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the file; its first by default.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="CSV", help="The log; on the terminal without it.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second.")] = 100.0,
+    noise: Annotated[
+        float, typer.Option(help="Standard deviation of the forces, in N or N m.")
+    ] = 0.0,
+    encoder_step: Annotated[
+        float, typer.Option(help="Resolution of the positions, in m or rad; 0 for exact ones.")
+    ] = 0.0,
+    terms: Annotated[
+        str, typer.Option(help="Of every motor with their values, as Fc=60,Fv=900; none at first.")
+    ] = "none",
+    cad_error: Annotated[
+        float,
+        typer.Option(help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the noise and of the bodies.")] = 0,
+) -> None:
+    """Write the log that a robot would give while it follows a motion, for trying identify."""
+    import numpy as np
+
+    from loopid.regressors import JointTerms
+    from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
+    from loopid.trajectories import joint_motion, read_motion_program
+
+    mechanism = loaded(file, None, False, False)
+    planned = read_motion_program(program or mechanism.name)
+    name = motion if motion is not None else next(iter(planned.motions))
+    moved = joint_motion(mechanism, planned.motion(name, rate))
+    kinds = _term_values(terms)
+    joint_terms = JointTerms(mechanism.actuated, tuple(kinds)) if kinds else None
+    values = np.tile(list(kinds.values()), len(mechanism.actuated)) if kinds else None
+    errors = Noise(gaussian=noise, encoder_step=encoder_step)
+    bodies = scaled_bodies(mechanism, cad_error, seed)
+    measured = simulate_measurement(mechanism, moved, errors, seed, bodies, joint_terms, values)
+    text = log_text(mechanism, measured)
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        write_file(out, text)
+        typer.echo(out)
 
 
 @app.command()
@@ -391,7 +447,7 @@ def identify(
     )
     from loopid.trajectories import LowPass
 
-    require_output(out)
+    require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
@@ -434,6 +490,45 @@ def identify(
 
 
 @app.command()
+def predict(
+    fit: Annotated[str, typer.Argument(metavar="FIT", help="Saved fit of 'loopid identify'.")],
+    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Of the fit; by default where it was then."),
+    ] = None,
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
+    ] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the forces of logs with those that a saved fit gives for their motion."""
+    from loopid.logs import prepare_recording, read_log
+    from loopid.prediction import predict as predicted
+    from loopid.report import prediction_files, prediction_record, prediction_tables
+    from loopid.saved import read_fit
+    from loopid.trajectories import LowPass
+
+    require_output(out)
+    saved = read_fit(fit)
+    mechanism = _robot_of(saved, robot)
+    found = []
+    for path in logs:
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            lowpass = None if cutoff is None else LowPass(cutoff)
+            recording = prepare_recording(mechanism, log, lowpass or "default", progress=report)
+        found.append(predicted(saved, mechanism, recording))
+    if out is not None:
+        write_files(out, prediction_files(mechanism, found))
+    show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@app.command()
 def export(
     file: RobotFile,
     fit: Annotated[
@@ -461,8 +556,12 @@ def export(
         bool,
         typer.Option("--repair", help="Repair bodies of the robot file that are not consistent."),
     ] = False,
+    any_mass: Annotated[
+        bool,
+        typer.Option("--any-mass", help="Bodies may be over three times as heavy as in the file."),
+    ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="The robot's own file may be replaced.")
+        bool, typer.Option("--overwrite", help="--urdf, --mjcf: the robot's own file is replaced.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -472,20 +571,25 @@ def export(
     """
     from loopid.export import export_robot_file, regressor_code
     from loopid.loading import load_mechanism
-    from loopid.saved import read_fit
+    from loopid.saved import read_fit, robot_files
 
     if all(place is None for place in (robot, yaml, npz, c)):
         raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
     saved = read_fit(fit)
     mechanism = load_mechanism(file, **dict(saved.robot.options))
-    model = saved.find_force_model(mechanism)
     # All that may be refused comes before the first file is written.
-    standard = None if robot is None else saved.find_standard_parameters(model, repair)
+    places = {place: endings for place, endings in ((yaml, YAML), (npz, (".npz",))) if place}
+    for place, endings in places.items():
+        if Path(place).suffix.lower() not in endings:
+            raise OptionError.unknown("ending", Path(place).suffix or place, endings)
+        require_other_file(place, fit, *robot_files(mechanism))
+    model = saved.find_force_model(mechanism)
+    standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
     code = None if c is None else regressor_code(model, name, saved.values)
     written = []
     if robot is not None and standard is not None:
         written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
-    written += [saved.save(place) for place in (yaml, npz) if place is not None]
+    written += [saved.save(place) for place in places]
     if c is not None and code is not None:
         written += code.save(c)
     if as_json:
@@ -526,13 +630,47 @@ def loaded(
     )
 
 
-def require_output(out: str | None) -> None:
-    """Refuse, before the work is done, a report that could not be drawn or written."""
+def _term_values(terms: str) -> dict[str, float]:
+    """Values of joint terms by their kinds, from ``Fc=60,Fv=900``."""
+    values: dict[str, float] = {}
+    for part in terms.split(",") if terms not in ("", "none") else ():
+        kind, _, number = (piece.strip() for piece in part.partition("="))
+        try:
+            values[kind] = float(number)
+        except ValueError:
+            raise OptionError(
+                f"--terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}"
+            ) from None
+    return values
+
+
+def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
+    """The robot of a fit, loaded as it was then."""
+    from loopid.loading import bundled_robots, load_mechanism
+
+    options = dict(saved.robot.options)
+    if file is not None:
+        return load_mechanism(file, **options)
+    try:
+        return load_mechanism(saved.robot.path, **options)
+    except MissingFileError:
+        if saved.robot.name in bundled_robots():
+            return load_mechanism(saved.robot.name, **options)
+        raise MissingFileError(
+            f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
+            "its file with --robot"
+        ) from None
+
+
+def require_output(out: str | None, *inputs: str | None) -> None:
+    """Refuse, before the work is done, a report that could not be drawn, or written safely."""
     if out is not None:
-        from loopid.report import require_matplotlib
+        from loopid.report import RESULTS, require_matplotlib
 
         require_folder(out)
         require_matplotlib()
+        for name in RESULTS:
+            require_other_file(Path(out, name), *(given for given in inputs if given))
 
 
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:

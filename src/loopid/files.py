@@ -1,15 +1,23 @@
-"""Files that are written whole or not at all."""
+"""Files: written whole or not at all, and read within limits that no real one meets."""
 
 from __future__ import annotations
 
+import gzip
+import io
 import os
 import stat
 import tempfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Generator, Mapping
 from errno import EISDIR
 from pathlib import Path
 
-from loopid.errors import OutputError
+from loopid.errors import LogError, OutputError
+
+# Bytes of text that are read at a time, and of its longest line.
+BLOCK_BYTES, LONGEST_LINE = 2**20, 2**20
+# Content of more bytes than so many, and so many times as many as its file has, is a bomb.
+UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200
 
 
 def why_no_file(path: Path) -> str:
@@ -25,6 +33,46 @@ def why_no_file(path: Path) -> str:
     if stat.S_ISDIR(mode):
         return "is a folder"
     return "" if stat.S_ISREG(mode) else "is no regular file"
+
+
+def text_blocks(path: Path) -> Generator[bytes]:
+    """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end.
+
+    Raises
+    ------
+    LogError
+        When it cannot be read, or is no text of this world.
+    """
+    reason, row, rest, unpacked = why_no_file(path), 1, b"", 0
+    if reason:
+        raise LogError(f"{path} {reason}")
+    try:
+        with path.open("rb") as file:
+            packed = file.peek(2).startswith(b"\x1f\x8b")
+            content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
+            while part := content.read(BLOCK_BYTES):
+                unpacked += len(part)
+                require_plausible(path, unpacked, path.stat().st_size)
+                end = part.rfind(b"\n") + 1
+                block, rest = (rest + part[:end], part[end:]) if end else (b"", rest + part)
+                row += block.count(b"\n")
+                if len(rest) > LONGEST_LINE:
+                    raise LogError(f"{path}: row {row} has more than {LONGEST_LINE:,} bytes")
+                if block:
+                    yield block
+            if rest:
+                yield rest
+    except (OSError, EOFError, zlib.error) as error:
+        raise LogError(f"{path} cannot be read: {error}") from error
+
+
+def require_plausible(path: Path, content: int, stored: int) -> None:
+    """Refuse content of so many bytes in a file, or part of one, that stores far fewer."""
+    if content > max(UNPACKED_BYTES, UNPACKED_RATIO * stored):
+        raise LogError(
+            f"{path} stores {stored:,} bytes, but they stand for {content:,} or more: no "
+            f"measurements can be packed more than {UNPACKED_RATIO} times"
+        )
 
 
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:
@@ -66,6 +114,14 @@ def require_folder(folder: str | Path) -> None:
         raise OutputError(f"cannot write to {folder}: {existing} is not a folder")
     if not os.access(existing, os.W_OK):
         raise OutputError(f"cannot write to {folder}: no permission in {existing}")
+
+
+def require_other_file(path: str | Path, *inputs: str | Path) -> None:
+    """Refuse to write over a file that the result is made from."""
+    place = Path(path)
+    for given in map(Path, inputs):
+        if place.exists() and given.exists() and place.samefile(given):
+            raise OutputError(f"{path} is {given.name}, which this is made from: name another file")
 
 
 def write_file(path: str | Path, content: bytes | str) -> None:

@@ -23,15 +23,19 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters, SearchResult, analyse, expression
-from loopid.consistency import ConsistentFit, FitCost, consistent_parameters
-from loopid.errors import DataError, MissingFileError, OptionError
+from loopid.consistency import (
+    ConsistentFit,
+    FitCost,
+    consistent_parameters,
+    repaired_prior,
+)
+from loopid.errors import DataError, FeasibilityError, MissingFileError, OptionError
 from loopid.experiment import ForceModel
-from loopid.files import why_no_file, write_file
+from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification import FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics import closed_motion, constraint_residual, random_configurations
 from loopid.loading import find_files
@@ -43,11 +47,14 @@ from loopid.regressors import (
     structural_observation,
 )
 from loopid.robot import Mechanism
+from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json", ".npz")
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns up to which a robot is the same.
 SAME_ROBOT = 1e-6
+# Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
+MOST_MASS, LIGHT = 3.0, 0.01
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
@@ -76,9 +83,10 @@ class SavedOptions(_Record):
 
 
 class SavedRobot(_Record):
-    """The robot: its name, SHA-256 of its files, how they were loaded, names of coordinates."""
+    """The robot: name, path then, SHA-256 of its files, how they were loaded, its coordinates."""
 
     name: str
+    path: str = ""
     files: dict[str, str]
     options: SavedOptions
     coordinates: tuple[str, ...]
@@ -227,6 +235,7 @@ class SavedFit(_Record):
                 "loopid": version("loopid"),
                 "robot": {
                     "name": mechanism.name,
+                    "path": str(mechanism.path),
                     "files": _hashes(mechanism),
                     "options": dict(mechanism.options),
                     "coordinates": mechanism.coordinates,
@@ -417,7 +426,9 @@ class SavedFit(_Record):
         return ForceModel(mechanism, kind, terms, found)
 
     @checked
-    def find_standard_parameters(self, model: ForceModel, repair: bool = False) -> FloatArray:
+    def find_standard_parameters(
+        self, model: ForceModel, repair: bool = False, any_mass: bool = False
+    ) -> FloatArray:
         """Physically consistent standard parameters (p,) with the base parameters of the fit.
 
         Those of a consistent fit itself; otherwise, of all that there are, those closest to the
@@ -429,15 +440,38 @@ class SavedFit(_Record):
             From ``find_force_model``.
         repair : bool
             Whether inconsistent bodies of the robot file are repaired first.
+        any_mass : bool
+            Whether bodies of a fit that is not a consistent one may weigh more than ``MOST_MASS``
+            times what the robot file says.
 
         Raises
         ------
         FeasibilityError
-            Naming bodies, when there are none.
+            Naming bodies, when there are none, or when one would be that heavy.
         """
         if self.consistency is not None:
             return self._standard_values
-        return consistent_parameters(model.base, self.values, model.standard_prior, repair=repair)
+        prior, columns = model.standard_prior, self.standard
+        if repair:
+            prior = repaired_prior(columns, prior)
+        # The distance that keeps masses near the prior's where nothing is known of them.
+        given = model.base, self.values, prior
+        standard = consistent_parameters(*given, regularisation="euclidean")
+        masses = [j for j, parameter in enumerate(columns) if parameter.kind == "m"]
+        # A body without a mass of its own in the file counts as a light one.
+        known = np.maximum(prior[masses], LIGHT * np.abs(prior[masses]).mean())
+        ratios = standard[masses] / np.where(known > 0, known, np.inf)
+        worst = int(ratios.argmax())
+        if ratios[worst] > MOST_MASS and not any_mass:
+            j = masses[worst]
+            raise FeasibilityError(
+                f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
+                f"the robot file says (most {MOST_MASS:g} times): use it as a prior (loopid "
+                "identify --estimator bayes), or a consistent fit (loopid identify --consistent "
+                "entropic, which writes standard_parameters.yaml); if the robot is that heavy, "
+                "any_mass=True (--any-mass)"
+            )
+        return standard
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""
@@ -546,7 +580,7 @@ def save_fit(
     OptionError
         When the name ends otherwise.
     OutputError
-        When the file cannot be written.
+        When the file cannot be written, or is one of the robot's.
 
     Examples
     --------
@@ -556,6 +590,7 @@ def save_fit(
     ...     loopid.save_fit(f"{folder}/fit.json", model, model.prior).name
     'fit.json'
     """
+    require_other_file(path, *robot_files(model.mechanism))
     return SavedFit.of(model, fit).save(path)
 
 
@@ -592,16 +627,17 @@ def read_fit(path: str | Path) -> SavedFit:
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
+    written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
         if ending == ".npz":
             with np.load(place, allow_pickle=False) as archive:
                 document = str(archive["document"])
-        else:
+        elif ending == ".json":
             document = place.read_text(encoding="utf-8")
-            if ending != ".json":
-                document = json.dumps(_yaml().load(document))
+        else:
+            document = json.dumps(written)
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
-            RecursionError, TypeError, ValueError, YAMLError) as error:  # fmt: skip
+            RecursionError, TypeError, ValueError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
     try:
@@ -647,5 +683,10 @@ def _parameter_set(entries: Iterable[SavedStandard | SavedBase]) -> ParameterSet
 
 def _hashes(mechanism: Mechanism) -> dict[str, str]:
     """SHA-256 of the files of a robot, by name."""
+    return {f.name: sha256(f.read_bytes()).hexdigest() for f in robot_files(mechanism)}
+
+
+def robot_files(mechanism: Mechanism) -> tuple[Path, Path]:
+    """The file that a mechanism was loaded from, and that of its tree, which may be the same."""
     files = find_files(mechanism.path)
-    return {f.name: sha256(f.read_bytes()).hexdigest() for f in (files.named, files.tree)}
+    return files.named, files.tree

@@ -90,6 +90,10 @@ class Spool:
     def __len__(self) -> int:
         return self._rows
 
+    def __del__(self) -> None:
+        if self._file is not None:  # of work that ended early
+            self._file.close()
+
     def append(self, rows: ArrayLike) -> None:
         """Add rows (L, ...); all have the shape and type of the first."""
         block = np.array(rows, order="C")

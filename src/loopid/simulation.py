@@ -10,6 +10,7 @@ from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import JointCoordinates, closed_motion
+from loopid.parameters import KINDS
 from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
@@ -142,6 +143,41 @@ def simulate_measurement(
     if noise.encoder_step:
         position = noise.encoder_step * np.round(position / noise.encoder_step)
     return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
+
+
+@checked
+def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> FloatArray:
+    """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
+
+    All ten parameters of a body are multiplied by one factor, log-normal, so that it stays
+    physically consistent.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of the factor's logarithm: 0.2 for some 20 %.
+
+    Raises
+    ------
+    OptionError
+        When the deviation is negative or not finite.
+    """
+    if not 0 <= deviation < np.inf:
+        raise OptionError(
+            f"the deviation of the bodies must be a number from 0 on, not {deviation}"
+        )
+    values = mechanism.standard_parameters("full")
+    factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
+    return frozen(values * np.repeat(factors, len(KINDS)))
+
+
+def log_text(mechanism: Mechanism, measured: Measurement) -> str:
+    """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
+    motors = mechanism.actuated
+    names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
+    table = np.column_stack([measured.time, measured.position, measured.force])
+    lines = (",".join(f"{value:.9g}" for value in row) for row in table)
+    return "\n".join([",".join(["time", *names]), *lines]) + "\n"
 
 
 def _motor_forces(

@@ -1,6 +1,7 @@
 """``loopid export``: from the file of a fit to robot files, base parameters and C."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from loopid import FitResult, JointTerms, find_force_model, load_mechanism, random_configurations
+from loopid.errors import OutputError
 from loopid.identification import Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
@@ -96,6 +98,8 @@ def test_refusals(run, tmp_path):
     assert_refused(run("export", "five_bar", fit), "nothing to export", "--urdf", "--c")
     assert_refused(run("export", "five_bar", "none.yaml", "--yaml", f"{out}.yaml"), "none.yaml")
     assert_refused(run("export", "five_bar", fit, "--yaml", f"{out}.txt"), "'.txt'")
+    done = run("export", "five_bar", fit, "--urdf", f"{out}.urdf", "--npz", f"{out}.yaml")
+    assert_refused(done, "'.yaml'", ".npz")
     assert_refused(run("export", "five_bar", fit, "--urdf", f"{out}.xml"), "'.xml'", ".urdf")
     (tmp_path / "damaged.json").write_text(json.dumps({"format": "loopid fit"}))
     done = run("export", "five_bar", tmp_path / "damaged.json", "--yaml", f"{out}.yaml")
@@ -112,6 +116,49 @@ def test_impossible_bodies_are_refused(run, tmp_path):
     done = run("export", "five_bar", fit, "--urdf", places[0], "--yaml", places[1])
     assert_refused(done, "crank")
     assert not any(place.exists() for place in places)
+
+
+def test_bodies_far_heavier_than_in_the_file_are_refused(run, tmp_path):
+    pytest.importorskip("clarabel", reason="needs pip install 'loopid[sdp]'")
+    _, _, fit = saved(tmp_path, factor=8.0)
+    new = tmp_path / "new.urdf"
+    done = run("export", "five_bar", fit, "--urdf", new)
+    assert_refused(done, ".m would be", "times what the robot file says", "--any-mass")
+    assert "--consistent entropic" in done.err
+    assert not new.exists()
+    assert run("export", "five_bar", fit, "--urdf", new, "--any-mass").code == 0
+
+
+def test_advice_for_heavy_bodies_leads_to_a_robot_file(run, arm_files, tmp_path):
+    pytest.importorskip("clarabel", reason="needs pip install 'loopid[sdp]'")
+    text, heavy = Path(arm_files[0]).read_text(), tmp_path / "light.urdf"
+    heavy.write_text(re.sub(r'mass value="[^"]*"', 'mass value="0.2"', text))
+    out, new = tmp_path / "out", tmp_path / "new.urdf"
+    done = run("identify", heavy, arm_files[1], "--out", out, "--estimator", "bayes")
+    assert done.code == 0, done.err
+    assert run("export", heavy, out / "parameters.yaml", "--urdf", new).code == 0
+    done = run("identify", heavy, arm_files[1], "--out", out, "--consistent", "entropic")
+    assert run("export", heavy, out / "standard_parameters.yaml", "--urdf", new).code == 0
+
+
+def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
+    for ending in ("urdf", "yaml"):
+        shutil.copy(ROOT / f"five_bar.{ending}", tmp_path)
+    _, _, fit = saved(tmp_path)
+    robot, link = tmp_path / "five_bar.yaml", tmp_path / "link.yaml"
+    link.symlink_to(fit)
+    before = {path: path.read_bytes() for path in (robot, fit)}
+    for place in (robot, fit, link):
+        for options in ((), ("--overwrite",)):
+            done = run("export", robot, fit, "--yaml", place, *options)
+            assert_refused(done, "made from", "name another")
+    with pytest.raises(OutputError, match="made from"):
+        save_fit(robot, find_force_model(load_mechanism(robot)), np.ones(6))
+    assert {path: path.read_bytes() for path in before} == before
+    # The results of an identification, too, beside a robot of such a name.
+    shutil.copy(robot, tmp_path / "parameters.yaml")
+    done = run("identify", tmp_path / "parameters.yaml", arm_files[1], "--out", tmp_path)
+    assert_refused(done, "parameters.yaml", "made from")
 
 
 def test_the_robots_own_file_needs_to_be_asked_for(run, tmp_path):

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from small_paper import small_paper
-
 MOTIONS = """coordinates: [shoulder, elbow]
 rate: 20
 speeds: {{shoulder: 0.5, elbow: 0.5}}
@@ -70,7 +68,7 @@ COMMAND = "loopid.paper"
 
 
 @pytest.fixture
-def small(monkeypatch):
+def small(monkeypatch, paper):
     """The paper's command with a small reproduction; gives what it was asked for."""
     asked = []
 
@@ -78,7 +76,7 @@ def small(monkeypatch):
         asked.append((tuple(logs), seed))
         with stage("nine trajectories") as report:
             report(9, 9)
-        return small_paper()
+        return paper
 
     monkeypatch.setattr(f"{COMMAND}.reproduce_paper", reproduce)
     return asked
@@ -173,8 +171,8 @@ def test_a_log_that_is_not_there_is_refused_before_anything_is_computed(run, mon
     assert done.err.startswith("loopid: error: there is no log nowhere")
 
 
-def test_a_row_that_is_not_found_ends_with_an_error(run, small, monkeypatch):
-    found = small_paper()
+def test_a_row_that_is_not_found_ends_with_an_error(run, paper, monkeypatch):
+    found = paper
     base = replace(found.base, rows=(*found.base.rows[:8], None, *found.base.rows[9:]))
     lacking = replace(found, base=base)
     monkeypatch.setattr(f"{COMMAND}.reproduce_paper", lambda *a, **b: lacking)

@@ -199,7 +199,9 @@ def load(recording):
     return recording
 
 
-@pytest.mark.parametrize("scheduler", ["synchronous", "processes"])
+@pytest.mark.parametrize(
+    "scheduler", ["synchronous", pytest.param("processes", marks=pytest.mark.validate)]
+)
 def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, scheduler):
     parts = [part for recording in recordings for part in recording.split(0.3)]
     sources = [parts[0], partial(load, parts[1]), delayed(load)(parts[2]), parts[3]]

@@ -43,6 +43,16 @@ GEAR = {
     "name_mot": ["joint1", "joint2"],
     "reference": {},
 }
+CAM = GEAR | {
+    "closures": [
+        {
+            "type": "coupling",
+            "joints": {"joint3": 1},
+            "of": {"joint1": 1, "joint2": -0.5},
+            "polynomial": [0.1, 0.4, 0.3, -0.1, 0.05],
+        }
+    ]
+}
 STRICT = ("-O0", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 # Names that would leave a comment or a text of C, each to define a function of its own.
 HOSTILE = (
@@ -147,9 +157,10 @@ def test_tied_links(compiled):
     assert_agrees(found, compiled(found), around_reference(found))
 
 
-@pytest.mark.parametrize("kind", [*ROWS, "coupling"])
+@pytest.mark.parametrize("kind", [*ROWS, "coupling", "cam"])
 def test_every_kind_of_closure(compiled, tmp_path, kind):
-    parts, description = loop(kind) if kind in ROWS else (chain(3), GEAR)
+    couplings = {"coupling": (chain(3), GEAR), "cam": (chain(3), CAM)}
+    parts, description = couplings.get(kind) or loop(kind)
     for name, text in zip(("robot.urdf", "robot.yaml"), files(parts, description), strict=True):
         (tmp_path / name).write_text(text)
     # Closures are the same in both models.

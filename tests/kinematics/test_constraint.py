@@ -109,6 +109,8 @@ COUNTS = {
     "redundant five-bar": (4, 3, 2),
     "geared five-bar": (4, 4, 3),
     "rack and pinion": (3, 1, 1),
+    "cam": (3, 1, 1),
+    "differential": (4, 2, 2),
 }
 SHARED = ("crank_joint", "coupler_joint", "rocker_joint")
 

@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from closure_robots import files, tie
-from loopid import LoopidError, load_mechanism, mobility
+from linkages import LINKAGES
+from loopid import LoopidError, load_mechanism, mobility, random_configurations
 from loopid.errors import (
     MissingFileError,
     MobilityError,
@@ -17,6 +18,7 @@ from loopid.errors import (
     RobotFileError,
     SingularityWarning,
 )
+from loopid.kinematics import constraint_residual, singularity_measure
 from small_tree import PARTS
 
 MOTORS = r"name_mot: \[[^]]*\]"
@@ -253,6 +255,24 @@ DESCRIPTIONS = {
         {"joint_name": ["ball"], "joint_type": ["FIXED"] * 2},
         ("'joint_name' has 1", "'joint_type' has 2"),
     ),
+    "no limits": ({"limits": {"elbow": [1, 1]}}, ("limits", "elbow", "not below")),
+    "limits of a stranger": ({"limits": {"knee": [0, 1]}}, ("limits", "'knee'", "elbow")),
+    "limits of a ball": (BALL | {"limits": {"ball": [0, 1]}}, ("limits", "ball", "3 coordinates")),
+    "gravity": ({"gravity": [0, -9.81]}, ("gravity",)),
+    "margin": ({"margin": -0.1}, ("margin", "-0.1")),
+    "tolerance": ({"rank_tolerance": 0}, ("rank_tolerance", "0")),
+    "curve of nothing": (
+        {"couplings": [{"joints": {"elbow": 1}, "polynomial": [0, 1]}]},
+        ("'of' and 'polynomial' together",),
+    ),
+    "steep curve": (
+        {"couplings": [{"joints": {"elbow": 1}, "of": {"rail": 1}, "polynomial": [0] * 6}]},
+        ("couplings.0.polynomial", "5 items"),
+    ),
+    "nothing to remove": (
+        {"remove_closures": ["tip-slide"]},
+        ("remove_closures", "'tip-slide'", "none"),
+    ),
     "two trees": ({"mjcf": "robot.xml"}, ("'urdf'", "'mjcf'", "exclude")),
 }
 BROKEN = {name: ({"closures": [one]}, words) for name, (one, words) in CLOSURES.items()}
@@ -358,3 +378,60 @@ def test_the_tree_itself_is_loaded(load):
     robot = load({})
     assert robot.independent == robot.actuated
     assert len(robot.actuated) == 4
+
+
+def test_keys_that_change_the_tree_change_it(write_files):
+    description = {
+        "limits": {"elbow": [-0.5, 0.7], "rail": None},
+        "gravity": [1, 2, -3],
+        "margin": 0.3,
+        "rank_tolerance": 1e-7,
+        "closure_rank_tolerance": 1e-6,
+        "couplings": [{"joints": {"elbow": 1, "rail": 2}, "offset": 0.1}],
+        "name_mot": ["shoulder", "elbow", "ball"],
+    }
+    robot = load_mechanism(write_files(*files(PARTS, description)))
+    assert robot.limits("elbow") == (-0.5, 0.7)
+    assert robot.limits("rail") == (-np.inf, np.inf)
+    np.testing.assert_array_equal(robot.model.gravity.linear, [1, 2, -3])
+    assert (robot.margin, robot.rank_tolerance, robot.closure_rank_tolerance) == (0.3, 1e-7, 1e-6)
+    assert [coupling.name for coupling in robot.couplings] == ["elbow + 2 rail = 0.1"]
+    q = random_configurations(robot, 20)
+    assert (singularity_measure(robot, q) >= 0.3).all()
+
+
+def test_closures_of_the_trees_own_file_can_be_removed(tmp_path):
+    mimic = '<mimic joint="shoulder" multiplier="2"/>'
+    text = files(PARTS, {})[0].replace(
+        '<axis xyz="0.0 1.0 0.0"/>', '<axis xyz="0.0 1.0 0.0"/>MIMIC', 2
+    )
+    first, second, rest = text.split("MIMIC")
+    (tmp_path / "robot.urdf").write_text(first + second + mimic + rest)
+    assert len(load_mechanism(tmp_path / "robot.urdf").couplings) == 1
+    for names, word in ((["elbow"], ""), (["knee"], "elbow")):
+        (tmp_path / "robot.yaml").write_text(
+            f"remove_closures: {names}\nname_mot: [shoulder, elbow, rail, ball]\n"
+        )
+        if word:
+            with pytest.raises(RobotFileError, match=f"unknown closure 'knee'.*{word}"):
+                load_mechanism(tmp_path / "robot.yaml")
+        else:
+            assert not load_mechanism(tmp_path / "robot.yaml").couplings
+
+
+def test_a_locked_joint_shifts_the_argument_of_a_curve(load_files):
+    parts, description = LINKAGES["cam"]
+    whole = load_files(parts, description)
+    held = load_files(
+        parts,
+        description | {"reference": {"arm_joint": 0.6}, "name_mot": ["pinion_joint"]},
+        lock=["arm_joint"],
+    )
+    q = np.array([[0.4, 0.2]])
+    k = {name: held.joint(name).idx_q for name in held.joints}
+    full = np.zeros((1, 3))
+    for name in whole.joints:
+        full[0, whole.joint(name).idx_q] = 0.6 if name == "arm_joint" else q[0, k[name]]
+    np.testing.assert_allclose(
+        constraint_residual(held, q), constraint_residual(whole, full), atol=1e-12
+    )

@@ -1,5 +1,6 @@
 """What an MJCF says: names, limits, closures, motors, reference, what is left out or refused."""
 
+import importlib
 import sys
 
 import numpy as np
@@ -10,9 +11,10 @@ from hypothesis import strategies as st
 
 from loopid import load_mechanism
 from loopid.errors import LoopidError, MissingExtraError, MissingFileError, RobotFileError
+from loopid.kinematics import constraint_jacobian, constraint_residual
 
-pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-from loopid.loading.mjcf import read_mjcf
+mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+read_mjcf = importlib.import_module("loopid.loading.mjcf").read_mjcf
 
 INERTIAL = '<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
 ARM = f"""<mujoco model="arm">
@@ -179,17 +181,65 @@ def test_frames_of_closures_are_called_after_the_equality_or_the_bodies(read_arm
 @pytest.mark.parametrize(
     ("equality", "reason"),
     [
-        ('<joint name="cam" joint1="wrist" joint2="elbow" polycoef="0 1 0.5 0 0"/>', "polycoef"),
         ('<tendon name="cam" tendon1="rope"/>', "the spatial tendon rope"),
         ('<tendon name="cam" tendon1="slack"/>', "couples no joint"),
     ],
 )
-def test_equalities_that_are_no_linear_couplings_are_refused_by_name(
-    read_arm, refusal, equality, reason
-):
+def test_equalities_that_are_no_couplings_are_refused_by_name(read_arm, refusal, equality, reason):
     with pytest.raises(RobotFileError) as failure:
         read_arm(TENDONS, f"<equality>{equality}</equality>")
     refusal(failure, "robot.xml: equality cam", reason)
+
+
+@pytest.mark.parametrize("kind", ["joint", "tendon"])
+def test_couplings_hold_where_the_equalities_of_mujoco_do(kind, tmp_path):
+    """Curves of fourth order about references that are not zero."""
+    ends = 'joint1="track" joint2="wrist"' if kind == "joint" else 'tendon1="lift" tendon2="belt"'
+    text = (
+        ARM.replace('type="slide"', 'type="slide" ref="0.4"')
+        .replace(
+            "REST",
+            f"""<tendon><fixed name="lift"><joint joint="track" coef="2"/></fixed>
+        <fixed name="belt"><joint joint="wrist" coef="0.5"/><joint joint="elbow" coef="2"/></fixed>
+        </tendon><equality><{kind} {ends} polycoef="0.2 1.5 -0.7 0.3 0.9"/></equality>
+        <actuator><motor joint="wrist"/><motor joint="elbow"/></actuator>""",
+        )
+        .replace('name="wrist"', 'name="wrist" ref="-20"')
+    )
+    (tmp_path / "robot.xml").write_text(text)
+    robot, model = (
+        load_mechanism(tmp_path / "robot.xml"),
+        mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")),
+    )
+    data, generator = mujoco.MjData(model), np.random.default_rng(0)
+    names = [model.joint(k).name for k in range(model.njnt)]
+    for _ in range(5):
+        data.qpos[:] = generator.uniform(-0.6, 0.6, model.nq)
+        mujoco.mj_forward(model, data)
+        q = np.zeros((1, robot.model.nq))
+        for k, name in enumerate(names):
+            q[0, robot.joint(name).idx_q] = data.qpos[k]
+        order = [int(robot.velocity_indices([name])[0]) for name in names]
+        np.testing.assert_allclose(constraint_residual(robot, q)[0], data.efc_pos, atol=1e-12)
+        rows = data.efc_J.reshape(-1, model.nv)
+        np.testing.assert_allclose(constraint_jacobian(robot, q)[0][:, order], rows, atol=1e-12)
+
+
+def test_a_tendon_without_room_is_a_coupling(read_arm):
+    source = read_arm(
+        """<tendon><fixed name="waist" limited="true" range="-0.0001 0.0003">
+        <joint joint="wrist" coef="1"/><joint joint="elbow" coef="-2"/></fixed>
+        <fixed name="wide" limited="true" range="-1 1"><joint joint="wrist" coef="1"/></fixed>
+        <spatial name="rope" limited="true" range="0 0.0001"><site site="tip"/><site site="knob"/>
+        </spatial></tendon>"""
+    )
+    (coupling,) = source.description.closures
+    assert coupling.joints == {"wrist": 1, "elbow": -2}
+    assert coupling.offset == pytest.approx(1e-4)
+    assert source.notes == (
+        "fixed tendons with a range below 0.001 are couplings: waist",
+        "limits of tendons are not modelled: wide, rope",
+    )
 
 
 def test_equalities_of_flexible_parts_are_refused(read, refusal):
@@ -352,7 +402,7 @@ def refused(tmp_path, refusal):
                 '<joint name="k" type="slide" ref="1e308"/>',
                 rest='<equality><joint joint1="k" polycoef="1e308"/></equality>',
             ),
-            "equality number 0 has coefficients that are too large",
+            "of MuJoCo's model is beyond 1e+100",
         ),
         (small(rest='<option gravity="0 0 -inf"/>'), "gravity of MuJoCo's model is not finite"),
         ('<robot name="r"><link name="l"/></robot>', "its root is <robot>, not <mujoco>"),

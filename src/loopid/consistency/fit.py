@@ -365,4 +365,8 @@ def _conflict(
     )
     at = f" of {', '.join(names)}" if names else ""
     reach = f"; out of reach: {listed}" if listed else ", but some come within round-off"
-    return f"no physically consistent parameters{at} have these base parameters{reach}"
+    return (
+        f"no physically consistent parameters{at} have these base parameters{reach}; a consistent "
+        "fit to the same data comes close (loopid identify --consistent entropic): use its "
+        "standard_parameters.yaml"
+    )

@@ -167,8 +167,8 @@ def sound_prior(
     if defects:
         raise FeasibilityError(
             f"the prior of {', '.join(defect.name for defect in defects)} is not physically "
-            f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them "
-            "with repair=True"
+            f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them, "
+            "repair=True (--repair)"
         )
     massive = np.flatnonzero(values[layout.columns].any(axis=1))
     bodies, columns = tuple(layout.bodies[k] for k in massive), layout.columns[massive]

@@ -244,7 +244,8 @@ class Problem:
 
     def motion(self, y: FloatArray, near: FloatArray) -> ClosedMotion | None:
         """The motion on the grid, reached from configurations (N, nq) or (1, nq)."""
-        return self.coordinates.follow(*(self.functions @ self.variables(y)), start=near)
+        x, v, a = self.functions @ self.variables(y)
+        return self.coordinates.follow(x, v, a, near)
 
     def information(self, rows: FloatArray, counts: BoolArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""

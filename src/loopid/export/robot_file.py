@@ -117,7 +117,10 @@ def export_robot_file(
     if place.suffix not in endings:
         raise OptionError.unknown("ending", place.suffix or str(path), endings)
     if not overwrite and place.exists() and place.samefile(tree):
-        raise OutputError(f"{path} is the robot's own file: ask for overwriting, or name another")
+        raise OutputError(
+            f"{path} is the robot's own file: name another, or replace it, overwrite=True "
+            "(--overwrite)"
+        )
     write_file(place, updated_robot_file(mechanism, standard_parameters, parameters))
     return place
 

@@ -1,5 +1,12 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
+from loopid.kinematics.accuracy import (
+    Accuracy,
+    geometry_accuracy,
+    nearly_equal_lengths,
+    same_motion,
+    within_accuracy,
+)
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, Assembly, assemble, try_assemble
 from loopid.kinematics.closing import (
     close_by_continuation,
@@ -52,6 +59,7 @@ __all__ = [
     "CLOSURE_TOLERANCE",
     "DEFAULT_MARGIN",
     "NEAR_SINGULARITY",
+    "Accuracy",
     "Assembly",
     "ClosedMotion",
     "Factorisation",
@@ -72,12 +80,14 @@ __all__ = [
     "displaced",
     "frame_motions",
     "frame_poses",
+    "geometry_accuracy",
     "independent_coordinates",
     "integrate",
     "largest_residual",
     "measured_coordinates",
     "mobility",
     "nearby_configurations",
+    "nearly_equal_lengths",
     "null_space",
     "partition",
     "platform_coordinates",
@@ -85,8 +95,10 @@ __all__ = [
     "project",
     "random_configurations",
     "random_motions",
+    "same_motion",
     "scaled_constraint",
     "singularity_measure",
     "torque_regressors",
     "try_assemble",
+    "within_accuracy",
 ]

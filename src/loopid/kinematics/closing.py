@@ -129,7 +129,7 @@ def nearby_configurations(
         _, jacobian = Constraint(mechanism, q).scaled()
         steps = np.zeros((count, mechanism.model.nv))
         for k in range(count):
-            basis = null_space(jacobian[k])
+            basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
             direction = basis @ generator.normal(size=basis.shape[1])
             steps[k] = WALK_STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
@@ -162,7 +162,8 @@ def _polished(
     """Plain Gauss-Newton steps to round-off, kept where they shrink the residual."""
     k = np.arange(len(at.q))
     for _ in range(POLISH_STEPS if len(movable) else 0):
-        factors = Factorisation.of(at.jacobian[k][:, :, movable])
+        columns = at.jacobian[k][:, :, movable]
+        factors = Factorisation.of(columns, mechanism.closure_rank_tolerance)
         step = -factors.solve(at.residual[k][:, :, None])[:, :, 0]
         there = _Points(mechanism, _moved(mechanism, at.q[k], movable, step))
         better = there.largest < at.largest[k]

@@ -57,12 +57,15 @@ class Constraint:
             angular = self.poses.angular if turns else np.broadcast_to(np.nan, linear.shape)
             A[:, :coupled] = self._rates(linear, angular)
         for row, coupling in enumerate(self.mechanism.couplings, coupled):
-            A[:, row, list(coupling.v_indices)] = coupling.coefficients
+            A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
 
     def drift(self, v: FloatArray) -> FloatArray:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
-        drift = np.zeros((len(self.q), self.mechanism.rows))  # couplings are linear: no drift
+        drift = np.zeros((len(self.q), self.mechanism.rows))
+        coupled = self.mechanism.rows - len(self.mechanism.couplings)
+        for row, coupling in enumerate(self.mechanism.couplings, coupled):
+            drift[:, row] = coupling.drift(self.q, v)
         if self.pairs:
             moving = frame_motions(self.mechanism, self.q, v, self.poses)
             velocities = _pair_rates(moving.velocity[..., None], moving.turn[..., None])

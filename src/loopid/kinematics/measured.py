@@ -184,7 +184,8 @@ def measured_coordinates(
             f"{mechanism.name} at its reference: give more, or others, or a reference "
             "that is not singular"
         )
-    if int(Factorisation.of(Constraint(mechanism, q).scaled()[1]).rank[0]) > found:
+    jacobian, tolerance = Constraint(mechanism, q).scaled()[1], mechanism.closure_rank_tolerance
+    if int(Factorisation.of(jacobian, tolerance).rank[0]) > found:
         raise MobilityError(
             f"the {measured.width} measured coordinates of {mechanism.name} are not "
             "independent of each other: leave some out"

@@ -15,8 +15,8 @@ from loopid.arrays import FloatArray, IntArray, samples
 from loopid.errors import DataError, MobilityError
 from loopid.kinematics.closing import nearby_configurations
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.projection import RANK_TOLERANCE, Factorisation, null_space
-from loopid.robot import Mechanism
+from loopid.kinematics.projection import Factorisation, null_space
+from loopid.robot import RANK_TOLERANCE, Mechanism
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 # Motors are taken in their order as long as this much of each is its own.
@@ -95,9 +95,11 @@ def mobility(
     if not len(samples(around, mechanism.model.nq, "around")):
         raise DataError("around must hold at least one configuration, not none")
     residual, jacobian = Constraint(mechanism, q[None]).scaled()
-    factors = Factorisation.of(jacobian)
+    tolerance = mechanism.closure_rank_tolerance
+    factors = Factorisation.of(jacobian, tolerance)
     rank = int(factors.rank[0])
-    generic_rank = int(Factorisation.of(Constraint(mechanism, around).scaled()[1]).rank.max())
+    jacobians = Constraint(mechanism, around).scaled()[1]
+    generic_rank = int(Factorisation.of(jacobians, tolerance).rank.max())
     return Mobility(
         rows=mechanism.rows,
         rank=rank,
@@ -107,6 +109,7 @@ def mobility(
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
+        tolerance=tolerance,
     )
 
 
@@ -122,7 +125,11 @@ def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]
     passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
     if not len(passive):
         return ()
-    moving = passive[(np.abs(null_space(jacobian[:, passive])) > MOVES).any(axis=1)]
+    moving = passive[
+        (np.abs(null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)) > MOVES).any(
+            axis=1
+        )
+    ]
     return tuple(mechanism.coordinates[k] for k in moving)
 
 
@@ -140,7 +147,7 @@ def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) ->
         When nothing can move.
     """
     _, jacobians = Constraint(mechanism, configurations).scaled()
-    spaces = [null_space(jacobian) for jacobian in jacobians]
+    spaces = [null_space(A, mechanism.closure_rank_tolerance) for A in jacobians]
     # At a singular configuration more is possible than around it.
     freedom = min(space.shape[1] for space in spaces)
     if freedom == 0:

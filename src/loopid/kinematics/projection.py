@@ -18,12 +18,8 @@ from loopid.arrays import FloatArray, IntArray, samples
 from loopid.errors import MobilityError, SingularityError, SingularityWarning, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks
-from loopid.robot import Mechanism
+from loopid.robot import RANK_TOLERANCE, Mechanism
 
-# Singular values below this fraction of the largest are taken as zero. Closed configurations
-# are exact to round-off, so a redundant row shows at 1e-15; CAD files rounded to six digits
-# close to 1e-9 only.
-RANK_TOLERANCE = 1e-8
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
 
@@ -333,7 +329,7 @@ def _projected(
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
         if rows.start == 0:
-            _refuse_too_many(A[:1], len(chosen))
+            _refuse_too_many(A[:1], len(chosen), mechanism.closure_rank_tolerance)
         G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
         columns[rows] = solver.matrices
         doubts.append((rows.start + solver.ill_conditioned, solver.factors))
@@ -394,9 +390,9 @@ def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -
         )
 
 
-def _refuse_too_many(jacobian: FloatArray, count: int) -> None:
+def _refuse_too_many(jacobian: FloatArray, count: int, tolerance: float) -> None:
     """Refuse more independent joints than the first sample has degrees of freedom."""
-    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian).rank.max(initial=0))
+    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian, tolerance).rank.max(initial=0))
     if count > freedom:
         raise MobilityError(
             f"{count} independent joints are too many for {freedom} degrees of freedom"

@@ -46,8 +46,9 @@ def random_configurations(
     seed : int
         Same seed, same configurations; a larger count only adds more.
     margin : float, optional
-        Least singularity measure, see ``Projection.singularity``; by default 0.02, or less where
-        the geometry hardly allows it, but not below ``LEAST_MARGIN``.
+        Least singularity measure, see ``Projection.singularity``; by default that of the robot's
+        file, else 0.02, or less where the geometry hardly allows it, but not below
+        ``LEAST_MARGIN``.
 
     Returns
     -------
@@ -77,6 +78,7 @@ def configuration_batches(
         raise OptionError(f"samples must be at least 1, not {count}")
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
+    margin = mechanism.margin if margin is None else margin
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     home, lower, upper = _ranges(mechanism)
     draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from loopid.errors import RobotFileError
@@ -41,32 +42,45 @@ FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
 
 
 class ClosureDescription(Section):
-    """One closure: of two frames, or a linear coupling of joints."""
+    """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
 
     type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
+    name: str | None = None
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
     length: float | None = Field(default=None, ge=1e-9, le=1e9)
     joints: dict[str, float] | None = None
     offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
+    of: dict[str, float] | None = None
+    polynomial: list[Annotated[float, Field(gt=-1e30, lt=1e30)]] | None = Field(
+        default=None, min_length=1, max_length=5
+    )
+
+    @property
+    def label(self) -> str:
+        """The name that it has in the file, else of its frames, or of the joint that follows."""
+        return self.name or "-".join(self.frames or ()) or next(iter(self.joints or ("",)))
 
     @model_validator(mode="after")
     def _keys_fit(self) -> ClosureDescription:
-        needed, optional = "joints", ["offset"]
+        needed, optional = "joints", ["offset"] if self.of is None else ["of", "polynomial"]
         if self.type != COUPLING:
             kind = CLOSURE_KINDS[self.type]
             needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
         if getattr(self, needed) is None:
             raise ValueError(f"a {self.type} closure needs '{needed}'")
-        allowed = {"type", needed, *optional}
+        if (self.of is None) != (self.polynomial is None):
+            raise ValueError("a coupling has 'of' and 'polynomial' together, or neither")
+        allowed = {"type", "name", needed, *optional}
         for key in sorted(self.model_fields_set - allowed):
             raise ValueError(
                 f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
             )
         if "length" in optional and self.length is None:
             raise ValueError(f"a {self.type} closure needs its 'length' in m")
-        if self.joints is not None:
-            _require_coupling(self.joints)
+        for joints in (self.joints, self.of):
+            if joints is not None:
+                _require_coupling(joints)
         return self
 
     @field_validator("axes")
@@ -151,33 +165,41 @@ def find_couplings(
     described: Iterable[ClosureDescription],
     locked: Mapping[str, float],
 ) -> tuple[JointCoupling, ...]:
-    """Couplings; joints that are locked add to the offset."""
-    found = []
-    for closure in described:
-        if closure.joints is None:
-            continue
-        coupling = _coupling(file, model, closure.joints, closure.offset, locked)
-        if coupling is not None:
-            found.append(coupling)
-    _refuse_contradictions(file, found)
+    """Couplings; joints that are locked count with their values."""
+    couplings = (closure for closure in described if closure.joints is not None)
+    found = [each for c in couplings if (each := _coupling(file, model, c, locked)) is not None]
+    _refuse_contradictions(file, [each for each in found if not each.powers])
     return tuple(found)
 
 
 def _coupling(
-    file: Path,
-    model: pin.Model,
-    joints: dict[str, float],
-    offset: float,
-    locked: Mapping[str, float],
+    file: Path, model: pin.Model, closure: ClosureDescription, locked: Mapping[str, float]
 ) -> JointCoupling | None:
-    for name, coefficient in joints.items():
-        offset -= coefficient * locked.get(name, 0.0)
+    joints, argument = dict(closure.joints or {}), dict(closure.of or {})
+    held = sum(factor * locked.get(name, 0.0) for name, factor in joints.items())
+    shift = sum(factor * locked.get(name, 0.0) for name, factor in argument.items())
+    # In terms of what moves; a constant and a slope are linear.
+    curve = Polynomial(closure.polynomial or [closure.offset])(Polynomial([shift, 1.0]))
     moving = {name: c for name, c in joints.items() if name not in locked}
+    argument = {name: factor for name, factor in argument.items() if name not in locked}
+    constant, slope, *powers = [*curve.coef.tolist(), 0.0][: max(2, len(curve.coef))]
+    for name, factor in argument.items():
+        moving[name] = moving.get(name, 0.0) - slope * factor
+    if not argument or not any(powers):
+        argument, powers = {}, []
+        moving = {name: c for name, c in moving.items() if c != 0}
     if not moving:
         return None
     models = [_single_joint(file, model, name) for name in moving]
-    q, v = tuple(joint.idx_q for joint in models), tuple(joint.idx_v for joint in models)
-    return JointCoupling(tuple(moving), tuple(moving.values()), offset, q, v)
+    return JointCoupling(
+        joints=tuple(moving),
+        coefficients=tuple(moving.values()),
+        offset=constant - held,
+        q_indices=tuple(joint.idx_q for joint in models),
+        v_indices=tuple(joint.idx_v for joint in models),
+        argument=tuple(argument.get(name, 0.0) for name in moving) if argument else (),
+        powers=tuple(powers),
+    )
 
 
 def _single_joint(file: Path, model: pin.Model, name: str) -> pin.JointModel:

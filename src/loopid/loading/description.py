@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading.closures import ClosureDescription, FrameKind
+from loopid.loading.closures import COUPLING, ClosureDescription, FrameKind
 from loopid.robot import JOINT_TERMS
 from loopid.yaml_files import Section, read_yaml
 
@@ -24,6 +24,7 @@ MJCF = (".xml", ".mjcf")
 DESCRIPTIONS = (".yaml", ".yml")
 SUFFIXES = (*DESCRIPTIONS, ".urdf", *MJCF)
 MOTIONS = "_motions.yaml"
+Component = Annotated[float, Field(gt=-1e30, lt=1e30)]
 JointType = Annotated[
     Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ", "UJOINT_ZX",
             "UJOINT_ZY"],
@@ -55,6 +56,10 @@ class PlatformDescription(Section):
         return self
 
 
+def _is_coupling(content: Any) -> Any:
+    return content | {"type": COUPLING} if isinstance(content, dict) else content
+
+
 class Description(Section):
     """What a robot file may say; all of it may be left out for a serial robot."""
 
@@ -64,10 +69,19 @@ class Description(Section):
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
     type: list[FrameKind] = Field(default=[])
+    couplings: list[Annotated[ClosureDescription, BeforeValidator(_is_coupling)]] = Field(
+        default=[]
+    )
+    remove_closures: list[str] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
     joint_type: list[JointType] = Field(default=[])
     reference: dict[str, float | list[float]] = Field(default={})
+    limits: dict[str, tuple[float, float] | None] = Field(default={})
+    gravity: tuple[Component, Component, Component] | None = None
+    margin: float | None = Field(default=None, ge=0, lt=1)
+    rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
+    closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     joint_terms: dict[str, dict[JointKind, float]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
@@ -78,6 +92,9 @@ class Description(Section):
             one, two = len(getattr(self, first)), len(getattr(self, second))
             if one != two:
                 raise ValueError(f"'{first}' has {one} entries, but '{second}' has {two}")
+        for name, limits in self.limits.items():
+            if limits and not limits[0] < limits[1]:
+                raise ValueError(f"limits: {name}: {limits[0]:g} is not below {limits[1]:g}")
         for names in (self.name_mot, self.joint_name):
             for name in _repeated(names) if isinstance(names, list) else ():
                 raise ValueError(f"joint {name} is listed twice")
@@ -98,10 +115,10 @@ class Description(Section):
 
     @property
     def all_closures(self) -> tuple[ClosureDescription, ...]:
-        """Closures of ``closed_loop``, then those of ``closures``."""
+        """Closures of ``closed_loop``, of ``closures``, and couplings."""
         pairs = zip(self.closed_loop, self.type, strict=True)
         simple = tuple(ClosureDescription(type=kind, frames=frames) for frames, kind in pairs)
-        return simple + tuple(self.closures)
+        return simple + tuple(self.closures) + tuple(self.couplings)
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -115,13 +132,26 @@ def _repeated(names: Iterable[str]) -> list[str]:
     return sorted({name for name in names if names.count(name) > 1})
 
 
-def merged(own: Description, given: Description) -> Description:
+def merged(file: Path, own: Description, given: Description) -> Description:
     """What was given, with closures, motors, reference and terms of a tree's own file added.
 
     Of two frames that are closed in both, and of motors and values of joints, the given ones count.
     """
+    labels = [closure.label for closure in own.closures]
+    for name in given.remove_closures:
+        if name not in labels:
+            listed = ", ".join(labels) or "none"
+            raise RobotFileError(
+                f"{file}: remove_closures: unknown closure {name!r}: choose among those of the "
+                f"tree's own file: {listed}"
+            )
     again = [set(closure.frames or ()) for closure in given.all_closures]
-    kept = [c for c in own.closures if c.frames is None or set(c.frames) not in again]
+    kept = [
+        closure
+        for closure in own.closures
+        if closure.label not in given.remove_closures
+        and (closure.frames is None or set(closure.frames) not in again)
+    ]
     update: dict[str, Any] = {
         "closures": [*kept, *given.closures],
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
@@ -178,6 +208,8 @@ def find_files(path: str | Path) -> RobotFiles:
     MissingFileError, RobotFileError
     """
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
+    if file.suffix == ".sdf":  # which says why not
+        return RobotFiles(file, Description(), file)
     if file.suffix not in SUFFIXES:
         raise RobotFileError(f"{file}: a robot file ends in {', '.join(SUFFIXES)}")
     if file.suffix not in DESCRIPTIONS:

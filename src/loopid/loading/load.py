@@ -33,9 +33,10 @@ from loopid.loading.tree import (
     read_joint,
     written_reference,
 )
-from loopid.loading.urdf import read_urdf
+from loopid.loading.urdf_dialects import read_urdf
 from loopid.robot import (
     JOINT_TERMS,
+    RANK_TOLERANCE,
     Body,
     LinkGroup,
     Mechanism,
@@ -103,7 +104,7 @@ ModelWarning
     files = find_files(path)
     file = files.named
     source = _read_tree(files, floating_base, free_mimics)
-    description = merged(source.description, files.given)
+    description = merged(file, source.description, files.given)
     if tied and not description.identical:
         raise OptionError(f"{file} declares no identical links: nothing to tie")
     tree = build_tree(file, source, description, lock)
@@ -124,6 +125,9 @@ ModelWarning
         platform=_platform(file, model, description),
         identical=_identical(file, model, description, bodies),
         tied=tied,
+        closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
+        rank_tolerance=description.rank_tolerance,
+        margin=description.margin,
         left_out=tree.left_out,
         options={
             "lock": tuple(lock),

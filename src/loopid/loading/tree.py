@@ -92,7 +92,16 @@ def build_tree(
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")
     source = replace(source, description=description)
+    if description.gravity is not None:
+        source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(file, source, _replacements(source.model, description), turned=False)
+    for name, limits in description.limits.items():
+        joint = joint_named(name, source.model, f"{file}: unknown joint {name!r} in limits")
+        if joint.nq != 1:
+            raise RobotFileError(f"{file}: limits: joint {name} has {joint.nv} coordinates")
+        low, high = limits or (-np.inf, np.inf)
+        source.model.lowerPositionLimit[joint.idx_q] = low
+        source.model.upperPositionLimit[joint.idx_q] = high
     whole = list(description.fixed)
     left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
     for name in locked:
@@ -124,7 +133,7 @@ def _hinges(axes: str) -> Chain:
 
 
 def _replacements(model: pin.Model, description: Description) -> dict[str, Chain]:
-    """What the description puts in the place of joints, and hinges without limits for couplings.
+    """What the description puts in the place of joints, and hinges for couplings and limits.
 
     A gear ratio relates turns that add up; a ``continuous`` joint only counts its angle on the
     circle.
@@ -135,7 +144,10 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
             chains[name] = (("", pin.JointModelSpherical()),)
         elif kind != "FIXED":
             chains[name] = _hinges(kind.removeprefix("UJOINT_"))
-    for name in (name for closure in description.closures for name in closure.joints or ()):
+    coupled = [
+        name for c in description.all_closures for name in (*(c.joints or ()), *(c.of or ()))
+    ]
+    for name in (*coupled, *description.limits):
         if name not in chains and model.existJointName(name):
             joint = model.joints[model.getJointId(name)]
             if joint.nv == 1 and joint.nq == 2:

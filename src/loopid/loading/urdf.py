@@ -1,7 +1,4 @@
-"""From a URDF to the open tree, and to the closures and motors that the file itself declares.
-
-Closures are written in three ways: joints that ``<mimic>`` others, pairs of closing frames as
-onshape-to-robot exports them, and the ``<loop>`` and ``<coupling>`` tags of URDF+ [Chignoli2024].
+"""A URDF file whose names, numbers and tree are sound, and Pinocchio's model of it.
 
 Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
 missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
@@ -13,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -25,10 +22,6 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.errors import RobotFileError
-from loopid.loading.closures import ClosureDescription
-from loopid.loading.description import Description
-from loopid.loading.tree import TreeSource, add_frame
-from loopid.robot import LeftOut, shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint, Robot
@@ -57,6 +50,10 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 WORDS = {1: "a finite number", 3: "three finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 LEAST_AXIS = 1e-9
+NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+# Far more than robots have.
+MOST_BYTES = 20_000_000
+MOST_LINKS = 2000
 # Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
 # as they are written; with more, nothing is lost. In units of the last digit: 1.57079 is cut off,
 # and 3.14158 is twice that.
@@ -65,74 +62,6 @@ DECIMALS = range(4, 13)
 SLACK = 1.5
 
 ROOT_JOINT = "root_joint"
-CLOSING_FRAME = re.compile(r"closing_(.+)_([12])")
-Z = (0.0, 0.0, 1.0)
-SIDES = ("predecessor", "successor")
-LOOPS = {
-    "continuous": "hinge",
-    "cylindrical": "cylindrical",
-    "fixed": "6d",
-    "prismatic": "prismatic",
-    "revolute": "hinge",
-    "spherical": "3d",
-}
-AXIAL = ("hinge", "cylindrical", "prismatic")
-TRUTH = {"true": True, "1": True, "false": False, "0": False}
-# Closures as drafts of URDF+ and simulators of their own write them.
-UNREAD = ("constraint", "loop_constraint", "joint_constraint", "loop_joint")
-Couplings = dict[str, ClosureDescription]  # by the joint that follows the others
-
-
-def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
-    """Read the tree of a URDF, and what the file says of closures and motors.
-
-    Parameters
-    ----------
-    path : Path
-    floating_base : bool
-        Whether the root link moves freely, on a joint called ``root_joint``.
-    free_mimics : bool
-        Whether joints that mimic others move on their own all the same.
-
-    Raises
-    ------
-    RobotFileError
-        Naming the file, the link, joint or tag and the offending value.
-    """
-    urdf = read_urdf_file(path)
-    links, joints = urdf.robot.links, urdf.robot.joints
-    with naming(path):
-        model = _model(urdf, floating_base)
-        mimics = {} if free_mimics else _mimics(joints)
-        couplings = _couplings(urdf)
-        closures = _closing_frames([link.name for link in links]) + _loops(urdf.root, model)
-        motors = _motors(urdf, mimics, couplings, looped=bool(closures))
-        terms, left_out = _joint_forces(urdf)
-    children = {joint.child for joint in joints}
-    root_link = next(link.name for link in links if link.name not in children)
-    carried = {ROOT_JOINT: root_link} if floating_base else {}
-    return TreeSource(
-        name=urdf.robot.name or path.stem,
-        file=path,
-        model=model,
-        # An <inertial> that is all zero counts as none.
-        inertial_links=tuple(
-            link.name
-            for link in links
-            if link.inertial is not None and (link.inertial.mass or link.inertial.inertia.any())
-        ),
-        child_links=carried | {joint.name: joint.child for joint in joints},
-        description=Description(
-            closures=[*closures, *(coupling for _, coupling in couplings), *mimics.values()],
-            name_mot=motors,
-            joint_terms=terms,
-        ),
-        left_out=tuple(left_out),
-        notes=tuple(f"{label(tag)} is not read" for tag in urdf.root if tag.tag in UNREAD),
-    )
-
-
-# The file, its names, numbers and tree.
 
 
 @dataclass(frozen=True)
@@ -147,11 +76,14 @@ class UrdfFile:
         XML of links and joints only, for Pinocchio.
     robot : yourdfpy.urdf.Robot
         Links and joints in the order of the file.
+    second : tuple of Element
+        Joints that give a link a second parent: they are no part of the tree.
     """
 
     root: Element
     tree: str
     robot: Robot
+    second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path) -> UrdfFile:
@@ -167,16 +99,28 @@ def read_urdf_file(path: Path) -> UrdfFile:
     with naming(path):
         root = parse_xml(path)
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
-        copy = etree.Element("robot", {"name": " ".join(root.get("name", "").split())})
+        name = " ".join(root.get("name", "").split())
+        if not name.isprintable():
+            raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
+        copy = etree.Element("robot", {"name": name})
+        if len(root.findall("link")) > MOST_LINKS:
+            raise RobotFileError(f"it has more than the {MOST_LINKS} links that are read")
+        second, carried = list[Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
             with naming(f"{element.tag!s} {required(element, 'name')}"):
-                copy.append(_sound(element))
+                sound = _sound(element)
+            link = "" if element.tag == "link" else required(child(sound, "child"), "link")
+            if link in carried:
+                second.append(element)
+            else:
+                copy.append(sound)
+            carried |= {link} - {""}
         tree = etree.tostring(copy)
         robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
         if not robot.links:
             raise RobotFileError("not a valid URDF: it has no <link>")
-        _refuse_repetition("link", (link.name for link in robot.links))
-        _refuse_repetition("joint", (joint.name for joint in robot.joints))
+        refuse_repetition("link", (link.name for link in robot.links))
+        refuse_repetition("joint", (joint.name for joint in robot.joints))
         for joint in robot.joints:
             with naming(f"joint {joint.name}"):
                 _check_joint(joint)
@@ -185,7 +129,7 @@ def read_urdf_file(path: Path) -> UrdfFile:
                 mass = f"{link.inertial.mass:g} kg"
                 raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
         _check_tree(robot)
-    return UrdfFile(root, tree.decode(), robot)
+    return UrdfFile(root, tree.decode(), robot, tuple(second))
 
 
 @contextmanager
@@ -198,29 +142,51 @@ def naming(what: str | Path) -> Iterator[None]:
 
 
 def parse_xml(path: Path) -> Element:
-    """Root of a URDF, without comments, and with its entities left alone.
+    """Root of a URDF, without comments; entities are refused, as what they stand for is not read.
 
     Prefixes without a namespace are common, and harmless; other broken grammar is refused.
     """
     options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
     options["resolve_entities"] = False
     try:
-        content = path.read_bytes()
+        with path.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise RobotFileError(f"cannot be read: {error.strerror}") from error
+    if len(content) > MOST_BYTES:
+        raise RobotFileError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
     try:
         root: Element = etree.fromstring(content, etree.XMLParser(**options))
     except etree.XMLSyntaxError as error:
         if error.code != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
             raise RobotFileError(f"not a valid URDF: {error.msg}") from error
         root = etree.fromstring(content, etree.XMLParser(recover=True, **options))
+    refuse_entities(root)
     # Some simulators declare a default namespace.
     space = f"{{{root.nsmap.get(None)}}}"
     for element in root.iter(f"{space}*"):
         element.tag = str(element.tag).removeprefix(space)
+    if root.tag == "sdf":
+        children = Counter((tag.text or "").strip() for tag in root.iterfind(".//joint/child"))
+        second = ", ".join(name for name, count in children.items() if count > 1)
+        loops = f" ({second} have two parents)" if second else ""
+        raise RobotFileError(
+            f"<sdf> is not read: convert it to a URDF, with one parent a link{loops} and the other "
+            "joints as 'closures' in a YAML beside it"
+        )
     if root.tag != "robot":
         raise RobotFileError(f"not a valid URDF: the root is <{root.tag!s}>, not <robot>")
     return root
+
+
+def refuse_entities(root: Element) -> None:
+    """Refuse entities that an XML file declares."""
+    declared = root.getroottree().docinfo.internalDTD
+    names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
+    if names:
+        raise RobotFileError(
+            f"XML entities are not read: write out what &{names[0]:.60}; stands for"
+        )
 
 
 def label(element: Element) -> str:
@@ -231,10 +197,18 @@ def label(element: Element) -> str:
 
 def child(element: Element, tag: str) -> Element:
     """A tag that must be there."""
-    found = element.find(tag)
+    found = single(element, tag)
     if found is None:
         raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
     return found
+
+
+def single(element: Element, tag: str) -> Element | None:
+    """A tag that may be there, once."""
+    found = element.findall(tag)
+    if len(found) > 1:
+        raise RobotFileError(f"<{element.tag!s}> has {len(found)} times <{tag}>: keep one")
+    return found[0] if found else None
 
 
 def required(element: Element, attribute: str) -> str:
@@ -255,7 +229,7 @@ def numbers(
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
     try:
-        read = exact_angle if attribute == "rpy" else float
+        read = exact_angle if attribute == "rpy" else plain_number
         values = tuple(read(word) for word in text.split())
     except ValueError:
         values = ()
@@ -267,15 +241,27 @@ def numbers(
     return values
 
 
+def plain_number(text: str) -> float:
+    """A number as all readers write it: Python's float takes 1_6 and digits of other scripts, too.
+
+    Raises
+    ------
+    ValueError
+    """
+    if NUMBER.fullmatch(text) is None:
+        raise ValueError(f"not a number: {text!r:.60}")
+    return float(text)
+
+
 def exact_angle(text: str) -> float:
     """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
 
     A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
     each other, and parameters that no motor feels seem to have an effect of 1e-11.
     """
-    value = float(text)
+    value = plain_number(text)
     decimals = len(text.partition(".")[2])
-    steps = round(value / STEP) if math.isfinite(value) else 0
+    steps = round(value / STEP) if abs(value) < LARGEST else 0
     if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():
         return value
     exact = steps * STEP
@@ -299,13 +285,14 @@ def _sound(element: Element) -> Element:
     for attribute, (count, default) in NUMBERS.get(tag, {}).items():
         copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
     for inner in TAGS.get(tag, ()):
-        there = child(element, inner) if inner in REQUIRED else element.find(inner)
+        there = child(element, inner) if inner in REQUIRED else single(element, inner)
         if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
             copy.append(_sound(there))
     return copy
 
 
-def _refuse_repetition(tag: str, names: Iterable[str]) -> None:
+def refuse_repetition(tag: str, names: Iterable[str]) -> None:
+    """Refuse elements of one name."""
     for name, count in Counter(names).items():
         if count > 1:
             raise RobotFileError(f"<{tag} name={name!r}> appears {count} times")
@@ -336,14 +323,16 @@ def _check_tree(robot: Robot) -> None:
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
-    carriers = Counter(joint.child for joint in robot.joints)
-    for link, count in carriers.items():
-        if count > 1:
-            raise RobotFileError(f"link {link} is the child of {count} joints: not a tree")
-    roots = sorted(links - set(carriers))
+    carriers = {joint.child for joint in robot.joints}
+    roots = sorted(links - carriers)
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
-        raise RobotFileError(f"the links must form one tree with one root, but roots are: {listed}")
+        hint = (
+            "" if roots else ": a joint closes a loop at the root: write it as a closure in a YAML"
+        )
+        raise RobotFileError(
+            f"the links must form one tree with one root, but roots are: {listed}{hint}"
+        )
     reached, more = set(roots), set(roots)
     while more:
         more = {joint.child for joint in robot.joints if joint.parent in more}
@@ -353,7 +342,7 @@ def _check_tree(robot: Robot) -> None:
         raise RobotFileError(f"links {lost} hang on a cycle of joints, not on root {roots[0]}")
 
 
-def _model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
+def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     """Pinocchio's model, with mimicking joints as joints of their own."""
     taken = {"universe": "the ground"}
     if floating_base:
@@ -368,327 +357,3 @@ def _model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
-
-
-# Closures: mimics, closing frames, and the tags of URDF+.
-
-
-def _mimics(all_joints: Iterable[Joint]) -> Couplings:
-    """Joints that follow another one: follower = multiplier · leader + offset.
-
-    A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
-    """
-    joints = {joint.name: joint for joint in all_joints}
-    leaders = {
-        name: joint.mimic.joint
-        for name, joint in joints.items()
-        if joint.mimic is not None and joint.type != "fixed"
-    }
-    for name, leading in leaders.items():
-        what = f"joint {name} mimics {leading!r}"
-        if leading not in joints:
-            raise RobotFileError(f"{what}, which is not there: choose among {', '.join(joints)}")
-        if joints[leading].type == "fixed":
-            raise RobotFileError(f"{what}, which is fixed")
-        for end in (joints[name], joints[leading]):
-            if end.type in SEVERAL:
-                raise RobotFileError(
-                    f"{what}, but {end.name} is {end.type}: it has several coordinates"
-                )
-    for follower in leaders:
-        chain = [follower]
-        while chain[-1] in leaders and len(chain) <= len(leaders):
-            chain.append(leaders[chain[-1]])
-            if chain[-1] == follower:
-                circle = " mimics ".join(chain)
-                raise RobotFileError(f"joint {circle}: a circle, with no joint to lead it")
-    found = {}
-    for name, leading in leaders.items():
-        factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
-        terms = {name: 1.0} | ({leading: -factor} if factor else {})
-        found[name] = ClosureDescription(type="coupling", joints=terms, offset=offset)
-    return found
-
-
-def _closing_frames(links: Collection[str]) -> list[ClosureDescription]:
-    """Closures of the links ``closing_NAME_1`` and ``closing_NAME_2``.
-
-    The names say that two frames meet, not by which joint. Only beside a hinge, versions of the
-    exporter add a second pair of frames further along its axis, ``closing_NAME_1_z`` and
-    ``closing_NAME_2_z``; without them the origins meet, which the exporter's manual has one
-    enforce.
-    """
-    closures = []
-    for match in filter(None, map(CLOSING_FRAME.fullmatch, links)):
-        name, side = match.groups()
-        frames = (f"closing_{name}_1", f"closing_{name}_2")
-        partner = frames[2 - int(side)]
-        if partner not in links:
-            raise RobotFileError(
-                f"link {match[0]} closes a loop with link {partner!r}, which is missing"
-            )
-        if side == "2":
-            continue
-        if all(f"{frame}_z" in links for frame in frames):
-            closures.append(ClosureDescription(type="hinge", frames=frames, axes=(Z, Z)))
-        else:
-            closures.append(ClosureDescription(type="3d", frames=frames))
-    return closures
-
-
-def _loops(root: Element, model: pin.Model) -> list[ClosureDescription]:
-    """Closures of the ``<loop>`` tags, their frames mounted in the model.
-
-    A loop ``x`` joins the frames ``x_predecessor`` and ``x_successor``, at the origins that it
-    gives in its two links. Its axis has the same components in both.
-    """
-    closures = []
-    for loop in _named_tags(root, "loop"):
-        with naming(label(loop)):
-            kind = LOOPS.get(loop.get("type", ""))
-            if kind is None:
-                listed = ", ".join(LOOPS)
-                raise RobotFileError(
-                    f"unknown type {loop.get('type', '')!r}: choose among {listed}"
-                )
-            links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-            content: dict[str, Any] = {"type": kind, "frames": []}
-            ends = _ends(loop, links)
-            if kind in AXIAL:
-                axis = numbers(child(loop, "axis"), "xyz", 3)
-                if max(map(abs, axis)) < LEAST_AXIS:
-                    raise RobotFileError("<axis> is zero")
-                content["axes"] = (axis, axis)
-            for side, link in zip(SIDES, ends, strict=True):
-                name = f"{loop.get('name', '').strip()}_{side}"
-                if any(frame.name == name for frame in model.frames):
-                    raise RobotFileError(
-                        f"its frame cannot be called {name!r}, which is taken: rename the loop"
-                    )
-                add_frame(model, name, link, placement(loop.find(f"{side}/origin")))
-                content["frames"].append(name)
-        closures.append(ClosureDescription.model_validate(content))
-    return closures
-
-
-def _couplings(urdf: UrdfFile) -> list[tuple[str, ClosureDescription]]:
-    """``<coupling>`` tags: gears and belts between two links, each with the joint that follows.
-
-    From the nearest link that carries both, joints lead to the predecessor and to the successor.
-    The coordinates on the way to the successor add up to the ratio times those on the way to the
-    predecessor.
-    """
-    found = []
-    for element in _named_tags(urdf.root, "coupling"):
-        with naming(label(element)):
-            ends = _ends(element, [link.name for link in urdf.robot.links])
-            to_predecessor, to_successor = _branches(urdf, ends)
-            (ratio,) = numbers(child(element, "ratio"), "value")
-            if ratio == 0:
-                raise RobotFileError("<ratio> is zero")
-        joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
-        found.append((to_successor[-1], ClosureDescription(type="coupling", joints=joints)))
-    return found
-
-
-def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
-    """Joints that move two links against the nearest link that carries both."""
-    carriers = {joint.child: joint for joint in urdf.robot.joints}
-    paths: list[list[Joint]] = [[], []]  # from the root to each link
-    for path, link in zip(paths, ends, strict=True):
-        while link in carriers:
-            path.insert(0, carriers[link])
-            link = carriers[link].parent
-    shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
-    branches = []
-    for path, side, link in zip(paths, SIDES, ends, strict=True):
-        branch = [joint for joint in path if joint.name not in shared and joint.type != "fixed"]
-        if not branch:
-            raise RobotFileError(f"no joint moves its {side} {link!r} against the other link")
-        for joint in branch:
-            if joint.type in SEVERAL:
-                what = f"joint {joint.name} on the way to its {side} is {joint.type}"
-                raise RobotFileError(f"{what}: it has several coordinates")
-        branches.append([joint.name for joint in branch])
-    return branches
-
-
-def _named_tags(root: Element, tag: str) -> list[Element]:
-    """All tags of one kind, each with a name of its own."""
-    elements = root.findall(tag)
-    _refuse_repetition(tag, (required(element, "name") for element in elements))
-    return elements
-
-
-def _ends(element: Element, links: Collection[str]) -> tuple[str, str]:
-    """Links of predecessor and successor."""
-    first, second = (child(element, side).get("link", "").strip() for side in SIDES)
-    for side, link in zip(SIDES, (first, second), strict=True):
-        if link not in links:
-            listed = ", ".join(links)
-            raise RobotFileError(f"unknown link {link!r} in <{side}>: choose among {listed}")
-    if first == second:
-        raise RobotFileError(f"link {first!r} is its predecessor and its successor")
-    return first, second
-
-
-# Forces in joints: <dynamics>, transmissions, and what simulators add.
-
-# Attributes of <dynamics>, and tags of simulators, by the term that they are a coefficient of.
-COEFFICIENTS = {
-    "damping": "Fv",
-    "friction": "Fc",
-    "armature": "Ia",
-    "springStiffness": "Ks",
-    "spring_stiffness": "Ks",
-    "springReference": "slack",
-    "spring_reference": "slack",
-}
-REDUCTIONS = ("gear_ratio", "mechanicalReduction", "mechanical_reduction")
-ROTORS = ("rotor_inertia", "motorInertia", "motor_inertia")
-WEIGHTLESS = {"turnGravityOff": True, "gravity": False}  # what each must say
-# Tags of Drake that pull at links, and of Gazebo that slow them.
-PULLING = ("linear_bushing_rpy", "linear_spring_damper", "dampingFactor", "velocity_decay")
-
-
-def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
-    """Terms of the joints that the file gives values of, and forces that no model has."""
-    kinds = {joint.name: joint.type for joint in urdf.robot.joints}
-    given: dict[str, dict[str, float]] = {name: {} for name in kinds}
-    heavy = {link.name: link for link in urdf.robot.links if link.inertial is not None}
-    left_out, others = list[LeftOut](), dict[str, list[str]]()
-    for joint in urdf.root.findall("joint"):
-        name = required(joint, "name")
-        with naming(label(joint)):
-            for dynamics in joint.findall("dynamics"):
-                for key in dynamics.attrib:
-                    if key in COEFFICIENTS:
-                        given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
-                    else:
-                        others.setdefault(key, []).append(name)
-            given[name] |= _coefficients(joint)
-    for extension in urdf.root.findall("gazebo"):
-        name = (extension.get("reference") or "").strip()
-        if name in given:
-            given[name] |= _coefficients(extension)
-        for tag, weightless in WEIGHTLESS.items() if name in heavy else ():
-            if TRUTH.get(_said(extension, (tag,)).lower()) is weightless:
-                weights = {name: _weight(heavy[name])}
-                left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
-    for transmission in urdf.root.iter("transmission", "{*}transmission"):
-        _read_transmission(transmission, given, left_out)
-    left_out += [LeftOut(f"<{element.tag!s}>") for element in _all(urdf.root, PULLING)]
-    for key, names in others.items():
-        what = f"{key} in <dynamics> of {shortened(names)}: not known"
-        left_out.append(LeftOut(what, is_force=False))
-    terms = {}
-    for name, values in given.items():
-        if "slack" in values:  # Ks (q - q0) = Ks q + Fo
-            values["Fo"] = -values.get("Ks", 0.0) * values.pop("slack")
-        if kinds[name] in SEVERAL and any(values.values()):
-            what = " and ".join(f"{kind} {value:g}" for kind, value in values.items() if value)
-            left_out.append(LeftOut(f"{what} of the {kinds[name]} joint {name}"))
-        elif kinds[name] != "fixed" and any(values.values()):
-            terms[name] = values
-    return terms, left_out
-
-
-def _read_transmission(
-    transmission: Element, given: dict[str, dict[str, float]], left_out: list[LeftOut]
-) -> None:
-    """Inertia of the rotor behind the reduction, of a transmission of one joint."""
-    joints = [(joint.get("name") or "").strip() for joint in _all(transmission, ("joint",))]
-    driven = [name for name in dict.fromkeys(joints) if name in given]
-    texts = {
-        what: _said(transmission, tags)
-        for what, tags in (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))
-    }
-    listed = ", ".join(f"{what} {text}" for what, text in texts.items() if text)
-    if not driven or not listed:
-        return
-    try:
-        ratio, rotor = (
-            float(text) if text else default
-            for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
-        )
-        inertia = rotor * ratio**2
-    except (ValueError, OverflowError):
-        inertia = math.nan
-    if len(driven) > 1 or not math.isfinite(inertia):
-        left_out.append(LeftOut(f"{listed} of the transmission of {', '.join(driven)}"))
-        return
-    if inertia:
-        given[driven[0]]["Ia"] = given[driven[0]].get("Ia", 0.0) + inertia
-    if ratio != 1:
-        what = f"reduction {ratio:g} of the transmission of {driven[0]}"
-        left_out.append(LeftOut(f"{what}: logs count at the joint", is_force=False))
-
-
-def _coefficients(element: Element) -> dict[str, float]:
-    """Coefficients that simulators write as tags of their own inside an element."""
-    found = {}
-    for tag, kind in COEFFICIENTS.items():
-        text = _said(element, (tag,))
-        if text:
-            try:
-                found[kind] = float(text)
-            except ValueError:
-                raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}") from None
-    return found
-
-
-def _said(element: Element, tags: Collection[str]) -> str:
-    """The value or text of the first tag of some below an element, whatever its namespace."""
-    for found in _all(element, tags):
-        return (found.get("value") or found.text or "").strip()
-    return ""
-
-
-def _all(element: Element, tags: Collection[str]) -> Iterator[Element]:
-    return (found for found in element.iterdescendants("*") if _local(found) in tags)
-
-
-def _local(element: Element) -> str:
-    """A tag without its namespace or prefix."""
-    return re.split("[}:]", str(element.tag))[-1]
-
-
-def _weight(link: Any) -> tuple[float, ...]:
-    """Mass and centre of mass of a link."""
-    inertial = link.inertial
-    centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
-    return float(inertial.mass), *map(float, centre)
-
-
-# Motors.
-
-
-def _motors(
-    urdf: UrdfFile, mimics: Couplings, couplings: Iterable[tuple[str, Any]], looped: bool
-) -> list[str] | None:
-    """Joints with motors, in the order of the file; none where the file does not tell.
-
-    The attribute ``independent`` of URDF+ decides, where any joint has it. Otherwise joints that
-    follow others have no motors. Of the rest, in a robot with closures, those have motors that
-    ``<transmission>`` tags name, if there are any.
-    """
-    joints = {joint.name: joint.type for joint in urdf.robot.joints}
-    moving = [name for name, kind in joints.items() if kind not in ("fixed", "floating")]
-    independent = {}
-    for joint in urdf.root.findall("joint[@independent]"):
-        text = joint.get("independent", "")
-        if text.strip().lower() not in TRUTH:
-            raise RobotFileError(f"{label(joint)}: independent must be true or false, not {text!r}")
-        independent[joint.get("name", "").strip()] = TRUTH[text.strip().lower()]
-    if independent:
-        return [name for name in moving if independent.get(name, True) and name not in mimics]
-    followers, named = {*mimics, *(name for name, _ in couplings)}, []
-    for transmission in urdf.root.findall("transmission") if looped else ():
-        for joint in transmission.findall("joint"):
-            named.append((joint.get("name") or "").strip())
-            if named[-1] not in joints:
-                what, listed = f"unknown joint {named[-1]!r}", ", ".join(joints)
-                raise RobotFileError(f"{label(transmission)}: {what}: choose among {listed}")
-    if not named and not followers:
-        return None
-    return [name for name in moving if name in (named or moving) and name not in followers]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from loopid.logs.formats import (
     optional,
     refusals,
 )
+from loopid.yaml_files import LARGE, load_yaml
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -138,7 +139,7 @@ class BagFormat(LogFormat):
             groups.setdefault(messages.tobytes(), []).append(name)
         return [tuple(group) for group in groups.values()]
 
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         topic = self._topics[stream]
         values = [name for name in names if name not in (STAMP, RECEIVED)]
         messages: IntArray = np.array(topic.columns[values[0]][0], dtype=np.int64)
@@ -162,6 +163,8 @@ def _refuse_unfinished(path: Path) -> None:
             f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
             "give one of the files in it"
         )
+    if path.is_dir():  # before rosbags, which reads whatever it says
+        load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
     beside = path.iterdir() if path.is_dir() else (Path(f"{path}{end}") for end in JOURNALS)
     for file in sorted(beside):
         if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:

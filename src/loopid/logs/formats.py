@@ -6,23 +6,26 @@ by h5py. Where these read damaged files without a word, the checks are here.
 
 from __future__ import annotations
 
-import gzip
-import io
-import zlib
+import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from decimal import Decimal
 from functools import cached_property
-from itertools import compress
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arrays import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
+from loopid.files import require_plausible, text_blocks, why_no_file
 from loopid.scratch import row_blocks
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -32,12 +35,16 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
 TEXT_ENDINGS = (".csv", ".txt", ".tsv")
 OTHER_ENDINGS = (".npz", ".parquet", ".pq", ".h5", ".hdf5", ".bag", ".mcap", ".db3")
 PACKED = ".gz"
-# Rows, and bytes of text, that are read at a time.
-BATCH_ROWS, BATCH_BYTES = 2**16, 2**20
+# Rows, and bytes of them, that are read at a time.
+BATCH_ROWS, BATCH_BYTES = 2**16, 2**24
+# Rows (14 hours at 1 kHz) and columns of a log, and rows before its samples.
+MOST_ROWS, MOST_COLUMNS, LONGEST_HEADER = 50_000_000, 10_000, 10_000
 COMMENT = "#"
 # Of separators that split a header into equally many cells, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
 AROUND_CELLS = " \t\r\"'"
+IS_SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
+NO_NUMBERS = ("", "nan", "+nan", "-nan")
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
@@ -45,8 +52,8 @@ NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 # Wider matrices of an HDF5 file are pictures or the like, not columns.
 WIDEST = 1000
-# Bytes of unpacked chunks of an HDF5 file that are kept for each array.
-CACHE_BYTES = 2**24
+# Bytes of unpacked chunks of an HDF5 file that are kept for each array, and of one of them.
+CACHE_BYTES, LARGEST_CHUNK = 2**24, 2**28
 LONGEST_REASON = 200
 
 
@@ -89,7 +96,7 @@ class LogFormat(ABC):
         return [tuple(names)]
 
     @abstractmethod
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         """Some columns of a stream that share their rows; a LogError when they cannot be read."""
 
 
@@ -146,7 +153,7 @@ def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
 
 def _exact(cell: str | None, unit: int) -> int:
     try:
-        stamp = Decimal(cell or "nan") * unit
+        stamp = Decimal("nan" if np.isnan(number(cell or "")) else cell or "") * unit
         return round(stamp) if abs(stamp) <= LARGEST_STAMP else int(NO_STAMP)
     except ArithmeticError:  # no number, or too large for any
         return int(NO_STAMP)
@@ -179,36 +186,43 @@ class TextFormat(LogFormat):
     def source(self, stream: str) -> str:
         return str(self._files[stream])
 
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         """Some columns as text.
 
-        Polars splits the lines and Python counts their cells: Polars alone fills short rows, cuts
+        Polars splits the lines, but their cells are counted here: Polars fills short rows, cuts
         long ones, passes over blank ones, and numbers none.
         """
         path = self._files[stream]
-        header, read, found = read_header(path), 0, 0
-        separator, width = (header.separator or " ").encode(), len(header.names)
+        header, read, found = read_header(path), 0, False
+        separator, width = header.separator or " ", len(header.names)
         places = {name: header.names.index(name) for name in names}
-        with closing(_lines(path)) as blocks:
-            for lines in blocks:
-                numbered = [
-                    (row, line)
-                    for row, line in enumerate(lines, read + 1)
-                    if row > header.lines and line.strip()
-                ]
-                read, cut_off = read + len(lines), None
-                if numbered and not numbered[-1][1].endswith(b"\n"):
-                    cut_off, _ = numbered.pop()
+        with closing(text_blocks(path)) as blocks:
+            for block in blocks:
                 if header.separator is None:
-                    numbered = [(row, b" ".join(line.split()) + b"\n") for row, line in numbered]
-                fine = [line.count(separator) == width - 1 for _, line in numbered]
-                text = b"".join(line for _, line in compress(numbered, fine))
-                if header.separator != ",":
+                    spaced = re.sub(rb"[ \t\r\v\f]+", b" ", block).removeprefix(b" ")
+                    block = spaced.replace(b" \n", b"\n").replace(b"\n ", b"\n")
+                letters = np.frombuffer(block, np.uint8)
+                ends = np.flatnonzero(letters == ord("\n")) + 1
+                whole = block.endswith(b"\n")
+                ends = ends if whole else np.append(ends, len(block))
+                starts = np.append(0, ends[:-1])
+                rows = np.arange(read + 1, read + len(starts) + 1)
+                read += len(starts)
+                require_few_rows(path, read)
+                filled = np.logical_or.reduceat(~IS_SPACE[letters], starts)
+                filled &= rows > header.lines
+                cut_off = None if whole or not filled[-1] else int(rows[-1])
+                filled[-1] &= whole
+                marks = np.add.reduceat(letters == ord(separator), starts, dtype=np.int64)
+                fine = filled & (marks == width - 1)
+                lines = zip(starts[fine].tolist(), ends[fine].tolist(), strict=True)
+                text = block if fine.all() else b"".join(block[a:b] for a, b in lines)
+                if separator != ",":
                     text = text.replace(b",", b".")  # decimal commas
-                rows, whole = np.array([row for row, _ in numbered], np.int64), np.array(fine, bool)
-                found += sum(fine)
-                cells = _cells(text, separator.decode(), places)
-                yield Batch(cells, rows[whole], rows[~whole], cut_off)
+                found = found or bool(fine.any())
+                yield Batch(
+                    _cells(text, separator, places), rows[fine], rows[filled & ~fine], cut_off
+                )
         if not found:
             raise LogError(f"{path} has no rows of {width} cells below its header")
 
@@ -224,7 +238,11 @@ class FolderFormat(TextFormat):
 
     @cached_property
     def _files(self) -> dict[str, Path]:
-        files = [f for f in sorted(self.path.glob("*")) if f.name.lower().endswith(self.endings)]
+        named = (f for f in sorted(self.path.glob("*")) if f.name.lower().endswith(self.endings))
+        files = [file for file in named if not file.is_dir()]
+        for file in files:
+            if reason := why_no_file(file):
+                raise LogError(f"{file} {reason}")
         if not files:
             raise LogError(
                 f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz"
@@ -242,10 +260,12 @@ class FolderFormat(TextFormat):
 def read_header(path: Path) -> Header:
     """The first line that is no comment or, above bare numbers, the last comment."""
     first = found = None
-    with closing(_lines(path)) as blocks:
-        for row, data in enumerate((line for block in blocks for line in block), 1):
+    with closing(text_blocks(path)) as blocks:
+        for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             line = data.decode("utf-8", "replace").rstrip("\r\n")
             line = line.removeprefix("\ufeff") if row == 1 else line
+            if row > LONGEST_HEADER:
+                raise LogError(f"{path} has no samples in its first {LONGEST_HEADER:,} rows")
             if not line.strip():
                 continue
             first = first or (row, line)
@@ -263,7 +283,9 @@ def read_header(path: Path) -> Header:
         raise LogError(f"{path} is no text: its first row is {text!r:.60}")
     separator = _separator(text)
     names = [name.strip(AROUND_CELLS) for name in text.split(separator)]
-    repeated = sorted({name for name in names if name and names.count(name) > 1})
+    if len(names) > MOST_COLUMNS:
+        raise LogError(f"{path} has {len(names):,} columns (at most {MOST_COLUMNS:,} are read)")
+    repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
     if repeated:
         raise LogError(f"{path}: its header names column {repeated[0]!r} more than once")
     return Header(tuple(names), separator, row)
@@ -278,10 +300,9 @@ def _is_sample(line: str) -> bool:
     separator = _separator(line)
     line = line if separator == "," else line.replace(",", ".")
     cells = [cell.strip(AROUND_CELLS) for cell in line.split(separator)]
-    try:
-        return bool([float(cell) for cell in cells if cell])
-    except ValueError:
-        return False
+    return any(cells) and all(
+        cell.casefold() in NO_NUMBERS or not np.isnan(number(cell)) for cell in cells
+    )
 
 
 def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.DataFrame:
@@ -303,48 +324,228 @@ def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.Dat
     return table
 
 
-def _lines(path: Path) -> Generator[list[bytes]]:
-    """Lines with their ends, some at a time."""
-    try:
-        with path.open("rb") as file:
-            packed = file.peek(2).startswith(b"\x1f\x8b")
-            content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
-            while lines := content.readlines(BATCH_BYTES):
-                yield lines
-    except (OSError, EOFError, zlib.error) as error:
-        raise LogError(f"{path} cannot be read: {error}") from error
-
-
 # ---- arrays and tables ------------------------------------------------------------------------
 
 
-class NpzFormat(LogFormat):
-    """Arrays (R,) are columns; a matrix ``x`` (R, k) stands for columns ``x_0`` to ``x_k-1``."""
+class Column(NamedTuple):
+    """A column in a file of arrays: all of one, a column of a matrix, or a field of a table."""
+
+    array: str
+    place: Any = ...  # index behind that of the rows, or name of the field
+
+
+class Array(Protocol):
+    """Rows that a file holds, (R,) or (R, k), and that are read in order."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    def __getitem__(self, rows: slice) -> NDArray[Any]: ...
+
+
+class ArrayFormat(LogFormat):
+    """Streams of arrays: one (R,) is a column; a matrix ``x`` (R, k) has ``x_0`` to ``x_k-1``."""
+
+    kind: ClassVar[str]  # for messages
+
+    @property
+    @abstractmethod
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        """Columns by name, for each stream that has any."""
+
+    @abstractmethod
+    def _opened(self, arrays: Iterable[str]) -> AbstractContextManager[Mapping[str, Array]]:
+        """Arrays by name, to be read."""
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {stream: tuple(columns) for stream, columns in self._streams.items()}
+
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
+        places = {name: self._streams[stream][name] for name in names}
+        wanted = dict.fromkeys(place.array for place in places.values())
+        with refusals(self.path, self.kind), self._opened(wanted) as arrays:
+            lengths = {name: arrays[place.array].shape[0] for name, place in places.items()}
+            count = common_length(self.path, lengths)
+            widest = max(a.dtype.itemsize * math.prod(a.shape[1:]) for a in arrays.values())
+            for rows in row_blocks(count, max(1, min(BATCH_ROWS, BATCH_BYTES // widest))):
+                blocks = {array: values[rows] for array, values in arrays.items()}
+                columns = {
+                    name: blocks[array][place if isinstance(place, str) else (slice(None), place)]
+                    for name, (array, place) in places.items()
+                }
+                yield array_batch(self.path, columns, numbers(rows))
+
+    def _collect(self, columns: dict[str, Column], array: str, places: Mapping[str, Any]) -> None:
+        """Add columns of an array at their places; none may be there already."""
+        for name, place in places.items():
+            if name in columns:
+                raise LogError(
+                    f"{self.path} has column {name!r} in {columns[name].array} and {array}"
+                )
+            columns[name] = Column(array, place)
+
+
+class NpzFormat(ArrayFormat):
+    """Arrays of NumPy in a ZIP file."""
 
     name = "npz"
     endings = (".npz",)
+    kind = ".npz of numbers"
 
     @cached_property
-    def _columns(self) -> dict[str, NDArray[Any]]:
-        columns = {}
-        with refusals(self.path, ".npz of numbers"), self.path.open("rb") as file:
-            for name, array in np.lib.npyio.NpzFile(file).items():
-                if array.ndim == 1:
-                    columns[name] = array
-                elif array.ndim == 2:
-                    columns |= {f"{name}_{k}": column for k, column in enumerate(array.T)}
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        columns: dict[str, Column] = {}
+        with refusals(self.path, self.kind), ZipFile(self.path) as archive:
+            for name in archive.namelist():
+                with archive.open(name) as file:
+                    array, (shape, _, _) = name.removesuffix(".npy"), _npy_header(file)
+                if len(shape) == 1:
+                    self._collect(columns, array, {array: ...})
+                elif len(shape) == 2 and shape[1] <= WIDEST:
+                    self._collect(columns, array, {f"{array}_{k}": k for k in range(shape[1])})
         if not columns:
             raise LogError(f"{self.path} holds no arrays with one or two axes")
-        return columns
+        return {stream_name(self.path): columns}
 
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream_name(self.path): tuple(self._columns)}
+    @contextmanager
+    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Array]]:
+        with ZipFile(self.path) as archive, ExitStack() as files:
+            members = {name.removesuffix(".npy"): name for name in archive.namelist()}
+            yield {a: ZippedArray(self.path, archive, members[a], files) for a in arrays}
 
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
-        columns = {name: self._columns[name] for name in names}
-        lengths = {name: len(column) for name, column in columns.items()}
-        for rows in row_blocks(common_length(self.path, lengths), BATCH_ROWS):
-            yield array_batch(self.path, {n: c[rows] for n, c in columns.items()}, numbers(rows))
+
+class ZippedArray:
+    """An array of an .npz, read from its first row to the last; in memory is what is asked for."""
+
+    def __init__(self, path: Path, archive: ZipFile, name: str, files: ExitStack) -> None:
+        member = archive.getinfo(name)
+        with archive.open(member) as file:
+            self.shape, by_columns, self.dtype = _npy_header(file)
+            start = file.tell()
+        require_few_rows(path, self.shape[0])
+        size = math.prod(self.shape) * self.dtype.itemsize
+        if self.dtype.hasobject:
+            raise LogError(f"{path}: {name} holds objects of Python, not numbers")
+        if member.file_size != start + size:
+            raise LogError(
+                f"{path} is damaged: {name} has {member.file_size:,} bytes, but {start + size:,} "
+                f"make an array of shape {self.shape}"
+            )
+        require_plausible(path, member.file_size, member.compress_size)
+        # Those that are stored by columns have a place to read at in each.
+        self._width = 1 if by_columns else math.prod(self.shape[1:])
+        places = math.prod(self.shape[1:]) if by_columns else 1
+        self._files = [files.enter_context(archive.open(member)) for _ in range(places)]
+        for k, file in enumerate(self._files):
+            file.seek(start + k * self.shape[0] * self.dtype.itemsize)
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        count = (rows.stop - rows.start) * self._width
+        parts = [file.read(count * self.dtype.itemsize) for file in self._files]
+        blocks = [np.frombuffer(part, self.dtype, count) for part in parts]
+        if len(self.shape) == 1:
+            return blocks[0]
+        return blocks[0].reshape(-1, self._width) if len(blocks) == 1 else np.stack(blocks, 1)
+
+
+def _npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it is stored by columns, and type of numbers; the file is left behind it."""
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0
+    if version != (1, 0):
+        read = np.lib.format.read_array_header_2_0
+    return read(file)
+
+
+class Hdf5Format(ArrayFormat):
+    """A stream a group: arrays, matrices (the attribute ``columns`` may name theirs), tables."""
+
+    name = "hdf5"
+    endings = (".h5", ".hdf5")
+    choice = "group"
+    ordered = False  # groups list their arrays by name
+    kind = "HDF5 file"
+
+    @contextmanager
+    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Array]]:
+        with self._file() as file:
+            found = {name: file[name] for name in arrays}
+            for array in found.values():
+                self._require_here(array)
+            yield found
+
+    @contextmanager
+    def _file(self) -> Iterator[h5py.File]:
+        with optional("h5py"):
+            import h5py
+        with (
+            refusals(self.path, self.kind),
+            h5py.File(self.path, "r", rdcc_nbytes=CACHE_BYTES) as file,
+        ):
+            yield file
+
+    def _require_here(self, array: h5py.Dataset) -> None:
+        """Refuse what is elsewhere, or would fill the memory."""
+        if array.external or array.is_virtual:
+            raise LogError(f"{self.path}: the numbers of {array.name} are in another file")
+        require_few_rows(self.path, array.shape[0])
+        chunk = math.prod(array.chunks or (1,)) * array.dtype.itemsize
+        if chunk > LARGEST_CHUNK:
+            raise LogError(
+                f"{self.path}: chunks of {array.name} have {chunk:,} bytes (at most "
+                f"{LARGEST_CHUNK:,} are read): store it in smaller ones"
+            )
+        require_plausible(self.path, array.nbytes, array.id.get_storage_size())
+
+    @cached_property
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        streams: dict[str, dict[str, Column]] = {}
+        with self._file() as file:
+            import h5py
+
+            groups: list[str] = []
+
+            def collect(_: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset) and item.shape:
+                    self._collect_from(item, streams.setdefault(item.parent.name, {}))
+
+            def list_group(name: str, item: Any) -> None:
+                if isinstance(item, h5py.Group):
+                    groups.append(name)
+
+            file.visititems(list_group)
+            if self.chosen is not None and self.chosen.strip("/") not in groups:
+                valid = f"choose among {', '.join(groups)}" if groups else "it has no groups"
+                raise LogError(f"{self.path} has no group {self.chosen!r}: {valid}")
+            start = file[self.chosen or "/"]
+            start.visititems(collect)
+            place = start.name
+        streams = {name: columns for name, columns in streams.items() if columns}
+        if not streams:
+            raise LogError(f"{self.path} holds no arrays with one or two axes in {place}")
+        return streams
+
+    def _collect_from(self, array: h5py.Dataset, columns: dict[str, Column]) -> None:
+        name = array.name.rsplit("/", 1)[-1]
+        if array.ndim == 1:
+            fields = array.dtype.names or ()
+            singles = {field: field for field in fields if not array.dtype[field].shape}
+            self._collect(columns, array.name, singles if fields else {name: ...})
+        if array.ndim != 2 or array.shape[1] > WIDEST:
+            return
+        names = [f"{name}_{k}" for k in range(array.shape[1])]
+        given = array.attrs.get("columns")
+        if given is not None:  # as texts, or as one text with commas
+            cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
+            texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
+            names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
+        if len(names) != array.shape[1] or len(set(names)) < len(names):
+            raise LogError(
+                f"{self.path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
+                f"different names, not {', '.join(names)}"
+            )
+        self._collect(columns, array.name, {name: k for k, name in enumerate(names)})
 
 
 class ParquetFormat(LogFormat):
@@ -357,13 +558,14 @@ class ParquetFormat(LogFormat):
         with refusals(self.path, "Parquet file"):
             return {stream_name(self.path): tuple(self._scan().collect_schema())}
 
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
+    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         import polars
 
         with refusals(self.path, "Parquet file"):
             frame = self._scan()
             count = frame.select(polars.len()).collect().item()
             common_length(self.path, dict.fromkeys(names, count))
+            require_plausible(self.path, 8 * count * len(names), self.path.stat().st_size)
             for rows in row_blocks(count, BATCH_ROWS):
                 size = rows.stop - rows.start
                 part = frame.select(names).slice(rows.start, size).collect()
@@ -380,110 +582,6 @@ class ParquetFormat(LogFormat):
         return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
 
-class Column(NamedTuple):
-    """A column in an HDF5 file: all of an array, a column of a matrix, or a field of a table."""
-
-    array: str
-    place: Any = ...  # index behind that of the rows, or name of the field
-
-
-class Hdf5Format(LogFormat):
-    """A stream a group: arrays (R,), columns of matrices (R, k), and fields of tables.
-
-    A matrix ``x`` stands for columns ``x_0`` to ``x_k-1``, or for those that its attribute
-    ``columns`` names.
-    """
-
-    name = "hdf5"
-    endings = (".h5", ".hdf5")
-    choice = "group"
-    ordered = False  # groups list their arrays by name
-
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream: tuple(columns) for stream, columns in self._streams.items()}
-
-    def batches(self, stream: str, names: Sequence[str]) -> Iterator[Batch]:
-        places = {name: self._streams[stream][name] for name in names}
-        with self._opened() as file:
-            arrays = {place.array: file[place.array] for place in places.values()}
-            lengths = {name: len(arrays[place.array]) for name, place in places.items()}
-            for rows in row_blocks(common_length(self.path, lengths), BATCH_ROWS):
-                blocks = {array: values[rows] for array, values in arrays.items()}
-                columns = {
-                    name: block[place if isinstance(place, str) else (slice(None), place)]
-                    for name, (array, place) in places.items()
-                    for block in (blocks[array],)
-                }
-                yield array_batch(self.path, columns, numbers(rows))
-
-    @contextmanager
-    def _opened(self) -> Iterator[h5py.File]:
-        import h5py
-
-        with (
-            refusals(self.path, "HDF5 file"),
-            h5py.File(self.path, "r", rdcc_nbytes=CACHE_BYTES) as file,
-        ):
-            yield file
-
-    @cached_property
-    def _streams(self) -> dict[str, dict[str, Column]]:
-        """Columns by name, for each group that holds any."""
-        with optional("h5py"):
-            import h5py
-        streams: dict[str, dict[str, Column]] = {}
-        groups: list[str] = []
-
-        def collect(_: str, item: Any) -> None:
-            if not isinstance(item, h5py.Dataset) or not item.shape:
-                return
-            columns = streams.setdefault(item.parent.name, {})
-            for name, column in self._columns_of(item).items():
-                if name in columns:
-                    raise LogError(
-                        f"{self.path}: group {item.parent.name} has column {name!r} in "
-                        f"{columns[name].array} and {item.name}"
-                    )
-                columns[name] = column
-
-        with self._opened() as file:
-            start = file if self.chosen is None else file.get(self.chosen)
-            if not isinstance(start, h5py.Group):
-                file.visititems(
-                    lambda at, x: groups.append(at) if isinstance(x, h5py.Group) else None
-                )
-                valid = f"choose among {', '.join(groups)}" if groups else "it has no groups"
-                raise LogError(f"{self.path} has no group {self.chosen!r}: {valid}")
-            start.visititems(collect)
-            place = start.name
-        streams = {name: columns for name, columns in streams.items() if columns}
-        if not streams:
-            raise LogError(f"{self.path} holds no arrays with one or two axes in {place}")
-        return streams
-
-    def _columns_of(self, array: h5py.Dataset) -> dict[str, Column]:
-        name = array.name.rsplit("/", 1)[-1]
-        if array.ndim == 1:
-            if array.dtype.names is None:
-                return {name: Column(array.name)}
-            fields = [field for field in array.dtype.names if not array.dtype[field].shape]
-            return {field: Column(array.name, field) for field in fields}
-        if array.ndim != 2 or array.shape[1] > WIDEST:
-            return {}
-        names = [f"{name}_{k}" for k in range(array.shape[1])]
-        given = array.attrs.get("columns")
-        if given is not None:  # as texts, or as one text with commas
-            cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
-            texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
-            names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
-        if len(names) != array.shape[1] or len(set(names)) < len(names):
-            raise LogError(
-                f"{self.path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
-                f"different names, not {', '.join(names)}"
-            )
-        return {name: Column(array.name, k) for k, name in enumerate(names)}
-
-
 def common_length(path: Path, lengths: Mapping[str, int]) -> int:
     """How many rows columns have; a LogError when they differ, or there are none."""
     if not any(lengths.values()):
@@ -493,7 +591,15 @@ def common_length(path: Path, lengths: Mapping[str, int]) -> int:
         raise LogError(
             f"{path}: {short!r} has {lengths[short]} rows, but {long!r} has {lengths[long]}"
         )
-    return next(iter(lengths.values()))
+    count = next(iter(lengths.values()))
+    require_few_rows(path, count)
+    return count
+
+
+def require_few_rows(path: Path, count: int) -> None:
+    """Refuse a log that says, or is seen, to be longer than any."""
+    if count > MOST_ROWS:
+        raise LogError(f"{path} has more than {MOST_ROWS:,} rows: split it into several logs")
 
 
 def numbers(rows: slice) -> IntArray:

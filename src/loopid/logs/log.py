@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -207,9 +208,9 @@ def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> li
     for name, channels in finder.channels(joints).items():
         time = finder.time(name)
         for columns in log.together(name, [channel.column for channel in channels]):
-            batches = log.batches(name, [*time.names, *columns])
             here = tuple(channel for channel in channels if channel.column in columns)
-            streams.append(make_stream(log.source(name), batches, time, here))
+            with closing(log.batches(name, [*time.names, *columns])) as batches:
+                streams.append(make_stream(log.source(name), batches, time, here))
     return streams
 
 

@@ -239,6 +239,11 @@ class ColumnFinder:
                 found[place] = Channel(quantity, joint, place.column, *linear)
         streams: dict[str, list[Channel]] = {}
         for place, channel in found.items():
+            if channel.column in self.time(place.stream).names:
+                raise LogError(
+                    f"{self.source}: column {channel.column!r} is the time, so that it cannot be "
+                    f"the {channel.quantity} of {channel.joint}, too"
+                )
             streams.setdefault(place.stream, []).append(channel)
         return streams
 
@@ -255,13 +260,15 @@ class ColumnFinder:
                     )
             unit = UNITS[given.unit] if given.column is not None else UNITS["s"]
             return TimeColumn(columns[0], unit, *columns[1:])
-        names = {name.casefold(): name for name in self.streams[stream]}
-        for seconds, nanoseconds in TIME_PAIRS:
-            if seconds in names and nanoseconds in names:
-                return TimeColumn(names[seconds], UNITS["s"], names[nanoseconds])
-        found = [name for name in TIMES if name in names]
+        here = self.streams[stream]
+        for pair in TIME_PAIRS:
+            both = [name for name in here if name.casefold() in pair]
+            if len(both) == 2 and len({name.casefold() for name in both}) == 2:
+                seconds, rest = sorted(both, key=lambda name: pair.index(name.casefold()))
+                return TimeColumn(seconds, UNITS["s"], rest)
+        found = [name for name in here if name.casefold() in TIMES]
         if len(found) == 1:
-            return TimeColumn(names[found[0]], UNITS[TIMES[found[0]]])
+            return TimeColumn(found[0], UNITS[TIMES[found[0].casefold()]])
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
         raise LogError(
             f"{self.source}: {stream} has {problem}: call one column time, or name it in a "
@@ -342,8 +349,8 @@ class ColumnFinder:
 
     def _matching(self, names: Iterable[str]) -> list[Place]:
         """Columns with one of the names, whatever their case."""
-        wanted = {name.casefold() for name in names}
-        return [place for place in self._places if place.column.casefold() in wanted]
+        wanted = dict.fromkeys(name.casefold() for name in names)
+        return [place for name in wanted for place in self._by_name.get(name, ())]
 
     def _choices(self) -> str:
         """The columns, for messages."""
@@ -358,3 +365,11 @@ class ColumnFinder:
     @cached_property
     def _places(self) -> list[Place]:
         return [Place(stream, column) for stream, names in self.streams.items() for column in names]
+
+    @cached_property
+    def _by_name(self) -> dict[str, list[Place]]:
+        """Columns by name, whatever the case."""
+        found: dict[str, list[Place]] = {}
+        for place in self._places:
+            found.setdefault(place.column.casefold(), []).append(place)
+        return found

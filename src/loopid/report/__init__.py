@@ -12,10 +12,12 @@ from loopid.report.figures import (
     thinned,
 )
 from loopid.report.identify import (
+    RESULTS,
     identification_files,
     identification_record,
     identification_tables,
 )
+from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
 from loopid.report.structure import (
     base_record,
     base_tables,
@@ -31,6 +33,7 @@ __all__ = [
     "GREY",
     "ORANGE",
     "RED",
+    "RESULTS",
     "base_record",
     "base_tables",
     "check_record",
@@ -47,6 +50,9 @@ __all__ = [
     "motions_record",
     "motions_tables",
     "plain_table",
+    "prediction_files",
+    "prediction_record",
+    "prediction_tables",
     "rendered",
     "require_matplotlib",
     "thinned",

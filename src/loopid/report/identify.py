@@ -28,6 +28,10 @@ CAPTIONS = {
 }
 
 
+# Beside the figures; a fit only where there is one.
+RESULTS = "report.md", "identification.json", "parameters.yaml", "standard_parameters.yaml"
+
+
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
     from loopid.saved import SavedFit  # here, as the other reports do without it
@@ -278,10 +282,11 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
     parts = [f"# Identification of {markdown_text(found.force_model.mechanism.name)}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]
     parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
-    fits = {"parameters.yaml": found.fit, "standard_parameters.yaml": found.consistent}
+    page, data, *names = RESULTS
+    fits = dict(zip(names, (found.fit, found.consistent), strict=True))
     return {
-        "report.md": "\n".join(parts),
-        "identification.json": json_text(record) + "\n",
+        page: "\n".join(parts),
+        data: json_text(record) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()

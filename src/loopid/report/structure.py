@@ -208,6 +208,8 @@ def base_record(
         "nonzero_parameters": len(base.structure.columns),
         "rank": base.structure.rank,
         "rank_gap": base.structure.rank_gap,
+        "rank_noise": base.structure.noise,
+        "rank_noise_source": base.structure.noise_source,
         "condition_number": json_value(base.condition_number),
         "nullspace_condition_number": json_value(base.nullspace_condition_number),
         "search": {name: json_value(getattr(search, name)) for name in SEARCH},
@@ -258,9 +260,12 @@ def _findings(record: dict[str, Any]) -> Table:
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
     effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+    gap = f"singular-value gap {record['rank_gap']:.1e}"
+    if record["rank_noise"]:
+        gap += f" above {record['rank_noise']:.1e}, noise of {record['rank_noise_source']}"
     rows = {
         "parameters with an effect": effect,
-        "base parameters": f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})",
+        "base parameters": f"{record['rank']} ({gap})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
         "cond(V22), cond(W_B)": ", ".join(

@@ -12,6 +12,7 @@ from loopid.robot.closures import (
 from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
+    RANK_TOLERANCE,
     ROTATIONS,
     TRANSLATIONS,
     Body,
@@ -31,6 +32,7 @@ from loopid.robot.mechanism import (
 __all__ = [
     "CLOSURE_KINDS",
     "JOINT_TERMS",
+    "RANK_TOLERANCE",
     "ROTATIONS",
     "TRANSLATIONS",
     "Body",

@@ -15,12 +15,13 @@ ones.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
 from loopid.arrays import FloatArray
@@ -395,7 +396,10 @@ class LoopClosure:
 
 @dataclass(frozen=True)
 class JointCoupling:
-    """A gear, belt or mimicking joint: coefficients times coordinates add up to an offset.
+    """A gear, belt, cam or mimicking joint: an equation between coordinates of joints.
+
+    Coefficients times coordinates, less a polynomial of a second sum s of coordinates, are an
+    offset: c·q - a2 s² - a3 s³ - a4 s⁴ = offset.
 
     Attributes
     ----------
@@ -406,6 +410,10 @@ class JointCoupling:
     offset : float
     q_indices, v_indices : tuple of int
         Positions of the coordinates in configurations and in velocities.
+    argument : tuple of float
+        Factors of the coordinates in s; none where the coupling is linear.
+    powers : tuple of float
+        Coefficients of s², s³, ...
     """
 
     joints: tuple[str, ...]
@@ -413,6 +421,8 @@ class JointCoupling:
     offset: float
     q_indices: tuple[int, ...]
     v_indices: tuple[int, ...]
+    argument: tuple[float, ...] = ()
+    powers: tuple[float, ...] = ()
     kind: ClassVar[str] = "coupling"
     aliases: ClassVar[tuple[str, ...]] = ("gear", "mimic")
     rows: ClassVar[int] = 1
@@ -420,17 +430,50 @@ class JointCoupling:
     @property
     def name(self) -> str:
         """Text form, such as ``follower - 2 leader = 0``."""
-        terms = [
-            f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{joint}"
-            for joint, c in zip(self.joints, self.coefficients, strict=True)
-        ]
-        return f"{' '.join(terms).removeprefix('+ ')} = {self.offset:.6g}"
+        terms = list(zip(self.coefficients, self.joints, strict=True))
+        if self.powers:
+            inner = _sum(zip(self.argument, self.joints, strict=True))
+            base = inner if inner in self.joints else f"({inner})"
+            terms += [(-a, f"{base}^{k}") for k, a in enumerate(self.powers, start=2)]
+        return f"{_sum(terms)} = {self.offset:.6g}"
 
     def residual(self, q: FloatArray) -> FloatArray:
         """Residual (N,) at configurations (N, nq)."""
-        return np.asarray(q[:, list(self.q_indices)] @ np.array(self.coefficients) - self.offset)
+        own = q[:, list(self.q_indices)]
+        return np.asarray(own @ np.array(self.coefficients) - self.offset - self._curve(own, 0))
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Derivatives (N, joints) of the residual."""
+        slope = self._curve(q[:, list(self.q_indices)], 1)
+        factors = np.array(self.argument or [0.0] * len(self.joints))
+        return np.asarray(self.coefficients - slope[:, None] * factors, dtype=np.float64)
+
+    def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Second derivative (N,) of the residual at velocities (N, nv) without acceleration."""
+        rate = v[:, list(self.v_indices)] @ np.array(self.argument or [0.0] * len(self.joints))
+        return np.asarray(-self._curve(q[:, list(self.q_indices)], 2) * rate**2)
 
     def expression(self, q: Any) -> Any:
-        """The same of a CasADi vector (nq,)."""
-        pairs = zip(self.coefficients, self.q_indices, strict=True)
-        return sum(c * q[k] for c, k in pairs) - self.offset
+        """The residual of a CasADi vector (nq,)."""
+        own = [q[k] for k in self.q_indices]
+        s = sum(factor * x for factor, x in zip(self.argument, own, strict=False))
+        curve = sum(a * s**k for k, a in enumerate(self.powers, start=2))
+        linear = sum(c * x for c, x in zip(self.coefficients, own, strict=True))
+        return linear - curve - self.offset
+
+    def _curve(self, own: FloatArray, derivative: int) -> FloatArray:
+        """The polynomial (N,), or a derivative of it by s, at coordinates (N, joints)."""
+        if not self.powers:
+            return np.zeros(len(own))
+        polynomial = Polynomial([0.0, 0.0, *self.powers])
+        return np.asarray(polynomial.deriv(derivative)(own @ np.array(self.argument)))
+
+
+def _sum(terms: Iterable[tuple[float, str]]) -> str:
+    """Factors times names, in words."""
+    parts = [
+        f"{'-' if c < 0 else '+'} {'' if abs(c) == 1 else f'{abs(c):.6g} '}{name}"
+        for c, name in terms
+        if c != 0
+    ]
+    return " ".join(parts).removeprefix("+ ")

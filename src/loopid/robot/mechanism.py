@@ -20,6 +20,9 @@ from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
 
+# Singular values of closures below this fraction of the largest count as zero. Configurations are
+# closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.
+RANK_TOLERANCE = 1e-8
 ANGULAR, LINEAR = ("wx", "wy", "wz"), ("vx", "vy", "vz")
 # Velocity components of Pinocchio's joints, in its order, along the axes of the joint's own frame.
 COMPONENTS = {
@@ -212,6 +215,12 @@ class Mechanism:
         Residual in m that is left at the reference, where the file's numbers are rounded.
     rounding : float
         How far in m closures may be from where the file has them; 0 where they are exact.
+    closure_rank_tolerance : float
+        Singular values of the closures below this fraction of the largest count as zero.
+    rank_tolerance : float or None
+        The same of observations; None where a gap tells the rank.
+    margin : float or None
+        Least singularity measure of random poses; None for the default.
     joint_values : mapping
         What the file gives of forces in joints: coordinate to kind of term, such as ``"Fv"``, to
         its value. The rigid-body model has none of them, ``JointTerms`` may.
@@ -243,6 +252,9 @@ class Mechanism:
     tied: bool = False
     closure_residual: float = 0.0
     rounding: float = 0.0
+    closure_rank_tolerance: float = RANK_TOLERANCE
+    rank_tolerance: float | None = None
+    margin: float | None = None
     joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -14,13 +15,13 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.arguments import checked
-from loopid.arrays import FloatArray, frozen
+from loopid.arrays import FloatArray, frozen, number
 from loopid.errors import DataError, LogError, MissingFileError, OptionError, RobotFileError
-from loopid.files import why_no_file
+from loopid.files import text_blocks, why_no_file
 from loopid.loading import find_motion_file
 from loopid.trajectories.curves import FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
-from loopid.trajectories.motion import Arc, Motion, Waypoint, point_to_point
+from loopid.trajectories.motion import MOST_SAMPLES, Arc, Motion, Waypoint, point_to_point
 from loopid.yaml_files import Section, read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
@@ -295,11 +296,11 @@ class _StepReader:
 
     def _ways(self, steps: Sequence[Step], start: FloatArray, place: str) -> list[Waypoint]:
         found: list[Waypoint] = []
-        for number, step in enumerate(steps):
+        for k, step in enumerate(steps):
             here = found[-1].position if found else start
-            found += self._step(step, here, f"{place}.{number}")
+            found += self._step(step, here, f"{place}.{k}")
             if len(found) > MOST_WAYS:
-                raise RobotFileError(f"{place}.{number}: more than {MOST_WAYS} ways in one motion")
+                raise RobotFileError(f"{place}.{k}: more than {MOST_WAYS} ways in one motion")
         return found
 
     def _step(self, step: Step, here: FloatArray, place: str) -> list[Waypoint]:
@@ -429,29 +430,31 @@ def read_reference(
         raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
     if not 0 < rate < np.inf:
         raise OptionError(f"the rate must be positive, not {rate} Hz")
-    file, rows = Path(path), []
-    problem = why_no_file(file)
-    if problem:
-        raise MissingFileError(f"{file} {problem}")
-    try:
-        packed = file.read_bytes()
-        text = (gzip.decompress(packed) if file.suffix == ".gz" else packed).decode("utf-8")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise LogError(f"{file} cannot be read as text: {error}") from error
-    for number, line in enumerate(text.rstrip().splitlines(), 1):
-        words = line.split()
-        if len(words) != len(names):
-            raise LogError(
-                f"{file}, line {number}: {len(words)} columns, but {len(names)} coordinates "
-                f"({', '.join(names)})"
-            )
-        rows.append([_number(word) for word in words])
-        if not np.isfinite(rows[-1]).all():
-            column = int(np.flatnonzero(~np.isfinite(rows[-1]))[0])
-            raise LogError(
-                f"{file}, line {number}: column {column + 1} must be a finite number, not "
-                f"{words[column]!r:.30}"
-            )
+    file = Path(path)
+    rows: list[list[float]] = []
+    if why_no_file(file) == "does not exist":
+        raise MissingFileError(f"{file} does not exist")
+    with closing(text_blocks(file)) as blocks:
+        for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
+            words = data.decode("utf-8", "replace").split()
+            if not words:
+                continue  # at the end
+            if line > len(rows) + 1:
+                raise LogError(f"{file}, line {len(rows) + 1}: is blank, but rows follow")
+            if len(words) != len(names):
+                raise LogError(
+                    f"{file}, line {line}: {len(words)} columns, but {len(names)} coordinates "
+                    f"({', '.join(names)})"
+                )
+            rows.append([number(word) for word in words])
+            if not np.isfinite(rows[-1]).all():
+                column = int(np.flatnonzero(~np.isfinite(rows[-1]))[0])
+                raise LogError(
+                    f"{file}, line {line}: column {column + 1} must be a finite number, not "
+                    f"{words[column]!r:.30}"
+                )
+            if len(rows) > MOST_SAMPLES:
+                raise LogError(f"{file} has more than the {MOST_SAMPLES:,} rows of a motion")
     least = lowpass.least_samples(rate)
     if len(rows) < least:
         raise LogError(
@@ -462,10 +465,3 @@ def read_reference(
     velocity = differentiate(position, rate)
     time = np.arange(len(position)) / rate
     return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return np.nan

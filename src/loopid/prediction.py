@@ -1,0 +1,144 @@
+"""What a saved fit predicts for a recording that it need not have seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+
+import numpy as np
+
+from loopid.arguments import checked
+from loopid.arrays import BoolArray, FloatArray
+from loopid.errors import DataError
+from loopid.identification import Quality
+from loopid.logs import Recording
+from loopid.parameters import html_table
+from loopid.robot import Mechanism
+from loopid.saved import SavedFit
+from loopid.scratch import row_blocks, spooled
+
+BLOCK = 2048  # samples whose regressor is in memory at a time
+
+
+@dataclass(frozen=True, repr=False)
+class Prediction:
+    """Measured forces beside those that a fit gives for the same motion.
+
+    Attributes
+    ----------
+    recording : Recording
+        Its ``force`` (N, dof) is what was measured, its ``used`` (N, dof) where motors move.
+    predicted : FloatArray
+        (N, dof) in N or N m.
+    """
+
+    recording: Recording
+    predicted: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured less predicted (N, dof) in N or N m."""
+        return np.asarray(self.recording.force - self.predicted, dtype=np.float64)
+
+    @cached_property
+    def moving(self) -> Quality:
+        """Errors where each motor moves and is not saturated."""
+        return self._quality(self.recording.used)
+
+    @cached_property
+    def standing(self) -> Quality:
+        """Errors elsewhere: there, friction is not known, and a model says little."""
+        return self._quality(~self.recording.used)
+
+    def _quality(self, chosen: BoolArray) -> Quality:
+        force, residual, samples = self.recording.force, self.residual, chosen.sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(chosen, force, 0.0).sum(axis=0) / samples
+            total = (np.where(chosen, force - mean, 0.0) ** 2).sum(axis=0)
+            squares = (np.where(chosen, residual, 0.0) ** 2).sum(axis=0)
+            rms, r_squared = np.sqrt(squares / samples), 1.0 - squares / total
+        return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        parts = ("moving", self.moving), ("standing or saturated", self.standing)
+        return [
+            (
+                motor,
+                part,
+                str(quality.samples[k]),
+                f"{quality.residual_rms[k]:.3g}",
+                f"{quality.r_squared[k]:.3f}",
+            )
+            for k, motor in enumerate(self.recording.actuators)
+            for part, quality in parts
+            if quality.samples[k]
+        ]
+
+    def __repr__(self) -> str:
+        told = zip(self.recording.actuators, self.moving.r_squared, strict=True)
+        shares = ", ".join(f"{motor} {value:.3f}" for motor, value in told)
+        return f"<Prediction of {self.recording.name!r}: R² where motors move: {shares}>"
+
+    def _repr_html_(self) -> str:
+        head = ("motor", "samples that are", "count", "RMS error", "R²")
+        return f"<p>{escape(repr(self))}</p>{html_table(head, self._rows())}"
+
+    def csv(self) -> str:
+        """A table of text: time, then measured, predicted and used of each motor."""
+        motors, lines = self.recording.actuators, []
+        names = [f"{motor}.{what}" for motor in motors for what in ("force", "predicted", "used")]
+        lines.append(",".join(["time", *names]))
+        columns = [self.recording.motion.time]
+        for k in range(len(motors)):
+            used = self.recording.used[:, k].astype(np.float64)
+            columns += [self.recording.force[:, k], self.predicted[:, k], used]
+        lines += [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+        return "\n".join(lines) + "\n"
+
+
+@checked
+def predict(fit: SavedFit, mechanism: Mechanism, recording: Recording) -> Prediction:
+    """Forces that a saved fit gives for the motion of a recording.
+
+    Parameters
+    ----------
+    fit : SavedFit
+        From ``read_fit``.
+    mechanism : Mechanism
+        The robot of the fit.
+    recording : Recording
+        From ``prepare_recording``, of that robot.
+
+    Raises
+    ------
+    DataError
+        When the mechanism is another one than that of the fit, or has other motors than the
+        recording.
+
+    Examples
+    --------
+    >>> import loopid, tempfile, numpy as np
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> model = loopid.find_force_model(robot, "full")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> run = loopid.simulate_measurement(robot, motion)
+    >>> recording = loopid.logs.Recording.of_motion("run", robot.actuated, motion, run.force)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fit = loopid.read_fit(loopid.save_fit(f"{folder}/fit.json", model, model.prior))
+    >>> loopid.predict(fit, robot, recording)
+    <Prediction of 'run': R² where motors move: crank_joint 1.000>
+    """
+    fit.require(mechanism)
+    if recording.actuators != fit.force_model.rows:
+        raise DataError(
+            f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
+            f"{', '.join(fit.force_model.rows)}"
+        )
+    motion = recording.motion
+    states = (
+        (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
+        for rows in row_blocks(len(recording), BLOCK)
+    )
+    return Prediction(recording, spooled(fit.forces(mechanism, *state) for state in states))

@@ -1,0 +1,109 @@
+"""Logs from a robot file, and forces from a fit: ``loopid simulate`` and ``loopid predict``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import loopid
+from loopid.logs import Recording
+from loopid.simulation import scaled_bodies
+
+ROOT = Path(__file__).parents[2]
+LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
+
+
+@pytest.fixture(scope="module")
+def five_bar():
+    return loopid.load_mechanism("five_bar")
+
+
+@pytest.fixture(scope="module")
+def saved(five_bar, tmp_path_factory):
+    model = loopid.find_force_model(five_bar, "full")
+    path = tmp_path_factory.mktemp("fit") / "fit.yaml"
+    return loopid.save_fit(path, model, model.prior)
+
+
+@pytest.fixture(scope="module")
+def sweep(five_bar):
+    plan = loopid.read_motion_program("five_bar").motion("sweep", 50)
+    motion = loopid.joint_motion(five_bar, plan)
+    force = loopid.simulate_measurement(five_bar, motion).force
+    return Recording.of_motion("run", five_bar.actuated, motion, force)
+
+
+def test_the_robot_file_predicts_its_own_forces(five_bar, saved, sweep):
+    found = loopid.predict(loopid.read_fit(saved), five_bar, sweep)
+    np.testing.assert_allclose(found.predicted, sweep.force, atol=1e-9)
+    np.testing.assert_allclose(found.moving.r_squared, 1.0, atol=1e-12)
+    assert found.standing.samples.sum() == 0
+
+
+def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
+    used = np.random.default_rng(0).random(sweep.force.shape) < 0.7
+    known = Recording(
+        "run", sweep.actuators, sweep.motion, sweep.force + 0.3, used, sweep.stretches
+    )
+    found = loopid.predict(loopid.read_fit(saved), five_bar, known)
+    for part, chosen in ((found.moving, used), (found.standing, ~used)):
+        np.testing.assert_array_equal(part.samples, chosen.sum(axis=0))
+        np.testing.assert_allclose(part.residual_rms, 0.3, rtol=1e-6)
+        for k in range(2):
+            share = 0.3**2 / np.var(known.force[chosen[:, k], k])
+            assert part.r_squared[k] == pytest.approx(1 - share)
+    table = np.genfromtxt(found.csv().splitlines(), delimiter=",", names=True)
+    np.testing.assert_allclose(table["left_crank_jointpredicted"], found.predicted[:, 0], rtol=1e-8)
+
+
+def test_another_robot_is_refused(saved, sweep):
+    with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
+        loopid.predict(loopid.read_fit(saved), loopid.load_mechanism("four_bar"), sweep)
+
+
+def test_scaled_bodies_stay_bodies(five_bar):
+    values = scaled_bodies(five_bar, 0.2, seed=3).reshape(-1, 10)
+    factors = values[:, 0] / five_bar.standard_parameters("full").reshape(-1, 10)[:, 0]
+    given = five_bar.standard_parameters("full").reshape(-1, 10)
+    np.testing.assert_allclose(values, factors[:, None] * given)
+    assert 0.5 < factors.min() < factors.max() < 2
+    assert np.ptp(factors) > 0
+    np.testing.assert_array_equal(scaled_bodies(five_bar, 0.0), given.ravel())
+
+
+def test_the_log_of_the_repository_is_what_the_command_writes(run, tmp_path):
+    """The options are those that docs/identification.md names."""
+    options = "--terms Fc=0.1,Fv=0.05 --noise 0.02 --encoder-step 4.8e-5 --cad-error 0.2"
+    path = tmp_path / "run.csv"
+    assert run("simulate", "five_bar", *options.split(), "--out", str(path)).code == 0
+    here, there = (np.genfromtxt(file, delimiter=",", skip_header=1) for file in (path, LOG))
+    np.testing.assert_allclose(here, there, atol=1e-6)
+    assert path.read_text().splitlines()[0] == LOG.read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize("terms", ["Fc", "Fc=a", "Fc=1;Fv=2"])
+def test_terms_without_values_are_refused(terms, run):
+    found = run("simulate", "five_bar", "--terms", terms)
+    assert found.code == 2
+    assert "must be kinds with values, such as Fc=60,Fv=900" in found.err
+
+
+def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
+    out = tmp_path / "out"
+    found = run("predict", str(saved), str(LOG), "--out", str(out), "--json")
+    assert found.code == 0
+    (record,) = json.loads(found.out)["recordings"]
+    assert min(record["moving"]["r_squared"]) > 0.9  # bodies 20 % off, no friction
+    names = {"prediction.json", *(f"prediction_five_bar.{kind}" for kind in ("csv", "svg", "png"))}
+    assert {file.name for file in out.iterdir()} == names
+
+
+def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
+    text = saved.read_text()
+    lost = tmp_path / "lost.yaml"
+    lost.write_text(text.replace("five_bar.yaml", "gone.yaml").replace("name: five_bar", "name: x"))
+    found = run("predict", str(lost), str(LOG))
+    assert found.code == 2
+    assert "--robot" in found.err
+    assert run("predict", str(lost), str(LOG), "--robot", "five_bar").code == 0
