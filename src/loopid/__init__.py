@@ -54,6 +54,8 @@ _ROOMS = {
     "exciting_motion": "experiment",
     "design_excitation": "excitation",
     "MotionLimits": "excitation",
+    "identify_payload": "experiment",
+    "drive_gains": "experiment",
     "fit": "identification",
     "FitSamples": "identification",
     "FitResult": "identification",

@@ -293,7 +293,7 @@ def test_a_search_out_of_time_is_not_certified(run, run_json):
     options = ("base", "3ups_rpu", "--model", "full", "--criterion", "regressor")
     record = run_json(*options, "--time-limit", "1e-9")
     assert not record["search"]["certified"]
-    assert "not certified: " in run(*options, "--time-limit", "1e-9").out
+    assert "not certified (time limit): " in run(*options, "--time-limit", "1e-9").out
     whole = run_json(*options)
     assert whole["search"]["certified"]
     assert whole["search"]["gap"] == pytest.approx(1, abs=whole["search"]["tolerance"])

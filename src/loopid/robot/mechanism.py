@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
@@ -269,6 +270,18 @@ class Mechanism:
             f"  actuated: {shortened(self.actuated)}\n"
             f"  independent: {shortened(self.independent)}"
         )
+
+    def _repr_html_(self) -> str:
+        lower, upper = self.position_limits
+        rows = []
+        for name in self.joints:
+            joint = self.joint(name)
+            q = slice(joint.idx_q, joint.idx_q + joint.nq)
+            numbers = (self.reference[q], lower[q], upper[q])
+            cells = (" ".join(f"{x:.4g}" for x in part) for part in numbers)
+            rows.append((name, "actuated" if name in self.actuated else "passive", *cells))
+        head = "joint (m, rad)", "", "reference", "lower limit", "upper limit"
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     # Joints and their coordinates.
 
