@@ -107,7 +107,7 @@ def base(
         make_strategy,
     )
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables
+    from loopid.report import base_record, base_tables, mode_records
     from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
@@ -122,7 +122,8 @@ def base(
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
         found = find_base_parameters(observation, strategy, criterion)
-    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
+    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
+    record = base_record(mechanism.name, model, found, lengths, modes)
     show(record, base_tables(record), as_json)
 
 
@@ -279,37 +280,23 @@ def identify(
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
-    from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
     from loopid.report import (
         identification_files,
         identification_record,
         identification_tables,
     )
-    from loopid.trajectories import LowPass
 
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     joint_terms = JointTerms.of(mechanism, terms)
-    lowpass = None if cutoff is None else LowPass(cutoff)
-
-    def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
-        found = []
-        for path in paths or ():
-            log = read_log(path, mechanism, columns)
-            with progress_bar(f"assembling {log.name}") as report:
-                found.append(
-                    prepare_recording(mechanism, log, lowpass or "default", progress=report)
-                )
-        return found
-
-    training: Sequence[Recording] = recordings(logs)
-    validation: Sequence[Recording] = recordings(validate)
+    training: Sequence[Recording] = prepared(mechanism, logs, mapping, cutoff)
+    validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)
-    references = [each.motion for each in recordings(reference, reference_mapping)]
+    commanded = prepared(mechanism, reference, reference_mapping, cutoff)
     with progress_bar("poses") as report:
         force_model = experiment.find_force_model(mechanism, model, joint_terms, progress=report)
     found = experiment.identify(
@@ -317,10 +304,10 @@ def identify(
         training,
         validation,
         estimator,
-        recordings(friction_log),
+        prepared(mechanism, friction_log, mapping, cutoff),
         jobs,
         unidentifiable,
-        references,
+        [each.motion for each in commanded],
         prior_deviation,
         consistent,
         repair,
@@ -348,25 +335,70 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.logs import prepare_recording, read_log
     from loopid.prediction import predict as predicted
     from loopid.report import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
-    from loopid.trajectories import LowPass
 
     require_output(out)
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
-    found = []
-    for path in logs:
-        log = read_log(path, mechanism, mapping)
-        with progress_bar(f"assembling {log.name}") as report:
-            lowpass = None if cutoff is None else LowPass(cutoff)
-            recording = prepare_recording(mechanism, log, lowpass or "default", progress=report)
-        found.append(predicted(saved, mechanism, recording))
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
     show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@app.command()
+def payload(
+    file: RobotFile,
+    link: Annotated[str, typer.Argument(metavar="LINK", help="That the payload is fixed to.")],
+    unloaded: Annotated[list[str], typer.Option(metavar="LOG", help="Without it; repeatable.")],
+    loaded_log: Annotated[
+        list[str], typer.Option("--loaded", metavar="LOG", help="With it; repeatable.")
+    ],
+    known_mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Of the payload: then find the gains of the drives."),
+    ] = None,
+    centre: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="Of the known mass, in the link's frame in m.")
+    ] = "0,0,0",
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+    ] = "gravity",
+    terms: Annotated[str, typer.Option(help="Of every motor; as for identify.")] = "Fc,Fv",
+    estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
+    ] = None,
+    lock: Lock = None,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Identify a payload from logs without and with it, or drive gains from a known one."""
+    import numpy as np
+
+    from loopid.experiment import drive_gains, find_force_model, identify_payload
+    from loopid.regressors import JointTerms
+    from loopid.report import gains_record, gains_tables, payload_record, payload_tables
+
+    mechanism = loaded(file, lock, False, False, tied)
+    force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
+    light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
+    if known_mass is None:
+        found = identify_payload(force_model, link, light, heavy, estimator)
+        show(payload_record(found), payload_tables(found), as_json)
+        return
+    try:
+        place = np.array([float(number) for number in centre.split(",")])
+    except ValueError:
+        raise OptionError(f"--centre must be three numbers X,Y,Z, not {centre!r}") from None
+    gains = drive_gains(force_model, link, known_mass, place, light, heavy, estimator=estimator)
+    show(gains_record(gains), gains_tables(gains), as_json)
 
 
 @app.command()
@@ -501,6 +533,22 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
             f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
             "its file with --robot"
         ) from None
+
+
+def prepared(
+    mechanism: Mechanism, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+) -> list[Recording]:
+    """Logs, read and made ready for identification."""
+    from loopid.logs import prepare_recording, read_log
+    from loopid.trajectories import LowPass
+
+    lowpass = None if cutoff is None else LowPass(cutoff)
+    found = []
+    for path in paths or ():
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
+    return found
 
 
 def require_output(out: str | None, *inputs: str | None) -> None:
