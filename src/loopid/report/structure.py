@@ -256,7 +256,7 @@ def base_record(
         "base_parameters": [
             {
                 "name": name,
-                "terms": terms,
+                "terms": dict(terms),
                 "coefficients": {
                     label: found[label].text if label in found else None for label in terms
                 },
