@@ -108,7 +108,7 @@ def base(
         make_strategy,
     )
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables
+    from loopid.report import base_record, base_tables, mode_records
     from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
@@ -123,7 +123,8 @@ def base(
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
         found = find_base_parameters(observation, strategy, criterion)
-    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
+    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
+    record = base_record(mechanism.name, model, found, lengths, modes)
     show(record, base_tables(record), as_json)
 
 

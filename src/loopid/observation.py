@@ -150,21 +150,21 @@ class Observation:
         """
         n, rows, kept = len(parameters), 0, []
         # The row of a joint has columns of those bodies only that move with it: in a tree, few of
-        # all. So each of the dof rows of a sample is reduced on its own, and all at the end.
-        factors = np.zeros((0, n, n))
+        # all. So each of the dof rows of a sample is reduced on its own, where there are more
+        # samples than columns, and all at the end.
+        factors, waiting = np.zeros((0, n, n)), list[FloatArray]()
         for part in parts:
             W = _samples(part, n)
-            dof = W.shape[1]
-            if dof > len(factors):
-                factors = np.concatenate([factors, np.zeros((dof - len(factors), n, n))])
             for block in row_blocks(len(W)):
-                add_rows(factors[:dof], W[block].swapaxes(0, 1))
-            rows += len(W) * dof
+                waiting.append(W[block])
+                if sum(map(len, waiting)) >= n:
+                    factors, waiting = _reduced(factors, waiting), []
+            rows += len(W) * W.shape[1]
             if keep_matrix:
                 kept.append(W.reshape(-1, n))
         if rows == 0:
             raise DataError("the observation matrix has no rows")
-        stacked = factors.reshape(-1, n)
+        stacked = np.concatenate([each.reshape(-1, n) for each in (factors, *waiting)])
         factor = frozen(triangular_factor(stacked[stacked.any(axis=1)]))
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
         return cls(parameters, factor, rows, length, matrix, natural_size)
@@ -186,6 +186,16 @@ class Observation:
         matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
         rows = self.rows + other.rows
         return replace(self, factor=frozen(factor), rows=rows, matrix=matrix, geometry=None)
+
+
+def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
+    """Factors (dof, n, n) of those before and of samples (N, dof, n), row by row of a sample."""
+    for W in samples:
+        more = W.shape[1] - len(factors)
+        if more > 0:
+            factors = np.concatenate([factors, np.zeros((more, *factors.shape[1:]))])
+        add_rows(factors[: W.shape[1]], W.swapaxes(0, 1))
+    return factors
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:
