@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -418,11 +419,18 @@ def identify(
         float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
     ] = None,
     train: Annotated[
-        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+        float,
+        typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
     ] = 0.6,
     validate: Annotated[
         list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
     ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="S", help="Of each LOG, in s from its start.")
+    ] = 0.0,
+    end: Annotated[
+        float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
+    ] = inf,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -449,9 +457,12 @@ def identify(
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
+    if not start < end:
+        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     joint_terms = JointTerms.of(mechanism, terms)
-    training: Sequence[Recording] = prepared(mechanism, logs, mapping, cutoff)
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)

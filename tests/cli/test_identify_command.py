@@ -328,3 +328,19 @@ def test_mimics_that_are_free_need_signals_of_their_own(run, tmp_path, arm_files
     free = run(*command, "--free-mimics", "--json")
     assert free.code == 0, free.err
     assert json.loads(free.out)["actuators"] == ["shoulder", "elbow"]
+
+
+def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
+    robot, log, _ = arm_files
+    found = arm("--from", "2", "--to", "12")
+    spans = [part["samples"] for part in found["training"] + found["validation"]]
+    whole = [part["samples"] for part in arm()["training"] + arm()["validation"]]
+    assert sum(spans) == pytest.approx(sum(whole) * 10 / 20, rel=0.1)
+    done = run("identify", robot, log, "--from", "5", "--to", "2")
+    assert done.code == 2
+    assert "--from must be before --to" in done.err
+
+
+def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
+    robot, log, _ = arm_files
+    assert "is fitted and validates" in run("identify", robot, log, "--validate", log).err
