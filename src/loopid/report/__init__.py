@@ -1,5 +1,6 @@
 """What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
+from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -39,6 +40,9 @@ __all__ = [
     "check_record",
     "check_tables",
     "drawing",
+    "excitation_files",
+    "excitation_record",
+    "excitation_tables",
     "gains_record",
     "gains_tables",
     "identification_files",
