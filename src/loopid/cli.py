@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -58,6 +59,7 @@ Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
 YAML = (".yaml", ".yml", ".json")
+LEAST_TIME = 0.01  # s, of a search after one that has used the limit
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -107,8 +109,7 @@ def base(
         make_strategy,
     )
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables, mode_records
-    from loopid.robot import named_lengths
+    from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
@@ -121,9 +122,12 @@ def base(
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
-        found = find_base_parameters(observation, strategy, criterion)
-    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
-    record = base_record(mechanism.name, model, found, lengths, modes)
+        found, alone = find_base_parameters(observation, strategy, criterion), None
+        if observation.motors_alone is not None:
+            if search == ExactSearch.name:
+                strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
+            alone = find_base_parameters(observation.motors_alone, strategy, criterion)
+    record = base_record(mechanism, model, found, alone)
     show(record, base_tables(record), as_json)
 
 
@@ -418,11 +422,18 @@ def identify(
         float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
     ] = None,
     train: Annotated[
-        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+        float,
+        typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
     ] = 0.6,
     validate: Annotated[
         list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
     ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="S", help="Of each LOG, in s from its start.")
+    ] = 0.0,
+    end: Annotated[
+        float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
+    ] = inf,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -449,9 +460,12 @@ def identify(
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
+    if not start < end:
+        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     joint_terms = JointTerms.of(mechanism, terms)
-    training: Sequence[Recording] = prepared(mechanism, logs, mapping, cutoff)
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)
