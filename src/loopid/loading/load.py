@@ -42,6 +42,7 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
+    odd_masses,
     unequal_links,
 )
 
@@ -329,6 +330,8 @@ def _warn_of_findings(
     impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
         warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+    if odd := odd_masses(mechanism):
+        warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
     for difference in unequal_links(mechanism):
         warn(f"{path}: {difference}", InertiaWarning)
 

@@ -21,7 +21,14 @@ from loopid.kinematics import (
 from loopid.parameters import NamedLength
 from loopid.regressors import OF_FILE, FileForce, file_forces
 from loopid.report.tables import json_value, plain_table
-from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
+from loopid.robot import (
+    JointCoupling,
+    LoopClosure,
+    Mechanism,
+    inertia_defects,
+    odd_masses,
+    unequal_links,
+)
 
 if TYPE_CHECKING:
     from loopid.trajectories import MotionReview
@@ -64,6 +71,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "characteristic_length": mechanism.length,
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
+        "odd_masses": list(odd_masses(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
     }
@@ -181,6 +189,8 @@ def _summary_table(record: dict[str, Any]) -> Table:
     }
     if record["unequal_links"]:
         rows["not identical in the file"] = "; ".join(record["unequal_links"])
+    if record["odd_masses"]:
+        rows["odd masses"] = "; ".join(record["odd_masses"])
     rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
     for row in rows.items():
         table.add_row(*row)

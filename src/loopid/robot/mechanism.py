@@ -36,6 +36,8 @@ ROTATIONS = ("rx", "ry", "rz")
 # Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
 ROUNDED = 1e-6
 ALIKE = 1e-4
+# Masses that only keep a simulator running: part of the heaviest body, and in kg.
+PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 
 
 @dataclass(frozen=True)
@@ -535,6 +537,34 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
         if reason := body_defect(P, tolerance=ROUNDED):
             impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
             found.append(InertiaDefect(body.link, impossible, reason))
+    return tuple(found)
+
+
+@checked
+def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
+    model, found = mechanism.model, []
+    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
+    least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
+    light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
+    if light:
+        found.append(
+            f"masses that look like placeholders, below {least:.3g} kg where the heaviest body has "
+            f"{max(masses.values()):.3g} kg: {shortened(light)}"
+        )
+    heavy = {
+        body.joint_id
+        for body in mechanism.bodies
+        if model.inertias[body.joint_id].toDynamicParameters().any()
+    }
+    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    idle = [
+        joint
+        for k, joint in enumerate(mechanism.joints, start=1)
+        if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
+    ]
+    if idle:
+        found.append(f"joints that move nothing with mass: {shortened(idle)}")
     return tuple(found)
 
 
