@@ -46,6 +46,9 @@ class Observation:
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
+    order : tuple of str
+        Links and joints in the order in which the first of equally good choices is taken, where
+        it is not that of the columns.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class Observation:
     length: float = 1.0
     matrix: FloatArray | None = None
     natural_size: float = 0.0
+    order: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:

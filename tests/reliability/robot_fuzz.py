@@ -110,7 +110,7 @@ class Draw:
 
 
 # Words of the formats, which are not names even where a link is called so.
-RESERVED = {"platform", "frame", "world", "axis", "loop", "base", "pin", "x", "y", "z"}
+RESERVED = {*("platform", "frame", "world", "axis", "loop", "base", "lower", "upper", "x", "y", "z")}
 
 
 def changed(files: dict[str, bytes], random: Random) -> tuple[dict[str, bytes], dict[str, str]]:
@@ -193,7 +193,7 @@ def unchanged(robot: str, model_of: int, folder: Path) -> dict:
         (place / name).write_bytes(content)
     draw = Draw(model_of, robot, robots()[robot], True, {})
     outcome = run(Call(0, base_words(draw, place / next(iter(draw.files)))), folder)
-    return structure(json.loads(outcome.out), {})
+    return {"refused": True} if outcome.code else structure(json.loads(outcome.out), {})
 
 
 def wrong_with(draw: Draw, folder: Path) -> Iterator[str]:
@@ -212,14 +212,13 @@ def wrong_with(draw: Draw, folder: Path) -> Iterator[str]:
         # Sentences about the content need not name the file's own words.
         yield from (f"{call.words[0]}: {fault}" for fault in found)
         if draw.neutral and call.words == words and not found:
-            if outcome.code:
-                yield f"refused: {outcome.err!r:.300}"
-                continue
-            now = structure(json.loads(outcome.out), draw.names)
-            before = unchanged(draw.robot, draw.number % len(MODELS), folder)
-            for key, value in before.items():
-                if now[key] != value:
-                    yield f"{key} of {draw.robot} was {value!r:.400} and is {now[key]!r:.400}"
+            before, now = unchanged(draw.robot, draw.number % len(MODELS), folder), {"refused": True}
+            if not outcome.code:
+                now = structure(json.loads(outcome.out), draw.names)
+            for key in {**before, **now}:
+                if now.get(key) != before.get(key):
+                    change = f"was {before.get(key)!r:.400} and is {now.get(key)!r:.400}"
+                    yield f"{key} of {draw.robot} {change}"
 
 
 def fuzz_robots(folder: Path, numbers: range, seed: int = 0, report=None) -> dict[int, list[str]]:

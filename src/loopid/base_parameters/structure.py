@@ -8,7 +8,7 @@ W_B Φ_base = W Φ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,16 @@ class Structure:
     rank_gap: float
     null_basis: FloatArray
     row_factor: FloatArray
+
+    def permuted(self, order: IntArray) -> Structure:
+        """The same with its parameters in another order (n,)."""
+        return replace(
+            self,
+            parameters=self.parameters.select(order),
+            columns=self.columns[order],
+            null_basis=self.null_basis[order],
+            row_factor=self.row_factor[:, order],
+        )
 
 
 @checked

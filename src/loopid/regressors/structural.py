@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -75,7 +76,8 @@ def structural_observation(
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
     with one_blas_thread():
-        return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
+        found = Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
+    return replace(found, order=mechanism.coordinate_order)
 
 
 def _random_regressors(

@@ -472,6 +472,33 @@ class Mechanism:
         names = dict.fromkeys(in_groups(self.links, self.ties))
         return ParameterSet.of_links(names, model_kinds(model))
 
+    @cached_property
+    def joint_ranks(self) -> dict[str, int]:
+        """Rank of each joint in an order that neither names nor the order of a file decide.
+
+        Joints follow their parents, and siblings one another by where and how they move.
+        """
+        paths: list[tuple[Any, ...]] = [()]
+        for k in range(1, self.model.njoints):
+            joint, place = self.model.joints[k], self.model.jointPlacements[k]
+            data, neutral = joint.createData(), pin.neutral(self.model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            inertia = self.model.inertias[k].toDynamicParameters()
+            parts = (place.translation, place.rotation, data.S, inertia)
+            own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
+            paths.append((*paths[self.model.parents[k]], (*own, joint.shortname())))
+        order = sorted(range(1, len(paths)), key=lambda k: paths[k])
+        return {self.joints[k - 1]: rank for rank, k in enumerate(order)}
+
+    @cached_property
+    def coordinate_order(self) -> tuple[str, ...]:
+        """Links of bodies, then coordinates, in the order of ``joint_ranks``."""
+        carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
+        links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
+        joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
+        names = (*in_groups(links, self.ties), *self.coordinates_of(joints))
+        return tuple(dict.fromkeys(names))
+
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
 
