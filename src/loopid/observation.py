@@ -8,7 +8,7 @@ factorisation of blocks. Columns of zeros cost nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,38 @@ from loopid.workers import one_blas_thread
 # a part of all.
 ROWS = 400
 PANEL, PANEL_PART = 8, 16
+
+
+@dataclass(frozen=True)
+class RoundedGeometry:
+    """What rounded numbers of a robot file leave open in an observation.
+
+    Attributes
+    ----------
+    accuracy : float
+        Of lengths, in m; of angles, times the characteristic length.
+    relative : float
+        The same, to the characteristic length.
+    source : str
+        Where it is known from.
+    presumed : bool
+        Whether the numbers may as well be round by design.
+    factors : callable
+        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
+        as it is written, then of k others that the file would write alike.
+    places : mapping
+        Of some links, the loops that they are part of.
+    alike : tuple of str
+        Lengths that are nearly but not quite equal.
+    """
+
+    accuracy: float
+    relative: float
+    source: str
+    presumed: bool
+    factors: Callable[[int], FloatArray]
+    places: Mapping[str, tuple[str, ...]]
+    alike: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +81,8 @@ class Observation:
     order : tuple of str
         Links and joints in the order in which the first of equally good choices is taken, where
         it is not that of the columns.
+    geometry : RoundedGeometry or None
+        None where the geometry is exact, or not known.
 
     Examples
     --------
@@ -66,6 +100,7 @@ class Observation:
     matrix: FloatArray | None = None
     natural_size: float = 0.0
     order: tuple[str, ...] = ()
+    geometry: RoundedGeometry | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:
@@ -119,21 +154,21 @@ class Observation:
         """
         n, rows, kept = len(parameters), 0, []
         # The row of a joint has columns of those bodies only that move with it: in a tree, few of
-        # all. So each of the dof rows of a sample is reduced on its own, and all at the end.
-        factors = np.zeros((0, n, n))
+        # all. So each of the dof rows of a sample is reduced on its own, where there are more
+        # samples than columns, and all at the end.
+        factors, waiting = np.zeros((0, n, n)), list[FloatArray]()
         for part in parts:
             W = _samples(part, n)
-            dof = W.shape[1]
-            if dof > len(factors):
-                factors = np.concatenate([factors, np.zeros((dof - len(factors), n, n))])
             for block in row_blocks(len(W)):
-                add_rows(factors[:dof], W[block].swapaxes(0, 1))
-            rows += len(W) * dof
+                waiting.append(W[block])
+                if sum(map(len, waiting)) >= n:
+                    factors, waiting = _reduced(factors, waiting), []
+            rows += len(W) * W.shape[1]
             if keep_matrix:
                 kept.append(W.reshape(-1, n))
         if rows == 0:
             raise DataError("the observation matrix has no rows")
-        stacked = factors.reshape(-1, n)
+        stacked = np.concatenate([each.reshape(-1, n) for each in (factors, *waiting)])
         factor = frozen(triangular_factor(stacked[stacked.any(axis=1)]))
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
         return cls(parameters, factor, rows, length, matrix, natural_size)
@@ -153,7 +188,18 @@ class Observation:
         factor = triangular_factor(np.concatenate([self.factor, other.factor]))
         matrices = [one.matrix for one in (self, other) if one.matrix is not None]
         matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
-        return replace(self, factor=frozen(factor), rows=self.rows + other.rows, matrix=matrix)
+        rows = self.rows + other.rows
+        return replace(self, factor=frozen(factor), rows=rows, matrix=matrix, geometry=None)
+
+
+def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
+    """Factors (dof, n, n) of those before and of samples (N, dof, n), row by row of a sample."""
+    for W in samples:
+        more = W.shape[1] - len(factors)
+        if more > 0:
+            factors = np.concatenate([factors, np.zeros((more, *factors.shape[1:]))])
+        add_rows(factors[: W.shape[1]], W.swapaxes(0, 1))
+    return factors
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:

@@ -18,10 +18,18 @@ from io import BytesIO, StringIO
 from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
 from ruamel.yaml import YAML
 
 from loopid.arguments import checked
@@ -61,6 +69,12 @@ Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, 
 Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
 
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError(f"must not be negative, but is {value}")
+    return value
+
+
 class _Record(BaseModel):
     model_config = ConfigDict(
         frozen=True,
@@ -89,14 +103,14 @@ class SavedRobot(_Record):
     path: str = ""
     files: dict[str, str]
     options: SavedOptions
-    coordinates: tuple[str, ...]
+    coordinates: tuple[str, ...] = Field(min_length=1)
 
 
 class SavedForceModel(_Record):
     """The options of the force model; forces are along the coordinates named by its rows."""
 
     model: Literal["gravity", "full"]
-    rows: tuple[str, ...]
+    rows: tuple[str, ...] = Field(min_length=1)
     gravity: tuple[float, float, float]
     joint_terms: JointTerms | None = None
 
@@ -116,7 +130,7 @@ class SavedBase(_Record):
     unit: str
     expression: str
     value: float
-    standard_error: Number = math.nan
+    standard_error: Annotated[Number, AfterValidator(_not_negative)] = math.nan
     relative_std_percent: Number = math.nan
     interval_95_percent: tuple[Number, Number] = (math.nan, math.nan)
     terms: dict[str, float]
@@ -184,8 +198,8 @@ class SavedFit(_Record):
     loopid: str
     robot: SavedRobot
     force_model: SavedForceModel
-    standard_parameters: tuple[SavedStandard, ...]
-    base_parameters: tuple[SavedBase, ...]
+    standard_parameters: tuple[SavedStandard, ...] = Field(min_length=1)
+    base_parameters: tuple[SavedBase, ...] = Field(min_length=1)
     covariance: Array | None = None
     check: tuple[SavedState, ...] = Field(min_length=1)
     estimate: SavedEstimate | None = None
@@ -252,7 +266,7 @@ class SavedFit(_Record):
                 ),
                 "base_parameters": tuple(
                     {"name": p.label, "unit": p.unit, "expression": expression(terms)}
-                    | {"value": value, "terms": terms, **error}
+                    | {"value": value, "terms": dict(terms), **error}
                     for p, terms, value, error in entries
                 ),
                 "covariance": covariance,
@@ -265,13 +279,13 @@ class SavedFit(_Record):
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
         labels, names = self.standard.labels, self.parameters.labels
-        r, dof = len(names), len(self.force_model.rows)
+        dof = len(self.force_model.rows)
         for base in self.base_parameters:
             unknown = [label for label in base.terms if label not in labels]
             if unknown or base.terms.get(base.name) != 1:
                 raise ValueError(f"the terms of {base.name} are not those of a base parameter")
-        if self.covariance is not None and self.covariance.shape != (r, r):
-            raise ValueError(f"the covariance must have shape {(r, r)}")
+        if self.covariance is not None:
+            self._require_covariance(self.covariance, names)
         for state in self.check:
             if not len(state.velocity) == len(state.acceleration) == len(state.force) == dof:
                 raise ValueError(f"a state must have {dof} velocities, accelerations and forces")
@@ -281,6 +295,17 @@ class SavedFit(_Record):
             raise ValueError("a consistent fit needs the values of all standard parameters")
         _ = self.result  # refused where its columns do not fit together
         return self
+
+    def _require_covariance(self, C: FloatArray, names: Sequence[str]) -> None:
+        if C.shape != (len(names), len(names)):
+            raise ValueError(f"the covariance must have shape {(len(names), len(names))}")
+        for name, variance in zip(names, np.diag(C).tolist(), strict=True):
+            if variance < 0:
+                raise ValueError(f"the variance of {name} must not be negative, but is {variance}")
+        sizes = np.sqrt(np.diag(C))
+        impossible = np.abs(C) > (1 + SAME_ROBOT) * np.outer(sizes, sizes)
+        if impossible.any() or np.abs(C - C.T).max() > SAME_ROBOT * np.abs(C).max():
+            raise ValueError("the covariance must be symmetric, with correlations from -1 to 1")
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -629,13 +654,18 @@ def read_fit(path: str | Path) -> SavedFit:
         raise DataError(f"{path} {reason}")
     written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
+        size = place.stat().st_size
         if ending == ".npz":
-            with np.load(place, allow_pickle=False) as archive:
-                document = str(archive["document"])
-        elif ending == ".json":
-            document = place.read_text(encoding="utf-8")
+            with ZipFile(place) as archive:
+                size = max(member.file_size for member in archive.infolist())
+        if size > LARGE:
+            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
+        if ending == ".npz":
+            with np.load(place, allow_pickle=False) as arrays:
+                document = str(arrays["document"])
         else:
-            document = json.dumps(written)
+            document = place.read_text(encoding="utf-8") if written is None else json.dumps(written)
+        json.loads(document, object_pairs_hook=_each_once)
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
             RecursionError, TypeError, ValueError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
@@ -647,6 +677,15 @@ def read_fit(path: str | Path) -> SavedFit:
         where = "".join(f"{key}." for key in detail["loc"])[:-1]
         found = f"{where}: {detail['msg']}" if where else detail["msg"]
         raise DataError(f"{path} is not a saved fit: {found}") from error
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse keys that are given twice, of which the last one would count."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"key {next(n for n in names if names.count(n) > 1)!r} is given twice")
+    return found
 
 
 def _ending(path: str | Path) -> str:

@@ -1,5 +1,6 @@
 """Trees that others describe, whose numbers of base parameters are known: docs/mechanisms.md."""
 
+import warnings
 from itertools import pairwise
 from xml.etree import ElementTree
 
@@ -16,6 +17,7 @@ from loopid import (
 )
 from loopid.base_parameters import CRITERIA
 from loopid.base_parameters.structure import analyse
+from loopid.errors import ModelWarning
 from loopid.kinematics import closed_motion
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
@@ -52,7 +54,9 @@ def row(request, robot_data):
 
 @pytest.fixture(scope="module")
 def robot(row, robot_data):
-    return load_mechanism(robot_data / row["URDF"], **options(row))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # what transmissions say beside the bodies
+        return load_mechanism(robot_data / row["URDF"], **options(row))
 
 
 @pytest.fixture(scope="module")

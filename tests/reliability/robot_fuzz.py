@@ -110,7 +110,9 @@ class Draw:
 
 
 # Words of the formats, which are not names even where a link is called so.
-RESERVED = {*("platform", "frame", "world", "axis", "loop", "base", "lower", "upper", "x", "y", "z")}
+RESERVED = {
+    *("platform", "frame", "world", "axis", "loop", "base", "lower", "upper", "x", "y", "z")
+}
 
 
 def changed(files: dict[str, bytes], random: Random) -> tuple[dict[str, bytes], dict[str, str]]:
@@ -212,7 +214,10 @@ def wrong_with(draw: Draw, folder: Path) -> Iterator[str]:
         # Sentences about the content need not name the file's own words.
         yield from (f"{call.words[0]}: {fault}" for fault in found)
         if draw.neutral and call.words == words and not found:
-            before, now = unchanged(draw.robot, draw.number % len(MODELS), folder), {"refused": True}
+            before, now = (
+                unchanged(draw.robot, draw.number % len(MODELS), folder),
+                {"refused": True},
+            )
             if not outcome.code:
                 now = structure(json.loads(outcome.out), draw.names)
             for key in {**before, **now}:

@@ -1,6 +1,5 @@
 """Robot files in, checked mechanisms out."""
 
-from loopid.loading.closures import link_frames
 from loopid.loading.description import (
     bundled_directory,
     bundled_robots,
@@ -17,7 +16,6 @@ __all__ = [
     "collision_regions",
     "find_files",
     "find_motion_file",
-    "link_frames",
     "load_mechanism",
     "parse_xml",
     "read_urdf_file",

@@ -8,27 +8,39 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.base_parameters import analyse
 from loopid.errors import (
     ClosureWarning,
+    LoopidError,
     MobilityError,
     ReferenceWarning,
     RobotFileError,
+    SingularityWarning,
     warn,
 )
 from loopid.kinematics import (
     CLOSURE_TOLERANCE,
+    FOLDED,
     NEAR_SINGULARITY,
+    assembly_modes,
     close_by_continuation,
     close_loops,
+    closed_motion,
+    configuration_batches,
+    difference,
     independent_coordinates,
     integrate,
     largest_residual,
+    mobility,
     nearby_configurations,
+    random_motions,
     scaled_constraint,
     singularity_measure,
 )
 from loopid.loading.tree import write_joint
-from loopid.robot import Mechanism
+from loopid.observation import Observation
+from loopid.regressors import motion_regressor
+from loopid.robot import AssemblyMode, Mechanism
 from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
@@ -40,6 +52,11 @@ LIMIT_TOLERANCE = 1e-6  # rad or m
 # rounding is the likely reason.
 ROUNDING = 1e-9
 LIKELY_ROUNDING = 1e-4
+# Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
+# leaves no choice.
+NEAR = 0.2
+# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
+ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -48,8 +65,8 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
-    motors that it leaves out; then several seeded starts of all joints left out are tried, for
-    a regular configuration inside the limits.
+    motors that it leaves out; then several seeded starts of all joints left out are tried. Where
+    that pose is singular or far from the written one, its assembly modes are compared.
 
     Raises
     ------
@@ -61,26 +78,33 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     Warns
     -----
     ReferenceWarning
-        When the closed configuration is outside the limits of a joint.
+        When the closed configuration is outside the limits of a joint, or is one of several
+        assembly modes that differ in rank.
+    SingularityWarning
+        When the written one is singular.
     ClosureWarning
         When it closes only as far as the file's numbers are rounded.
     """
     closed: list[ClosedReference] = []
-    suits = False  # inside the limits, and regular for the motors
-    best = (mechanism.reference, np.inf)
+    chosen, best = None, (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
             continue
-        closed.append(_closed_at(mechanism, q))
-        suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
-        if suits or len(closed) == ENOUGH:
+        found, first = _closed_at(mechanism, q), not closed
+        closed.append(found)
+        suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
+        if first and _is_drawn(found, mechanism.reference, given):
+            chosen = found
+        elif first or suits:
+            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first)
+        if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
-    chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
+    chosen = chosen or (max(inside, key=_measure) if inside else closed[0])
     outside, left = _outside(chosen[0]), chosen[0].closure_residual
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -88,6 +112,85 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         text = f"the loops close to {left:.1e} m only: its numbers are rounded"
         warn(f"{mechanism.path}: {text}", ClosureWarning)
     return chosen
+
+
+def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
+    """Whether a closed configuration is the one that a drawn one (nq,) means: nothing to choose."""
+    mechanism, measure = closed[0], _measure(closed)
+    if mechanism.rows == 0:
+        return True
+    moved = difference(mechanism, drawn[None], mechanism.reference[None])
+    near = float(np.abs(moved / mechanism.coordinate_scales).max()) <= NEAR
+    was_closed = largest_residual(mechanism, drawn[None])[0] <= ROUNDING * mechanism.length
+    clear = measure >= (NEAR_SINGULARITY if was_closed else FOLDED)
+    return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
+
+
+def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
+    """In which way the reference is singular, with closed configurations (n, nq) around it."""
+    found = mobility(mechanism, around=around)
+    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    if found.singular:
+        reason = (
+            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.generic_degrees_of_freedom} around it"
+        )
+    elif measure < NEAR_SINGULARITY:
+        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    else:
+        return ""
+    return f"(measure {measure:.1e}): {reason}"
+
+
+def _in_a_mode(
+    closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
+) -> ClosedReference | None:
+    """The mechanism in the best of its assembly modes, warned of where it matters.
+
+    None where none is inside the limits.
+    """
+    modes = assembly_modes(closed[0], drawn)
+    if not modes:
+        return None
+    mechanism, around = _closed_at(closed[0], modes[0].reference)
+    if _outside(mechanism):
+        return None
+    singular = why_singular(*closed) if drawn_is_closed else ""
+    if len(modes) > 1:
+        modes = tuple(replace(mode, rank=_rank(mechanism, mode)) for mode in modes)
+    known = {mode.rank for mode in modes} - {None}
+    text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
+    if singular:
+        text += "; the reference is a regular pose a step of the motors away"
+    if len(modes) > 1:
+        text += f"; {len(modes)} assembly modes were found, mode 1 is used"
+    if len(known) > 1:
+        listed = ", ".join(f"{mode.rank or '?'} in mode {k}" for k, mode in enumerate(modes, 1))
+        text += f", and THEIR NUMBERS OF BASE PARAMETERS DIFFER (full model): {listed}"
+    if len(modes) > 1:
+        text += (
+            "; to choose another, put its 'reference' into the YAML, as 'loopid check "
+            f"{mechanism.path}' prints it"
+        )
+    if len(known) > 1:
+        warn(f"{mechanism.path}: {text}", ReferenceWarning)
+    elif singular:
+        warn(f"{mechanism.path}: {text}", SingularityWarning)
+    return replace(mechanism, modes=modes), around
+
+
+def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
+    """Number of base parameters of the full model in a mode; None where it is not clear."""
+    robot, _ = _closed_at(mechanism, mode.reference)
+    samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
+    try:
+        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
+        motion = closed_motion(robot, q, *random_motions(robot, samples))
+        W = motion_regressor(robot, motion)
+        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+    except LoopidError:
+        return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
