@@ -59,6 +59,7 @@ Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
 YAML = (".yaml", ".yml", ".json")
+LEAST_TIME = 0.01  # s, of a search after one that has used the limit
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -108,8 +109,7 @@ def base(
         make_strategy,
     )
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables, mode_records
-    from loopid.robot import named_lengths
+    from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
@@ -122,9 +122,12 @@ def base(
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
-        found = find_base_parameters(observation, strategy, criterion)
-    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
-    record = base_record(mechanism.name, model, found, lengths, modes)
+        found, alone = find_base_parameters(observation, strategy, criterion), None
+        if observation.motors_alone is not None:
+            if search == ExactSearch.name:
+                strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
+            alone = find_base_parameters(observation.motors_alone, strategy, criterion)
+    record = base_record(mechanism, model, found, alone)
     show(record, base_tables(record), as_json)
 
 

@@ -83,6 +83,8 @@ class Observation:
         it is not that of the columns.
     geometry : RoundedGeometry or None
         None where the geometry is exact, or not known.
+    motors_alone : Observation or None
+        Without the rows "= 0" of coordinates that the motors leave free, where there are any.
 
     Examples
     --------
@@ -101,6 +103,7 @@ class Observation:
     natural_size: float = 0.0
     order: tuple[str, ...] = ()
     geometry: RoundedGeometry | None = None
+    motors_alone: Observation | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:
@@ -147,12 +150,14 @@ class Observation:
         length: float = 1.0,
         keep_matrix: bool = False,
         natural_size: float = 0.0,
+        driven: int | None = None,
     ) -> Observation:
         """Factor an observation matrix that comes in parts, with one in memory at a time.
 
-        As ``from_matrix``, for an iterable of matrices.
+        As ``from_matrix``, for an iterable of matrices; the first ``driven`` rows of each sample
+        are those of motors.
         """
-        n, rows, kept = len(parameters), 0, []
+        n, rows, driven_rows, kept = len(parameters), 0, 0, []
         # The row of a joint has columns of those bodies only that move with it: in a tree, few of
         # all. So each of the dof rows of a sample is reduced on its own, where there are more
         # samples than columns, and all at the end.
@@ -164,14 +169,17 @@ class Observation:
                 if sum(map(len, waiting)) >= n:
                     factors, waiting = _reduced(factors, waiting), []
             rows += len(W) * W.shape[1]
+            driven_rows += len(W) * (driven or 0)
             if keep_matrix:
                 kept.append(W.reshape(-1, n))
         if rows == 0:
             raise DataError("the observation matrix has no rows")
-        stacked = np.concatenate([each.reshape(-1, n) for each in (factors, *waiting)])
-        factor = frozen(triangular_factor(stacked[stacked.any(axis=1)]))
+        factor, alone = _stacked([factors, *waiting]), None
+        if driven is not None:
+            own = _stacked([factors[:driven], *(W[:, :driven] for W in waiting)])
+            alone = cls(parameters, own, driven_rows, length, None, natural_size)
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        return cls(parameters, factor, rows, length, matrix, natural_size)
+        return cls(parameters, factor, rows, length, matrix, natural_size, motors_alone=alone)
 
     @checked
     def merge(self, other: Observation) -> Observation:
@@ -189,7 +197,8 @@ class Observation:
         matrices = [one.matrix for one in (self, other) if one.matrix is not None]
         matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
         rows = self.rows + other.rows
-        return replace(self, factor=frozen(factor), rows=rows, matrix=matrix, geometry=None)
+        found = replace(self, factor=frozen(factor), rows=rows, matrix=matrix)
+        return replace(found, geometry=None, motors_alone=None)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
@@ -200,6 +209,12 @@ def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
             factors = np.concatenate([factors, np.zeros((more, *factors.shape[1:]))])
         add_rows(factors[: W.shape[1]], W.swapaxes(0, 1))
     return factors
+
+
+def _stacked(matrices: list[FloatArray]) -> FloatArray:
+    """The triangular factor (n, n), read-only, of the rows of matrices (..., n)."""
+    rows = np.concatenate([matrix.reshape(-1, matrix.shape[-1]) for matrix in matrices])
+    return frozen(triangular_factor(rows[rows.any(axis=1)]))
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:

@@ -52,11 +52,15 @@ def row(request, robot_data):
     return request.param
 
 
-@pytest.fixture(scope="module")
-def robot(row, robot_data):
+def load(*arguments, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # what transmissions say beside the bodies
-        return load_mechanism(robot_data / row["URDF"], **options(row))
+        return load_mechanism(*arguments, **options)
+
+
+@pytest.fixture(scope="module")
+def robot(row, robot_data):
+    return load(robot_data / row["URDF"], **options(row))
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +107,7 @@ def talos(robot_data):
     file = robot_data / TALOS
     if not file.is_file():
         pytest.skip(f"example-robot-data has no {TALOS}")
-    return load_mechanism(file), load_mechanism(file, free_mimics=True)
+    return load(file), load(file, free_mimics=True)
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,6 @@ from loopid.report.structure import (
     base_tables,
     check_record,
     check_tables,
-    mode_records,
     motions_record,
     motions_tables,
 )
@@ -51,7 +50,6 @@ __all__ = [
     "identification_tables",
     "json_text",
     "markdown_table",
-    "mode_records",
     "motions_record",
     "motions_tables",
     "payload_record",
