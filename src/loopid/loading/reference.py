@@ -27,6 +27,13 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
+from loopid.loading.rounding import (
+    SIX_DIGITS,
+    changes,
+    exact_geometry,
+    largest_gap,
+    rounding_that_closes,
+)
 from loopid.loading.tree import write_joint
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
@@ -35,21 +42,24 @@ STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
 ENOUGH = 24  # closed configurations to choose the best of, where none suits
 LIMIT_TOLERANCE = 1e-6  # rad or m
-# Fractions of the characteristic length. Redundant equations of a file with rounded numbers
-# contradict each other: up to the first the rank of the closures is still clear, up to the second
-# rounding is the likely reason.
-ROUNDING = 1e-9
-LIKELY_ROUNDING = 1e-4
+SPREAD = 3.0  # times what loops stay open by around the reference, farther away
+# Of the characteristic length, up to which rounding is the likely reason that loops stay open.
+LIKELY_ROUNDING = 1e-3
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
 
-def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedReference:
+def close_reference(
+    mechanism: Mechanism, given: Collection[str], rounding: float | None = None, snap: bool = False
+) -> ClosedReference:
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
     motors that it leaves out; then several seeded starts of all joints left out are tried, for
     a regular configuration inside the limits.
+
+    Loops that hardly miss, or that hardly keep the robot from moving, are closed by moving frames
+    of closures: within the rounding that is given, else within that of six digits.
 
     Raises
     ------
@@ -63,16 +73,62 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     ReferenceWarning
         When the closed configuration is outside the limits of a joint.
     ClosureWarning
-        When it closes only as far as the file's numbers are rounded.
+        When frames, or with ``snap`` joints, were moved.
     """
+    presumed = SIX_DIGITS if rounding is None else rounding
+    near = largest_gap(presumed, mechanism.length)
+    chosen, reason = None, None
+    if rounding is None and not snap:
+        try:
+            chosen = _closed_reference(mechanism, given, near)
+        except MobilityError as error:
+            reason = error
+    if chosen is None or chosen[0].closure_residual > CLOSURE_TOLERANCE:
+        tolerance = max(mechanism.closure_rank_tolerance, near / mechanism.length)
+        loose = replace(mechanism, closure_rank_tolerance=tolerance)
+        try:
+            chosen = _closed_reference(loose, given, near)
+        except MobilityError as error:
+            raise reason or error from None
+        chosen = _exact(mechanism, chosen[0], rounding, snap)
+    outside = _outside(chosen[0])
+    if outside:
+        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
+    return chosen
+
+
+def _exact(
+    file: Mechanism, loose: Mechanism, rounding: float | None, snap: bool
+) -> ClosedReference:
+    """The mechanism with frames moved so that its loops close, and what they leave open nearby."""
+    presumed = SIX_DIGITS if rounding is None else rounding
+    moved = exact_geometry(loose, loose.reference, presumed, snap)
+    moved, around = _closed_at(moved, moved.reference)
+    open_by = float(largest_residual(moved, around).max())
+    exact = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
+    if open_by <= CLOSURE_TOLERANCE:
+        moved, around = _closed_at(replace(exact, closure_residual=0.0), exact.reference)
+    else:
+        moved = replace(moved, closure_residual=SPREAD * open_by)
+    shift, turn = changes(loose, moved)
+    moved = replace(moved, rounding=rounding or (SIX_DIGITS if shift or open_by else 0.0))
+    if shift or turn:
+        text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
+        text += f", and the loops then stay open by {open_by:.1e} m" * (open_by > CLOSURE_TOLERANCE)
+        warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
+    return moved, around
+
+
+def _closed_reference(mechanism: Mechanism, given: Collection[str], near: float) -> ClosedReference:
+    """The first closed configuration that suits, or that is as closed as numbers are rounded."""
     closed: list[ClosedReference] = []
     suits = False  # inside the limits, and regular for the motors
     best = (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
-        if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
+        if gap > max(CLOSURE_TOLERANCE, near):
             continue
-        closed.append(_closed_at(mechanism, q))
+        closed.append(_closed_at(replace(mechanism, closure_residual=gap), q))
         suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
         if suits or len(closed) == ENOUGH:
             break
@@ -80,14 +136,7 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
-    chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
-    outside, left = _outside(chosen[0]), chosen[0].closure_residual
-    if outside:
-        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
-    if left:
-        text = f"the loops close to {left:.1e} m only: its numbers are rounded"
-        warn(f"{mechanism.path}: {text}", ClosureWarning)
-    return chosen
+    return closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
@@ -136,7 +185,6 @@ def _scattered(
 
 def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
-    residual = float(largest_residual(mechanism, q[None])[0])
     around = nearby_configurations(mechanism, q)
     try:
         chosen = independent_coordinates(mechanism, around)
@@ -146,7 +194,8 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     closed = replace(
         mechanism,
         reference=q,
-        closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0,
+        closure_residual=mechanism.closure_residual
+        * (mechanism.closure_residual > CLOSURE_TOLERANCE),
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
@@ -174,9 +223,10 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     if residual.max() < LIKELY_ROUNDING * mechanism.length:
+        needed = rounding_that_closes(float(residual.max()), mechanism.length)
         hint = (
-            ": the numbers of the file seem rounded, so that redundant equations contradict each "
-            "other; give more digits, or closures with fewer rows"
+            f": if its numbers are rounded, say so by --rounding {needed:g}, or by "
+            f"'rounding: {needed:g}' in a YAML, and frames of closures are moved within that"
         )
     return (
         f"{mechanism.path}: {origin}: closure {name} stays open by "
