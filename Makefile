@@ -14,8 +14,11 @@ test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # What is numerical, with the linear algebra of processors without AVX-512, and without AVX.
-NUMERICAL := tests/robot tests/kinematics tests/regressors tests/base_parameters tests/identification \
-    tests/experiment tests/consistency tests/export
+NUMERICAL := tests/regressors tests/identification tests/consistency tests/experiment/test_identif*.py \
+    tests/export/test_identified_robots.py tests/kinematics/test_projection.py \
+    tests/kinematics/test_mobility.py tests/kinematics/test_sampling.py \
+    $(addprefix tests/base_parameters/test_,ambiguous_rank.py exact_search.py known_robots.py \
+    knee_base_parameters.py knee_geometries.py structure.py regrouping.py subgroup*.py ties.py)
 test-kernels: .venv/test
 	for kernel in Haswell Nehalem; do \
 	    OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -n auto --dist worksteal $(NUMERICAL) || exit 1; \

@@ -14,85 +14,52 @@ JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child li
 
 
 def cad_export(robot, digits=6, seed=0):
-    """Texts of URDF and YAML of a robot of hinges and slides, with other link frames."""
+    """Texts of URDF and YAML of a robot of hinges and slides with points, pins or welds."""
     generator, model = np.random.default_rng(seed), robot.model
-    data = model.createData()
-    turns = [pin.SE3.Identity()]
-    axes = [np.zeros(3)]
-    for k in range(1, model.njoints):
-        joint, calc = model.joints[k], model.joints[k].createData()
-        joint.calc(calc, pin.neutral(model))
-        S = np.asarray(calc.S).reshape(6)
-        axis = S[3:] if np.abs(S[3:]).any() else S[:3]
-        along = generator.uniform(-0.1, 0.1) if np.abs(S[3:]).any() else 0.0
-        turn = pin.exp3(generator.uniform(-2, 2, 3))
-        turns.append(pin.SE3(turn, along * axis))
-        axes.append(turn.T @ axis)
 
-    def number(values):
+    def text(values):
         return " ".join(repr(round(float(value), digits) + 0.0) for value in values)
 
-    def origin(place):
-        return {
-            "xyz": number(place.translation),
-            "rpy": number(pin.rpy.matrixToRpy(place.rotation)),
-        }
+    def element(name, kind, parent, child, place, axis=(1, 0, 0)):
+        rpy = pin.rpy.matrixToRpy(place.rotation)
+        return JOINT.format(
+            name=name, kind=kind, parent=parent, child=child,
+            xyz=text(place.translation), rpy=text(rpy), axis=text(axis),
+        )  # fmt: skip
+
+    def turned():
+        return pin.SE3(pin.exp3(generator.uniform(-2, 2, 3)), np.zeros(3))
 
     links, parts = ["ground", *(f"link{k}" for k in range(1, model.njoints))], []
+    frames = [pin.SE3.Identity()]  # of the new links in the old ones
     for k in range(1, model.njoints):
-        kind = (
-            "revolute"
-            if "R" in model.joints[k].shortname().removeprefix("JointModel")
-            else "prismatic"
-        )
-        place = turns[model.parents[k]].inverse() * model.jointPlacements[k] * turns[k]
-        fields = {
-            "name": model.names[k],
-            "kind": kind,
-            "parent": links[model.parents[k]],
-            "child": links[k],
-        }
-        parts += [body(links[k]), JOINT.format(**fields, axis=number(axes[k]), **origin(place))]
-    pin.framesForwardKinematics(model, data, robot.reference)
+        joint, parent = model.joints[k], model.parents[k]
+        data = joint.createData()
+        joint.calc(data, pin.neutral(model))
+        twist = np.asarray(data.S).reshape(6)
+        turns = bool(np.abs(twist[3:]).any())
+        axis = twist[3:] if turns else twist[:3]
+        shift = pin.SE3(np.eye(3), generator.uniform(-0.1, 0.1) * turns * axis)
+        frames.append(shift * turned())
+        place = frames[parent].inverse() * model.jointPlacements[k] * frames[k]
+        kind, axis = "revolute" if turns else "prismatic", frames[k].rotation.T @ axis
+        name = model.names[k]
+        parts += [body(links[k]), element(name, kind, links[parent], links[k], place, axis)]
     closures = []
     for n, closure in enumerate(robot.closures):
-        described = {"type": closure.kind, "frames": []}
-        relative = None
-        for side, frame_id in zip("ab", closure.frame_ids, strict=True):
-            frame = model.frames[frame_id]
-            turn = pin.SE3(pin.exp3(generator.uniform(-2, 2, 3)), np.zeros(3))
-            if closure.kind in ("6d", "prismatic"):
-                turn = (
-                    pin.SE3(relative or turn.rotation, np.zeros(3))
-                    if relative is None
-                    else relative
-                )
-                relative = turn
-            name = f"end{n}{side}"
-            place = turns[frame.parentJoint].inverse() * frame.placement * turn
-            mount = {
-                "name": f"{name}_mount",
-                "kind": "fixed",
-                "parent": links[frame.parentJoint],
-                "child": name,
-            }
-            text = JOINT.format(**mount, axis="1 0 0", **origin(place))
-            parts += [f'<link name="{name}"/>', text]
+        described, turn = {"type": closure.kind, "frames": [], "axes": []}, turned()
+        for side, frame_id, along in zip("ab", closure.frame_ids, closure.axes, strict=True):
+            frame, name = model.frames[frame_id], f"end{n}{side}"
+            turn = turn if closure.kind in ("6d", "prismatic") else turned()
+            place = frames[frame.parentJoint].inverse() * frame.placement * turn
+            parent = links[frame.parentJoint]
+            parts += [f'<link name="{name}"/>']
+            parts += [element(f"{name}_mount", "fixed", parent, name, place)]
             described["frames"].append(name)
-            axis = np.array(closure.axes["ab".index(side)])
-            described.setdefault("axes", []).append(
-                [round(float(x), digits) for x in turn.rotation.T @ axis]
-            )
-        if closure.kind in ("3d", "6d", "distance"):
+            described["axes"].append([float(x) for x in text(turn.rotation.T @ along).split()])
+        if closure.kind in ("3d", "6d"):
             del described["axes"]
-        if closure.length:
-            described["length"] = round(closure.length, digits)
         closures.append(described)
-    reference = {name: float(robot.reference[robot.joint(name).idx_q]) for name in robot.joints}
-    yaml = {
-        "urdf": "robot.urdf",
-        "closures": closures,
-        "name_mot": list(robot.actuated),
-        "reference": reference,
-    }
-    return urdf(*parts), json.dumps(yaml)
+    values = {name: float(robot.reference[robot.joint(name).idx_q]) for name in robot.joints}
+    yaml = {"closures": closures, "name_mot": list(robot.actuated), "reference": values}
+    return urdf(*parts), json.dumps({"urdf": "robot.urdf"} | yaml)

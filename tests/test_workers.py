@@ -40,25 +40,23 @@ def threads_of(_):
     return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
 
 
+def product_and_threads(seed):
+    return product(seed), threads_of(seed)
+
+
 def refuse_three(number):
     if number == 3:
         raise OptionError("no threes")
     return number
 
 
-def test_results_come_in_order_and_are_the_same_to_the_bit():
-    alone, shared = (list(ordered_map(product, range(12), n_jobs)) for n_jobs in (1, 2))
-    assert len(alone) == 12
-    for k, (one, other) in enumerate(zip(alone, shared, strict=True)):
+def test_results_come_in_order_from_one_blas_thread_each_and_are_the_same_to_the_bit():
+    made = [list(ordered_map(product_and_threads, range(12), n_jobs)) for n_jobs in (1, 2)]
+    assert len(made[0]) == 12
+    for k, ((one, threads), (other, there)) in enumerate(zip(*made, strict=True)):
         np.testing.assert_array_equal(one, other)
         np.testing.assert_allclose(one, product(k), rtol=1e-12)
-
-
-@pytest.mark.parametrize("n_jobs", [1, 2])
-def test_each_process_has_one_blas_thread(n_jobs):
-    for counts in ordered_map(threads_of, range(3), n_jobs):
-        assert counts
-        assert set(counts) == {1}
+        assert {*threads, *there} == {1}
 
 
 @pytest.mark.parametrize("n_jobs", [1, 2])

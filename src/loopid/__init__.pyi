@@ -21,6 +21,9 @@ from loopid.consistency import (
 from loopid.dynamics import forward_dynamics as forward_dynamics
 from loopid.errors import LoopidError as LoopidError
 from loopid.experiment import (
+    drive_gains as drive_gains,
+)
+from loopid.experiment import (
     exciting_motion as exciting_motion,
 )
 from loopid.experiment import (
@@ -31,6 +34,9 @@ from loopid.experiment import (
 )
 from loopid.experiment import (
     identify as identify,
+)
+from loopid.experiment import (
+    identify_payload as identify_payload,
 )
 from loopid.experiment import (
     split_recordings as split_recordings,

@@ -22,7 +22,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
+from loopid.errors import (
+    AccuracyWarning,
+    LoopidError,
+    MissingFileError,
+    OptionError,
+    one_line,
+    warn,
+)
 from loopid.files import require_folder, require_other_file, write_file, write_files
 from loopid.workers import Progress as Reporter
 
@@ -48,6 +55,14 @@ Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root
 FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
+Rounding = Annotated[
+    float | None,
+    typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
+]
+Snap = Annotated[
+    bool,
+    typer.Option("--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."),
+]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 TERMS_HELP = (
     "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
@@ -65,6 +80,8 @@ LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a 
 def check(
     file: RobotFile,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -72,7 +89,7 @@ def check(
     """Report joints, closures, mobility and distance to singularity."""
     from loopid.report import check_record, check_tables
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
@@ -94,6 +111,8 @@ def base(
         float, typer.Option(help="Of the exact search, in s; then its best so far.")
     ] = 10.0,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -106,12 +125,13 @@ def base(
         find_base_parameters,
         make_strategy,
     )
+    from loopid.loading import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables
+    from loopid.report import base_record, base_tables, mode_records
     from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
@@ -122,7 +142,18 @@ def base(
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
         found = find_base_parameters(observation, strategy, criterion)
-    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
+    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
+    record = base_record(mechanism.name, model, found, lengths, modes)
+    special = None if snap else nearly_special(mechanism)
+    if special is not None:
+        other, moved = special
+        W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
+        record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
+        warn(
+            f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as it is, "
+            f"{record['base_parameters_if_snapped']} with --snap, {moved}",
+            AccuracyWarning,
+        )
     show(record, base_tables(record), as_json)
 
 
@@ -136,6 +167,8 @@ def motions(
     rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
     margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -144,7 +177,7 @@ def motions(
     from loopid.report import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     planned, reviews = read_motion_program(program or mechanism.name), {}
     with progress_bar("motions") as report:
         for name in planned.motions:
@@ -272,6 +305,8 @@ def identify(
     ] = 1,
     out: Out = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -279,37 +314,23 @@ def identify(
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
-    from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
     from loopid.report import (
         identification_files,
         identification_record,
         identification_tables,
     )
-    from loopid.trajectories import LowPass
 
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
-    lowpass = None if cutoff is None else LowPass(cutoff)
-
-    def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
-        found = []
-        for path in paths or ():
-            log = read_log(path, mechanism, columns)
-            with progress_bar(f"assembling {log.name}") as report:
-                found.append(
-                    prepare_recording(mechanism, log, lowpass or "default", progress=report)
-                )
-        return found
-
-    training: Sequence[Recording] = recordings(logs)
-    validation: Sequence[Recording] = recordings(validate)
+    training: Sequence[Recording] = prepared(mechanism, logs, mapping, cutoff)
+    validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)
-    references = [each.motion for each in recordings(reference, reference_mapping)]
+    commanded = prepared(mechanism, reference, reference_mapping, cutoff)
     with progress_bar("poses") as report:
         force_model = experiment.find_force_model(mechanism, model, joint_terms, progress=report)
     found = experiment.identify(
@@ -317,10 +338,10 @@ def identify(
         training,
         validation,
         estimator,
-        recordings(friction_log),
+        prepared(mechanism, friction_log, mapping, cutoff),
         jobs,
         unidentifiable,
-        references,
+        [each.motion for each in commanded],
         prior_deviation,
         consistent,
         repair,
@@ -348,25 +369,72 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.logs import prepare_recording, read_log
     from loopid.prediction import predict as predicted
     from loopid.report import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
-    from loopid.trajectories import LowPass
 
     require_output(out)
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
-    found = []
-    for path in logs:
-        log = read_log(path, mechanism, mapping)
-        with progress_bar(f"assembling {log.name}") as report:
-            lowpass = None if cutoff is None else LowPass(cutoff)
-            recording = prepare_recording(mechanism, log, lowpass or "default", progress=report)
-        found.append(predicted(saved, mechanism, recording))
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
     show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@app.command()
+def payload(
+    file: RobotFile,
+    link: Annotated[str, typer.Argument(metavar="LINK", help="That the payload is fixed to.")],
+    unloaded: Annotated[list[str], typer.Option(metavar="LOG", help="Without it; repeatable.")],
+    loaded_log: Annotated[
+        list[str], typer.Option("--loaded", metavar="LOG", help="With it; repeatable.")
+    ],
+    known_mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Of the payload: then find the gains of the drives."),
+    ] = None,
+    centre: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="Of the known mass, in the link's frame in m.")
+    ] = "0,0,0",
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+    ] = "gravity",
+    terms: Annotated[str, typer.Option(help="Of every motor; as for identify.")] = "Fc,Fv",
+    estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
+    ] = None,
+    lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Identify a payload from logs without and with it, or drive gains from a known one."""
+    import numpy as np
+
+    from loopid.experiment import drive_gains, find_force_model, identify_payload
+    from loopid.regressors import JointTerms
+    from loopid.report import gains_record, gains_tables, payload_record, payload_tables
+
+    mechanism = loaded(file, lock, False, False, tied, rounding, snap)
+    force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
+    light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
+    if known_mass is None:
+        found = identify_payload(force_model, link, light, heavy, estimator)
+        show(payload_record(found), payload_tables(found), as_json)
+        return
+    try:
+        place = np.array([float(number) for number in centre.split(",")])
+    except ValueError:
+        raise OptionError(f"--centre must be three numbers X,Y,Z, not {centre!r}") from None
+    gains = drive_gains(force_model, link, known_mass, place, light, heavy, estimator=estimator)
+    show(gains_record(gains), gains_tables(gains), as_json)
 
 
 @app.command()
@@ -461,13 +529,25 @@ def paper(
 
 
 def loaded(
-    file: str, lock: list[str] | None, floating_base: bool, free_mimics: bool, tied: bool = False
+    file: str,
+    lock: list[str] | None,
+    floating_base: bool,
+    free_mimics: bool,
+    tied: bool = False,
+    rounding: float | None = None,
+    snap: bool = False,
 ) -> Mechanism:
     """The robot that the options of a command ask for."""
     from loopid.loading import load_mechanism
 
     return load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+        file,
+        lock or (),
+        floating_base=floating_base,
+        free_mimics=free_mimics,
+        tied=tied,
+        rounding=rounding,
+        snap=snap,
     )
 
 
@@ -501,6 +581,22 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
             f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
             "its file with --robot"
         ) from None
+
+
+def prepared(
+    mechanism: Mechanism, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+) -> list[Recording]:
+    """Logs, read and made ready for identification."""
+    from loopid.logs import prepare_recording, read_log
+    from loopid.trajectories import LowPass
+
+    lowpass = None if cutoff is None else LowPass(cutoff)
+    found = []
+    for path in paths or ():
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
+    return found
 
 
 def require_output(out: str | None, *inputs: str | None) -> None:

@@ -125,6 +125,10 @@ class ClosureWarning(UserWarning):
     """The loops of a robot file close only as far as its numbers are rounded."""
 
 
+class AccuracyWarning(UserWarning):
+    """A result rests on more digits than the robot file's geometry has."""
+
+
 class ModelWarning(UserWarning):
     """A robot file says something that the model leaves out, or contradicts itself."""
 

@@ -8,7 +8,7 @@ factorisation of blocks. Columns of zeros cost nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,38 @@ from loopid.workers import one_blas_thread
 # a part of all.
 ROWS = 400
 PANEL, PANEL_PART = 8, 16
+
+
+@dataclass(frozen=True)
+class RoundedGeometry:
+    """What rounded numbers of a robot file leave open in an observation.
+
+    Attributes
+    ----------
+    accuracy : float
+        Of lengths, in m; of angles, times the characteristic length.
+    relative : float
+        The same, to the characteristic length.
+    source : str
+        Where it is known from.
+    presumed : bool
+        Whether the numbers may as well be round by design.
+    factors : callable
+        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
+        as it is written, then of k others that the file would write alike.
+    places : mapping
+        Of some links, the loops that they are part of.
+    alike : tuple of str
+        Lengths that are nearly but not quite equal.
+    """
+
+    accuracy: float
+    relative: float
+    source: str
+    presumed: bool
+    factors: Callable[[int], FloatArray]
+    places: Mapping[str, tuple[str, ...]]
+    alike: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,6 +78,8 @@ class Observation:
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
+    geometry : RoundedGeometry or None
+        None where the geometry is exact, or not known.
 
     Examples
     --------
@@ -62,6 +96,7 @@ class Observation:
     length: float = 1.0
     matrix: FloatArray | None = None
     natural_size: float = 0.0
+    geometry: RoundedGeometry | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:
@@ -149,7 +184,8 @@ class Observation:
         factor = triangular_factor(np.concatenate([self.factor, other.factor]))
         matrices = [one.matrix for one in (self, other) if one.matrix is not None]
         matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
-        return replace(self, factor=frozen(factor), rows=self.rows + other.rows, matrix=matrix)
+        rows = self.rows + other.rows
+        return replace(self, factor=frozen(factor), rows=rows, matrix=matrix, geometry=None)
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:

@@ -18,12 +18,19 @@ from io import BytesIO, StringIO
 from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, Number, finite, frozen
@@ -48,6 +55,7 @@ from loopid.regressors import (
     structural_observation,
 )
 from loopid.robot import Mechanism
+from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json", ".npz")
 STATES = 3  # of the robot, by which it is known again
@@ -59,6 +67,12 @@ NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
 Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
+
+
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError(f"must not be negative, but is {value}")
+    return value
 
 
 class _Record(BaseModel):
@@ -91,14 +105,14 @@ class SavedRobot(_Record):
     path: str = ""
     files: dict[str, str]
     options: SavedOptions
-    coordinates: tuple[str, ...]
+    coordinates: tuple[str, ...] = Field(min_length=1)
 
 
 class SavedForceModel(_Record):
     """The options of the force model; forces are along the coordinates named by its rows."""
 
     model: Literal["gravity", "full"]
-    rows: tuple[str, ...]
+    rows: tuple[str, ...] = Field(min_length=1)
     gravity: tuple[float, float, float]
     joint_terms: JointTerms | None = None
 
@@ -118,7 +132,7 @@ class SavedBase(_Record):
     unit: str
     expression: str
     value: float
-    standard_error: Number = math.nan
+    standard_error: Annotated[Number, AfterValidator(_not_negative)] = math.nan
     relative_std_percent: Number = math.nan
     interval_95_percent: tuple[Number, Number] = (math.nan, math.nan)
     terms: dict[str, float]
@@ -186,8 +200,8 @@ class SavedFit(_Record):
     loopid: str
     robot: SavedRobot
     force_model: SavedForceModel
-    standard_parameters: tuple[SavedStandard, ...]
-    base_parameters: tuple[SavedBase, ...]
+    standard_parameters: tuple[SavedStandard, ...] = Field(min_length=1)
+    base_parameters: tuple[SavedBase, ...] = Field(min_length=1)
     covariance: Array | None = None
     check: tuple[SavedState, ...] = Field(min_length=1)
     estimate: SavedEstimate | None = None
@@ -267,13 +281,13 @@ class SavedFit(_Record):
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
         labels, names = self.standard.labels, self.parameters.labels
-        r, dof = len(names), len(self.force_model.rows)
+        dof = len(self.force_model.rows)
         for base in self.base_parameters:
             unknown = [label for label in base.terms if label not in labels]
             if unknown or base.terms.get(base.name) != 1:
                 raise ValueError(f"the terms of {base.name} are not those of a base parameter")
-        if self.covariance is not None and self.covariance.shape != (r, r):
-            raise ValueError(f"the covariance must have shape {(r, r)}")
+        if self.covariance is not None:
+            self._require_covariance(self.covariance, names)
         for state in self.check:
             if not len(state.velocity) == len(state.acceleration) == len(state.force) == dof:
                 raise ValueError(f"a state must have {dof} velocities, accelerations and forces")
@@ -283,6 +297,17 @@ class SavedFit(_Record):
             raise ValueError("a consistent fit needs the values of all standard parameters")
         _ = self.result  # refused where its columns do not fit together
         return self
+
+    def _require_covariance(self, C: FloatArray, names: Sequence[str]) -> None:
+        if C.shape != (len(names), len(names)):
+            raise ValueError(f"the covariance must have shape {(len(names), len(names))}")
+        for name, variance in zip(names, np.diag(C).tolist(), strict=True):
+            if variance < 0:
+                raise ValueError(f"the variance of {name} must not be negative, but is {variance}")
+        sizes = np.sqrt(np.diag(C))
+        impossible = np.abs(C) > (1 + SAME_ROBOT) * np.outer(sizes, sizes)
+        if impossible.any() or np.abs(C - C.T).max() > SAME_ROBOT * np.abs(C).max():
+            raise ValueError("the covariance must be symmetric, with correlations from -1 to 1")
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -629,16 +654,22 @@ def read_fit(path: str | Path) -> SavedFit:
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
+    written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
+        size = place.stat().st_size
         if ending == ".npz":
-            with np.load(place, allow_pickle=False) as archive:
-                document = str(archive["document"])
+            with ZipFile(place) as archive:
+                size = max(member.file_size for member in archive.infolist())
+        if size > LARGE:
+            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
+        if ending == ".npz":
+            with np.load(place, allow_pickle=False) as arrays:
+                document = str(arrays["document"])
         else:
-            document = place.read_text(encoding="utf-8")
-            if ending != ".json":
-                document = json.dumps(_yaml().load(document))
+            document = place.read_text(encoding="utf-8") if written is None else json.dumps(written)
+        json.loads(document, object_pairs_hook=_each_once)
     except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
-            RecursionError, TypeError, ValueError, YAMLError) as error:  # fmt: skip
+            RecursionError, TypeError, ValueError) as error:  # fmt: skip
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
     try:
@@ -648,6 +679,15 @@ def read_fit(path: str | Path) -> SavedFit:
         where = "".join(f"{key}." for key in detail["loc"])[:-1]
         found = f"{where}: {detail['msg']}" if where else detail["msg"]
         raise DataError(f"{path} is not a saved fit: {found}") from error
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse keys that are given twice, of which the last one would count."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"key {next(n for n in names if names.count(n) > 1)!r} is given twice")
+    return found
 
 
 def _ending(path: str | Path) -> str:

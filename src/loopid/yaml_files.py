@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
-import math
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
+from ruamel.yaml.parser import Parser
 
 from loopid.errors import LoopidError, MissingFileError, RobotFileError
+from loopid.files import why_no_file
 
 
 class Section(BaseModel):
@@ -30,8 +33,16 @@ class Section(BaseModel):
         return content
 
 
-# A few aliases of aliases would fill the memory.
-MOST_VALUES = 1_000_000
+# Far more than files that people write have: a few KB of YAML can ask for all the memory, and the
+# parser takes seconds for 100 KB.
+MOST_BYTES = 500_000
+MOST_VALUES = 1_000_000  # aliases written out
+MOST_DEPTH = 50
+MOST_ANCHORS = 1000
+LONGEST_TEXT = 100_000
+LARGE = 4_000_000  # bytes of YAML that programs write
+# YAML takes it for 16.
+SPACED_NUMBER = re.compile(r"[-+]?[0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?")
 ALTERNATIVES = ("float", "str", "list[float]", "list[str]")
 Content = TypeVar("Content", bound=BaseModel)
 
@@ -46,19 +57,7 @@ def read_yaml(
     LoopidError
         Of the kind asked for, naming the place in the file, the value and what is valid.
     """
-    try:
-        content = YAML(typ="safe").load(io.StringIO(path.read_text(encoding="utf-8")))
-        size = _size(content, {})
-    except RecursionError as error:
-        raise failure(f"{path} is not YAML of keys and values: it is nested too deeply") from error
-    except FileNotFoundError as error:
-        raise MissingFileError(f"{path} does not exist") from error
-    except OSError as error:
-        raise failure(f"{path} cannot be read: {error.strerror}") from error
-    except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
-        raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
-    if size > MOST_VALUES:
-        raise failure(f"{path} holds more than {MOST_VALUES:,} values, aliases (*) written out")
+    content = load_yaml(path, failure)
     content = {} if content is None else content
     if not isinstance(content, dict):
         keys = ", ".join(model.model_fields)
@@ -69,15 +68,112 @@ def read_yaml(
         raise failure(f"{path}: {first_problem(error)}") from error
 
 
-def _size(node: Any, known: dict[int, float]) -> float:
-    """Values below a node, aliases written out; infinite for a node inside itself."""
-    if not isinstance(node, dict | list):
-        return 1
-    if id(node) not in known:
-        known[id(node)] = math.inf
-        children = node.values() if isinstance(node, dict) else node
-        known[id(node)] = 1 + sum(_size(child, known) for child in children)
-    return known[id(node)]
+def load_yaml(
+    path: Path,
+    failure: type[LoopidError],
+    most_bytes: int = MOST_BYTES,
+    any_text: bool = False,
+) -> Any:
+    """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
+
+    Texts must be printable and on one line, unless any will do.
+
+    Raises
+    ------
+    LoopidError
+        Of the kind asked for, in one sentence.
+    """
+    problem = why_no_file(path)
+    if problem:
+        kind = MissingFileError if problem == "does not exist" else failure
+        raise kind(f"{path} {problem}")
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(most_bytes + 1)
+        if len(data) > most_bytes:
+            raise _BoundError(f"it is longer than the {most_bytes / 1e6:g} MB that are read")
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Parser = _AnyTextParser if any_text else _BoundedParser
+        return yaml.load(io.StringIO(data.decode("utf-8")))
+    except _BoundError as error:
+        raise failure(f"{path}: {error}") from error
+    except OSError as error:
+        raise failure(f"{path} cannot be read: {error.strerror}") from error
+    except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
+        raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
+
+
+class _BoundError(Exception):
+    """What a YAML file has too much of, or what loopid does not read."""
+
+
+class _BoundedParser(Parser):
+    """Parser that refuses, before anything is made of them, files that are more than they seem."""
+
+    any_text = False
+
+    def __init__(self, loader: Any) -> None:
+        super().__init__(loader)
+        self.open: list[tuple[str | None, float]] = []  # anchor, and values so far
+        self.values: dict[str, float] = {}  # below each anchor, aliases written out
+
+    def get_event(self) -> Any:
+        event = super().get_event()
+        line = event.start_mark.line + 1
+        if isinstance(event, AliasEvent):
+            if event.anchor in (anchor for anchor, _ in self.open):
+                raise _BoundError(f"*{event.anchor} in line {line} is inside itself")
+            self._count(self.values.get(event.anchor, 0), line)
+        elif isinstance(event, ScalarEvent):
+            self._require_plain(event, line)
+            self._close(event.anchor, 1, line)
+        elif isinstance(event, CollectionStartEvent):
+            if event.tag is not None:
+                raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
+            if len(self.open) == MOST_DEPTH:
+                raise _BoundError(f"line {line} is nested too deeply, in more than {MOST_DEPTH}")
+            self.open.append((event.anchor, 1))
+        elif isinstance(event, CollectionEndEvent):
+            self._close(*self.open.pop(), line)
+        return event
+
+    def _close(self, anchor: str | None, values: float, line: int) -> None:
+        if anchor is not None:
+            self.values[anchor] = values
+            if len(self.values) > MOST_ANCHORS:
+                raise _BoundError(f"line {line} has more than the {MOST_ANCHORS} anchors (&) read")
+        self._count(values, line)
+
+    def _count(self, values: float, line: int) -> None:
+        if self.open:
+            anchor, before = self.open[-1]
+            self.open[-1] = anchor, before + values
+            values += before
+        if values > MOST_VALUES:
+            raise _BoundError(
+                f"up to line {line} it holds more than {MOST_VALUES:,} values, aliases (*) written "
+                "out"
+            )
+
+    def _require_plain(self, event: ScalarEvent, line: int) -> None:
+        """Refuse a scalar that has a tag, is a number by accident, or breaks a line."""
+        text = event.value
+        if event.tag is not None:
+            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
+        if len(text) > LONGEST_TEXT:
+            raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
+        if self.any_text:
+            return
+        if not text.isprintable():
+            raise _BoundError(
+                f"texts must be printable and on one line, not {text!r:.60} in line {line}"
+            )
+        if event.implicit[0] and SPACED_NUMBER.fullmatch(text):
+            raise _BoundError(f"{text!r:.60} in line {line} is a number with _: quote it if not")
+
+
+class _AnyTextParser(_BoundedParser):
+    any_text = True
 
 
 def _yaml_problem(error: Exception) -> str:

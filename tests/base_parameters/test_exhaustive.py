@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExhaustiveSearch
 from loopid.base_parameters.search import exhaustive
-from loopid.base_parameters.search.exhaustive import Best, best_in_range, nothing_yet, unrank
+from loopid.base_parameters.search.exhaustive import best_in_range, nothing_yet, unrank
 from loopid.errors import OptionError, SearchError
 
 ONE = ExhaustiveSearch(workers=1)
@@ -84,26 +84,6 @@ def test_ranges_merge_to_the_whole(seed, cuts):
     np.testing.assert_array_equal(best.selections, whole.selections)
 
 
-VALUES = st.sampled_from([1.0, 1.0 + 1e-12, 1.5, 3.0, np.inf])
-
-
-@st.composite
-def bests(draw):
-    value = draw(VALUES)
-    ties = 0 if np.isinf(value) else draw(st.integers(1, 3))
-    return Best(value, np.full((ties, 2), draw(st.integers(0, 9))), ties)
-
-
-@given(bests(), bests(), bests())
-def test_merging_is_commutative_and_associative_with_nothing_as_its_unit(a, b, c):
-    def content(best):
-        return best.value, best.ties, sorted(best.selections[:, 0].tolist())
-
-    assert content(a.merge(b)) == content(b.merge(a))
-    assert content(a.merge(b).merge(c)) == content(a.merge(b.merge(c)))
-    assert content(a.merge(nothing_yet(2))) == content(nothing_yet(2).merge(a)) == content(a)
-
-
 def test_ties_beyond_those_listed_are_still_counted(monkeypatch):
     problem = ChoiceProblem(structure(np.ones((12, 1))))
     monkeypatch.setattr(exhaustive, "MOST_TIES", 3)
@@ -155,9 +135,6 @@ def test_workers_must_be_positive(workers):
         ExhaustiveSearch(workers=workers)
 
 
-LARGEST = 2**63 - 1
-
-
 def rank(combination, size):
     """Combinations before this one: for each element, those with a smaller one in its place."""
     before, start = 0, 0
@@ -185,11 +162,3 @@ def test_numbers_lead_back(n, k, data):
     found = unrank(np.array(ranks), n, k)
     assert [rank(row.tolist(), n) for row in found] == ranks
     assert (np.diff(found, axis=1) > 0).all()
-
-
-@pytest.mark.parametrize(("n", "k"), SIZES)
-def test_the_ends_are_the_first_and_the_last(n, k):
-    assert comb(n, k) <= LARGEST
-    first, last = unrank(np.array([0, comb(n, k) - 1]), n, k)
-    assert first.tolist() == list(range(k))
-    assert last.tolist() == list(range(n - k, n))

@@ -5,9 +5,8 @@ import warnings
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from broken_robots import FAMILY, FAMILY_YAML, KNEE, mutilated, mutilated_yaml
+from broken_robots import FAMILY, FAMILY_YAML, mutilated_yaml
 from closure_robots import files
 from loopid.cli import main
 from small_tree import PARTS
@@ -64,19 +63,6 @@ def test_the_family_itself_is_checked(check, yaml):
 @given(yaml=mutilated_yaml(FAMILY_YAML))
 def test_a_spoilt_description(check, yaml):
     check(FAMILY, yaml)
-
-
-@settings(max_examples=15, suppress_health_check=FUNCTION_SCOPED)
-@given(urdf=mutilated(FAMILY))
-def test_a_spoilt_family(check, urdf):
-    check(urdf, "urdf: robot.urdf")
-
-
-@settings(max_examples=20, suppress_health_check=FUNCTION_SCOPED)
-@given(data=st.data())
-def test_a_spoilt_knee_robot(check, urdf_folder, data):
-    yaml = (urdf_folder / "3ups_rpu.yaml").read_text().replace("3ups_rpu.urdf", "robot.urdf")
-    check(data.draw(mutilated(KNEE)), data.draw(mutilated_yaml(yaml)))
 
 
 @pytest.mark.parametrize("command", ["check", "base"])

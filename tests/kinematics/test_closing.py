@@ -91,7 +91,7 @@ def with_bars(kind, bars, reference):
 
 
 @pytest.mark.parametrize("kind", ["hinge", "2d"])
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(bars=st.tuples(*[lengths] * 4), angle=st.floats(-2.9, 2.9))
 def test_a_four_bar_loads_exactly_where_its_crank_can_be(kind, bars, angle, load_files):
     assume(abs(reach(bars, angle)) > CLEAR)
@@ -105,7 +105,7 @@ def test_a_four_bar_loads_exactly_where_its_crank_can_be(kind, bars, angle, load
     assert largest_residual(robot, robot.reference[None])[0] < 1e-10
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(bars=st.tuples(*[lengths] * 4))
 def test_without_a_reference_a_four_bar_loads_where_its_bars_form_a_loop(bars, load_files):
     spare = sum(bars) - 2 * max(bars)

@@ -3,15 +3,13 @@
 Files are those of the folder of reference data, numbers those of docs/mechanisms.md.
 """
 
-import warnings
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from bank_robots import moved
 from loopid import load_mechanism, mobility, random_configurations
-from loopid.errors import InertiaWarning, MobilityWarning, ModelWarning
+from loopid.errors import InertiaWarning, MobilityWarning
 from loopid.robot import lock_options
 from others_robots import ROWS, load, path, poses
 
@@ -53,8 +51,6 @@ FREE = {
 }
 WARNED = {
     **{model: {MobilityWarning} for model in FREE},
-    "mjcf/cassie.xml": {MobilityWarning, ModelWarning},  # springs
-    "mjcf/robotiq_2f85.xml": {MobilityWarning, ModelWarning},
     "urdf_plus/mini_cheetah_leg.urdf": {InertiaWarning},  # as its file has them
 }
 SPINNING = [model for model in FREE if model.startswith("gepetto/")]
@@ -102,9 +98,7 @@ def test_all_poses_are_closed(name, shared):
 def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
     file = path(shared, name)
     options = lock_options(load(file)[0]).replace("--lock ", "").split()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModelWarning)  # springs
-        robot = load_mechanism(file, lock=options)
+    robot = load_mechanism(file, lock=options)
     assert robot.free == ()
     assert len(robot.independent) == len(robot.actuated)
 

@@ -100,10 +100,21 @@ def folder(make):
     return write
 
 
+def bag(description, make=None):
+    def write(path):
+        path.mkdir()
+        (path / "metadata.yaml").write_text(description)
+        if make is not None:
+            make(path / "log.db3")
+
+    return write
+
+
 def text(content):
     return lambda path: path.write_text(content)
 
 
+FILES = "rosbag2_bagfile_information:\n  relative_file_paths: [{}]\n"
 SMALL = {"time": npy((9,), bytes(72)), "position_0": npy((9,), bytes(72))}
 HOSTILE = {
     "a header of 1e7 rows": ("log.npz", npz(**SMALL, force_0=npy((10**7,))), "force_0.npy has"),
@@ -127,6 +138,14 @@ HOSTILE = {
     "100,000 columns": ("log.csv", text(WIDE), "100,000 columns"),
     "a link to /dev/zero": ("log", folder(lambda p: p.symlink_to("/dev/zero")), "position.csv"),
     "a pipe": ("log", folder(os.mkfifo), "position.csv"),
+    "a bag of a pipe": (
+        "bag",
+        bag(FILES.format("log.db3"), os.mkfifo),
+        "log.db3 is no regular file",
+    ),
+    "a bag of /dev/zero": ("bag", bag(FILES.format("/dev/zero")), "is not in the folder"),
+    "a bag of anchors": ("bag", bag("x: &a [&b [], *a]"), "metadata.yaml"),
+    "a bag without files": ("bag", bag("version: 5"), "does not list the files"),
     "digits of another script": ("log.csv", text(f"{HEAD}\n{ARABIC}"), "no n"),
     "numbers of Python": ("log.csv", text(f"{HEAD}\n{ROWS.replace('.', '_0.')}"), "no number in"),
 }

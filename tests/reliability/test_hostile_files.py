@@ -1,28 +1,76 @@
-"""Robot descriptions without end or sense."""
+"""Robot descriptions without end or sense are refused in a sentence, in little time and memory."""
 
+import os
+import time
 from pathlib import Path
 
 import pytest
 from material import LAUGHS
 
-from loopid import load_mechanism
-from loopid.errors import RobotFileError
+from loopid import load_mechanism, read_fit
+from loopid.errors import LoopidError, RobotFileError
+from loopid.logs import read_mapping
+from loopid.trajectories import read_motion_program
+from made_runs import ARM
+
+MERGES = "a0: &a0 {x: 1}\n" + "\n".join(
+    f"a{k}: &a{k} {{<<: [*a{k - 1}, *a{k - 1}]}}" for k in range(1, 60)
+)
+QUICK = 10.0  # s
+
+
+@pytest.fixture
+def refused(tmp_path):
+    """Message of a quick refusal of a file by one of the functions that read it."""
+
+    def message(name, content, read=load_mechanism):
+        place, start = tmp_path / name, time.perf_counter()
+        if content is not None:
+            place.write_bytes(content if isinstance(content, bytes) else content.encode())
+        with pytest.raises(LoopidError) as failure:
+            read(place)
+        assert time.perf_counter() - start < QUICK
+        text = str(failure.value)
+        assert text.startswith(str(place))
+        assert len(text) < 400
+        return text
+
+    return message
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
         (LAUGHS, "more than 1,000,000 values"),
-        (b"reference: &a {b: *a}\n", "more than 1,000,000 values"),
+        (b"reference: &a {b: *a}\n", "*a in line 1 is inside itself"),
+        (MERGES, "more than 1,000,000 values"),
+        ("a: [" + ",".join(f"&x{k} 1" for k in range(20000)) + "]", "the 1000 anchors"),
+        ("a: '" + "x" * 200_000 + "'", "more than 100,000 characters"),
+        ("a: '" + "x" * 3_000_000 + "'", "longer than the 0.5 MB"),
         (b"- " * 5000, "nested too deeply"),
+        (b"[" * 3000 + b"]" * 3000, "nested too deeply"),
         (b"\xff\xfe", "is not YAML"),
-        (b"urdf: 2020-13-45\n", "YAML|urdf"),
+        (b"urdf: 2020-13-45\n", "is not YAML: month must be"),
+        (b"urdf: !!int ''\n", "tag 'tag:yaml.org,2002:int' in line 1 is not read"),
+        (b"floating_base: !!bool x\n", "tag 'tag:yaml.org,2002:bool' in line 1"),
+        (b"a: !!python/object/apply:os.system [ls]\n", "in line 1 is not read: remove it"),
+        ('name_mot: ["a\\nb"]\n', "printable and on one line, not 'a\\nb'"),
+        ('identical: {"\\e[31m": [a, b]}\n', "printable and on one line"),
+        (b"reference: {a: 1_6}\n", "'1_6' in line 1 is a number with _"),
+        ("reference: {a: ١٢}\n", "reference.a"),
     ],
 )
-def test_a_yaml_without_end_or_sense_is_refused(tmp_path, content, words):
-    (tmp_path / "robot.yaml").write_bytes(content)
-    with pytest.raises(RobotFileError, match=words):
-        load_mechanism(tmp_path / "robot.yaml")
+@pytest.mark.parametrize("reader", ["robot", "mapping", "motions", "fit"])
+def test_a_yaml_without_end_or_sense_is_refused(refused, content, words, reader):
+    read = {
+        "robot": load_mechanism,
+        "mapping": read_mapping,
+        "motions": read_motion_program,
+        "fit": read_fit,
+    }[reader]
+    message = refused("robot.yaml", content, read)
+    # A fit may be larger, and is checked against another schema.
+    assert words in message or (reader != "robot" and "1_6" not in message)
 
 
 def test_a_yaml_that_may_not_be_read_is_named(tmp_path, monkeypatch):
@@ -30,6 +78,102 @@ def test_a_yaml_that_may_not_be_read_is_named(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     (tmp_path / "robot.yaml").write_text("urdf: robot.urdf\n")
-    monkeypatch.setattr(Path, "read_text", denied)
+    monkeypatch.setattr(Path, "open", denied)
     with pytest.raises(RobotFileError, match=r"robot\.yaml cannot be read: Permission denied"):
         load_mechanism(tmp_path / "robot.yaml")
+
+
+ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>\n"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<robot name="', ENTITY + '<robot name="', "&body; stands for"),
+        ('rpy="0 0 0"', 'rpy="1e308 0 0"', "<origin> rpy is too large: 1e308 0 0"),
+        ('mass value="3.0"', 'mass value="1_6"', "must be a finite number, not '1_6'"),
+        ('mass value="3.0"', 'mass value="١٢"', "must be a finite number"),
+        ("<axis", '<axis xyz="0 0 1"/><axis', "has 2 times <axis>: keep one"),
+        ("<mass", '<mass value="1"/><mass', "has 2 times <mass>: keep one"),
+        ("<origin", '<origin xyz="0 0 0"/><origin', "has 2 times <origin>: keep one"),
+        ("</joint>", '<dynamics damping="1"/><dynamics/></joint>', "has 2 times <dynamics>"),
+        ("</joint>", '<dynamics damping="x"/></joint>', "damping must be a finite number, not 'x'"),
+        ('<robot name="', '<robot name="\x9b31m', "the name of <robot> must be printable"),
+        ("</robot>", "<!--" + "x" * 21_000_000 + "--></robot>", "longer than the 20 MB"),
+        ("</robot>", "<link name='a'/>" * 2000 + "</robot>", "more than the 2000 links"),
+    ],
+)
+def test_a_urdf_that_readers_take_for_another_is_refused(refused, old, new, words):
+    assert old in ARM
+    assert words in refused("robot.urdf", ARM.replace(old, new, 1))
+
+
+BODY = """<body name="b"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+<joint name="j" axis="1 0 0"/></body>"""
+
+
+def mjcf(rest="", body=BODY):
+    return f"<mujoco><worldbody>{body}</worldbody>{rest}</mujoco>"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (mjcf('<include file="pipe"/>'), "pipe of <include> is no regular file"),
+        (mjcf('<asset><mesh name="m" file="pipe"/></asset>'), "pipe of <mesh> is no regular"),
+        (
+            mjcf('<compiler meshdir=".."/><asset><mesh file="FOLDER/pipe"/></asset>'),
+            "pipe of <mesh> is no regular file",
+        ),
+        (mjcf('<include file="/dev/zero"/>'), "/dev/zero of <include> is no regular file"),
+        (mjcf('<include file="robot.xml"/>'), "MuJoCo refuses it"),
+        (
+            mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'),
+            "elements, more than the 20,000",
+        ),
+        (
+            mjcf(
+                body=f'<replicate count="999"><replicate count="999">{BODY}</replicate></replicate>'
+            ),
+            "elements, more than the 20,000",
+        ),
+        (
+            mjcf(body=f'<replicate count="3000">{BODY}</replicate>'),
+            "makes 3,000 joints, more than the 2,000",
+        ),
+        (
+            mjcf('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
+            "nrow 100000 x ncol 100000 of <hfield> is too large",
+        ),
+        (mjcf('<size nuserdata="2000000000"/>'), "nuserdata 2000000000 of <size>"),
+        (
+            mjcf('<custom><numeric name="n" size="2000000000"/></custom>'),
+            "of <numeric> is too large",
+        ),
+        (
+            mjcf(body=BODY.replace('pos="0 0 0"', 'pos="1e200 0 0"')),
+            "body_ipos of MuJoCo's model is",
+        ),
+        (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
+        (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "printable and on one line"),
+        (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "&body; stands for"),
+    ],
+)
+def test_an_mjcf_without_end_or_sense_is_refused(refused, tmp_path, content, words):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    os.mkfifo(tmp_path / "pipe")
+    assert words in refused("robot.xml", content.replace("FOLDER", tmp_path.name))
+
+
+@pytest.mark.parametrize("ending", ["urdf", "xml", "yaml"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_not_read(refused, tmp_path, ending, kind):
+    place = tmp_path / f"robot.{ending}"
+    if kind == "pipe":
+        os.mkfifo(place)
+    elif kind == "device":
+        place.symlink_to("/dev/zero")
+    else:
+        place.mkdir()
+    words = "is a folder" if kind == "folder" else "is no regular file"
+    assert words in refused(place.name, None)

@@ -187,6 +187,6 @@ def find_base_parameters(
         structure=structure,
         base=frozen(structure.columns[base], np.int64),
         dependent=frozen(structure.columns[dependent], np.int64),
-        regrouping=frozen(regrouping_matrix(structure.null_basis, dependent)),
+        regrouping=frozen(regrouping_matrix(structure.null_basis, dependent, structure.precision)),
         search=result,
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.errors import DataError, RankError
+from loopid.errors import AccuracyWarning, DataError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 from loopid.workers import one_blas_thread
@@ -27,6 +27,22 @@ UNTOUCHED = 1e-9
 MINIMUM_RANK_GAP = 1e3
 # ... and the next one is small enough, relative to the largest, to be round-off.
 ROUND_OFF_CEILING = 1e-7
+# Singular values, of columns in common units, are looked at for the noise of rounded geometry where
+# the least one is within reach of the accuracy.
+REACH, FARTHEST = 1e3, 1e-3
+# Values below these are zeros: per column, and relative to the accuracy (products of two roundings,
+# which come with larger ones).
+ROUND_OFF, SECOND_ORDER = 1e-15, 1e-5
+# Other geometries that are tried, and the part of a singular value that changes with them (root
+# mean square) if it is not evidence of rank: few to see whether there may be noise, then more.
+DRAWS = ((2, 0.005), (8, 0.05))
+CLEAR_OF_NOISE = 100.0  # how many times what counts exceeds the noise
+NEAR_INVERSE = (
+    10.0  # condition numbers within this factor of the inverse of the accuracy are warned of
+)
+NAMED, DIGITS = 4, 6  # values, parameters and lengths in a message; digits that weights have
+# Relative singular values of the combinations that an ambiguous rank is about.
+LEAST_UNCLEAR, MOST_UNCLEAR = 1e-14, 1e-4
 # Entries of the null-space projector below this are round-off; entries are at most 1.
 CONNECTED = 1e-9
 # Regrouping coefficients below this fraction of the largest are round-off of the inversion.
@@ -47,11 +63,17 @@ class Structure:
         (n,), of the columns scaled to unit length, descending.
     rank : int
     rank_gap : float
-        Last counted singular value over the next one, which is at least round-off.
+        Last counted singular value over the next one, which is at least round-off, or the noise.
     null_basis : FloatArray
         (n, d) with d = n - rank, the paper's V2: orthonormal, W V2 = 0.
     row_factor : FloatArray
         (rank, n), F with FᵀF = WᵀW: W without the directions of round-off.
+    noise : float
+        Largest singular value, relative, that rounded numbers of the robot file make; 0 where none
+        is in doubt. Where there is noise, singular values are those of columns in common units, and
+        the gap is above the noise.
+    noise_source : str
+        Where the accuracy of the geometry is known from.
     """
 
     parameters: ParameterSet
@@ -61,6 +83,13 @@ class Structure:
     rank_gap: float
     null_basis: FloatArray
     row_factor: FloatArray
+    noise: float = 0.0
+    noise_source: str = ""
+
+    @property
+    def precision(self) -> float:
+        """Of null vectors: round-off, or what rounded geometry leaves of it."""
+        return max(UNTOUCHED, 1 / self.rank_gap) if self.noise else UNTOUCHED
 
 
 @checked
@@ -72,40 +101,134 @@ def analyse(observation: Observation) -> Structure:
     RankError
         When no parameter has an effect, when a column is neither zero nor clearly not, or when
         no gap in the singular values tells the rank.
+
+    Warns
+    -----
+    AccuracyWarning
+        When singular values that are not round-off do not count, as the geometry is rounded.
     """
-    columns = _nonzero_columns(observation)
-    R = observation.factor[:, columns]
-    # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them.
-    norms = np.linalg.norm(R, axis=0)
     with one_blas_thread():
-        _, values, right = np.linalg.svd(R / norms)
-    rank, gap = decide_rank(values)
+        noise = _geometry_noise(observation)
+        columns = _nonzero_columns(observation, noise)
+        R = observation.factor[:, columns]
+        # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them.
+        scales = 1 / np.linalg.norm(R, axis=0) if noise is None else _scales(observation)[columns]
+        _, values, right = np.linalg.svd(R * scales)
+    try:
+        rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
+    except RankError as error:
+        between = right[(values > LEAST_UNCLEAR * values[0]) & (values < MOST_UNCLEAR * values[0])]
+        concerned = _concerned(observation, columns, between)
+        raise RankError(f"{error}; {concerned}") from None
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
             f"needed to tell how many of the {len(columns)} parameters are independent"
         )
-    null_basis = _orthonormal(right[rank:].T / norms[:, None])
+    precision = UNTOUCHED if noise is None else max(UNTOUCHED, 1 / gap)
     return Structure(
         parameters=observation.parameters.select(columns),
         columns=frozen(columns, np.int64),
         singular_values=frozen(values),
         rank=rank,
         rank_gap=gap,
-        null_basis=frozen(null_basis),
-        row_factor=frozen(values[:rank, None] * right[:rank] * norms),
+        null_basis=frozen(_orthonormal(right[rank:].T * scales[:, None], precision)),
+        row_factor=frozen(values[:rank, None] * right[:rank] / scales),
+        noise=0.0 if noise is None else noise.level,
+        noise_source="" if noise is None else noise.source,
     )
 
 
-def _orthonormal(vectors: FloatArray) -> FloatArray:
-    """Orthonormal basis of the columns' span, with rows of round-off made zero.
+def _orthonormal(vectors: FloatArray, precision: float) -> FloatArray:
+    """Orthonormal basis of the columns' span, with rows of round-off or noise made zero.
 
-    Left as they are, enough such rows would make a V22 of round-off whose condition number is
+    Left as they are, enough such rows would make a V22 of them whose condition number is
     excellent.
     """
     basis, _ = np.linalg.qr(vectors)
-    basis[np.linalg.norm(basis, axis=1) < UNTOUCHED] = 0.0
+    basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
     return basis
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Relative singular values that rounded geometry makes, and the rank above them."""
+
+    level: float
+    rank: int
+    gap: float
+    shortest: float  # norm of a column with an effect, in common units
+    source: str
+
+
+def _geometry_noise(observation: Observation) -> _Noise | None:
+    """The noise of an observation of rounded geometry; None where none of its values is noise.
+
+    Singular values that are evidence of rank stay nearly the same for other geometry that the file
+    would write alike; what changes by a part of itself is made by the rounding.
+    """
+    geometry = observation.geometry
+    if geometry is None or not observation.factor.any():
+        return None
+    scales = _scales(observation)
+    written = np.linalg.svd(observation.factor * scales, compute_uv=False)
+    written, largest = written / written[0], float(written[0])
+    floor = max(ROUND_OFF * len(written), SECOND_ORDER * geometry.relative)
+    counted = int((written > floor).sum())
+    if written[counted - 1] > min(REACH * geometry.relative, FARTHEST):
+        return None
+    source = f"geometry known to {geometry.accuracy:.1g} m only ({geometry.source})"
+    for draws, least in DRAWS:
+        spectra = np.linalg.svd(geometry.factors(draws) * scales, compute_uv=False)
+        spectra = np.asarray(spectra / spectra[0, 0], dtype=np.float64)[:, :counted]
+        change = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
+        noisy = change > least * spectra[0]
+        if not noisy.any():
+            if written[counted - 1] < NEAR_INVERSE * geometry.relative:
+                text = (
+                    f"the condition number {1 / written[counted - 1]:.1e}, columns in common units,"
+                )
+                warn(f"{text} is near the inverse of the accuracy: {source}", AccuracyWarning)
+            return None
+    level = float(spectra[:, noisy].max())
+    last = int(np.flatnonzero(noisy).max()) + 1
+    rank = int((written > level).sum())
+    gap = float(written[rank - 1] / level) if rank else 0.0
+    if gap >= CLEAR_OF_NOISE:
+        text = f"{counted - rank} singular values are made by rounded numbers and do not count"
+        warn(f"{text}: {source}; the rank is {rank} without them", AccuracyWarning)
+        return _Noise(level, rank, gap, level * np.sqrt(gap) * largest, source)
+    combinations = np.linalg.svd(observation.factor * scales)[2][rank:last]
+    text = (
+        f"between {rank} and {last}: other numbers that the robot file would round alike change "
+        f"relative singular values of up to {level:.1e} ({source}), and the rest is less than "
+        f"{CLEAR_OF_NOISE:g} times larger; "
+        f"{_concerned(observation, np.arange(len(scales)), combinations)}"
+    )
+    if not geometry.presumed:
+        raise RankError(f"the rank is ambiguous {text}")
+    warn(f"the rank may be {text}", AccuracyWarning)
+    return None
+
+
+def _concerned(observation: Observation, columns: IntArray, combinations: FloatArray) -> str:
+    """What combinations (k, n) of the parameters in columns are of, and what to do about them."""
+    weight = np.abs(combinations).max(axis=0, initial=0.0)
+    leading = np.argsort(-weight.round(DIGITS), kind="stable")[:NAMED]
+    names = [observation.parameters[columns[k]] for k in sorted(leading) if weight[k] > 0]
+    text, how = ", ".join(name.label for name in names), "write its numbers with more digits"
+    if observation.geometry is not None:
+        places = observation.geometry.places
+        loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
+        text += f" of loop {', '.join(loops)}" if loops else ""
+        alike = "; ".join(observation.geometry.alike[:NAMED])
+        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
+    return f"it is about {text}: {how}"
+
+
+def _scales(observation: Observation) -> FloatArray:
+    """Factors (n,) that bring columns of all units to that of one per kg."""
+    return np.asarray(observation.length ** observation.parameters.length_powers.astype(np.float64))
 
 
 def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
@@ -138,9 +261,8 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
     return rank, float(values[rank - 1] / max(below, np.finfo(float).eps))
 
 
-def _nonzero_columns(observation: Observation) -> IntArray:
-    scales = observation.length ** observation.parameters.length_powers.astype(np.float64)
-    norms = np.linalg.norm(observation.factor, axis=0) * scales
+def _nonzero_columns(observation: Observation, noise: _Noise | None) -> IntArray:
+    norms = np.linalg.norm(observation.factor, axis=0) * _scales(observation)
     natural = observation.natural_size * np.sqrt(observation.rows)
     largest = max(float(norms.max(initial=0.0)), natural)
     if (norms <= ZERO_COLUMN * largest).all():
@@ -149,6 +271,8 @@ def _nonzero_columns(observation: Observation) -> IntArray:
             "gravity moves no joint"
         )
     relative = norms / largest
+    if noise is not None:
+        return np.flatnonzero(norms > noise.shortest)
     doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
     if doubtful.any():
         column = int(np.flatnonzero(doubtful)[0])
@@ -198,7 +322,9 @@ def base_columns(size: int, dependent: IntArray) -> IntArray:
     return np.flatnonzero(is_base)
 
 
-def regrouping_matrix(null_basis: FloatArray, dependent: IntArray) -> FloatArray:
+def regrouping_matrix(
+    null_basis: FloatArray, dependent: IntArray, zero: float = ZERO_COEFFICIENT
+) -> FloatArray:
     """Coefficients β of Φ_base = Φ_B + β Φ_D.
 
     Parameters
@@ -207,6 +333,8 @@ def regrouping_matrix(null_basis: FloatArray, dependent: IntArray) -> FloatArray
         (n, d).
     dependent : IntArray
         (d,), or (c, d) for c choices at once.
+    zero : float
+        Coefficients below this fraction of the largest, or of 1, are none.
 
     Returns
     -------
@@ -220,5 +348,5 @@ def regrouping_matrix(null_basis: FloatArray, dependent: IntArray) -> FloatArray
     solution = -np.linalg.solve(V22.transpose(0, 2, 1), V21.transpose(0, 2, 1))
     beta = solution.transpose(0, 2, 1)
     largest = np.abs(beta).max(axis=(1, 2), initial=0.0)
-    beta[np.abs(beta) <= ZERO_COEFFICIENT * np.maximum(largest, 1.0)[:, None, None]] = 0.0
+    beta[np.abs(beta) <= zero * np.maximum(largest, 1.0)[:, None, None]] = 0.0
     return beta if np.ndim(dependent) == 2 else beta[0]

@@ -25,6 +25,7 @@ from loopid.experiment.identify import (
     prediction_reach,
     split_recordings,
 )
+from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
 
 __all__ = [
     "DEFAULT_FRACTION",
@@ -33,16 +34,20 @@ __all__ = [
     "Excitation",
     "ExcitingMotion",
     "ForceModel",
+    "GainFit",
     "Identifiability",
     "Identification",
+    "PayloadFit",
     "WeakDirection",
     "cad_prior",
     "distributed_problem",
+    "drive_gains",
     "exciting_motion",
     "find_force_model",
     "fit_by_simulation",
     "identifiability",
     "identify",
+    "identify_payload",
     "prediction_error",
     "prediction_reach",
     "reference_instruments",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +17,7 @@ from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
-from loopid.parameters import KINDS, ParameterSet
+from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.regressors import (
     JointTerms,
     motion_regressor,
@@ -73,6 +74,12 @@ class ForceModel:
             f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
             f"{joints} of joint terms)"
         )
+
+    def _repr_html_(self) -> str:
+        head = "base parameter", "robot file", "unit"
+        units = (parameter.unit for parameter in self.parameters)
+        rows = zip(self.base.expressions, self.prior.tolist(), units, strict=True)
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     @property
     def parameters(self) -> ParameterSet:

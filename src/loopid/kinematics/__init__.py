@@ -1,5 +1,12 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
+from loopid.kinematics.accuracy import (
+    Accuracy,
+    geometry_accuracy,
+    nearly_equal_lengths,
+    same_motion,
+    within_accuracy,
+)
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, Assembly, assemble, try_assemble
 from loopid.kinematics.closing import (
     close_by_continuation,
@@ -22,9 +29,11 @@ from loopid.kinematics.measured import (
     platform_motion,
 )
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
+from loopid.kinematics.modes import FOLDED, assembly_modes
 from loopid.kinematics.poses import (
     FrameMotions,
     FramePoses,
+    difference,
     frame_motions,
     frame_poses,
     integrate,
@@ -51,7 +60,9 @@ from loopid.kinematics.sampling import (
 __all__ = [
     "CLOSURE_TOLERANCE",
     "DEFAULT_MARGIN",
+    "FOLDED",
     "NEAR_SINGULARITY",
+    "Accuracy",
     "Assembly",
     "ClosedMotion",
     "Factorisation",
@@ -62,6 +73,7 @@ __all__ = [
     "Mobility",
     "Projection",
     "assemble",
+    "assembly_modes",
     "close_by_continuation",
     "close_loops",
     "closed_motion",
@@ -69,15 +81,18 @@ __all__ = [
     "constraint_drift",
     "constraint_jacobian",
     "constraint_residual",
+    "difference",
     "displaced",
     "frame_motions",
     "frame_poses",
+    "geometry_accuracy",
     "independent_coordinates",
     "integrate",
     "largest_residual",
     "measured_coordinates",
     "mobility",
     "nearby_configurations",
+    "nearly_equal_lengths",
     "null_space",
     "partition",
     "platform_coordinates",
@@ -85,8 +100,10 @@ __all__ = [
     "project",
     "random_configurations",
     "random_motions",
+    "same_motion",
     "scaled_constraint",
     "singularity_measure",
     "torque_regressors",
     "try_assemble",
+    "within_accuracy",
 ]

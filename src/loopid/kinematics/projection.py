@@ -170,7 +170,7 @@ class Projection:
 
         0 where the motors lose control of the motion (type II).
         """
-        return _measure(self.dependent_columns)
+        return least_over_largest(self.dependent_columns)
 
 
 @dataclass(frozen=True, repr=False)
@@ -298,7 +298,7 @@ def singularity_measure(
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(mechanism, independent)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
-    return _measure(jacobian[:, :, dependent])
+    return least_over_largest(jacobian[:, :, dependent])
 
 
 def partition(
@@ -353,12 +353,12 @@ def velocity_map(
     return G, solver
 
 
-def _measure(columns: FloatArray) -> FloatArray:
+def least_over_largest(columns: FloatArray) -> FloatArray:
     """Smallest over largest singular value (N,) of dependent columns (N, rows, n)."""
-    return _measure_of(Factorisation.of(columns), columns.shape[2])
+    return _ratio(Factorisation.of(columns), columns.shape[2])
 
 
-def _measure_of(factors: Factorisation, width: int) -> FloatArray:
+def _ratio(factors: Factorisation, width: int) -> FloatArray:
     count, values = factors.values.shape
     if width == 0:
         return np.ones(count)
@@ -372,7 +372,7 @@ def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -
     """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
     k = np.concatenate([ill_conditioned for ill_conditioned, _ in doubts])
     rank = np.concatenate([factors.rank for _, factors in doubts])
-    measure = np.concatenate([_measure_of(factors, width) for _, factors in doubts])
+    measure = np.concatenate([_ratio(factors, width) for _, factors in doubts])
     lost = np.flatnonzero(rank < width)
     if len(lost):
         raise SingularityError(

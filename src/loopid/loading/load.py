@@ -22,10 +22,10 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
-from loopid.loading.closures import find_closures, find_couplings, frame_named, link_frames
+from loopid.kinematics import mobility
+from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
-from loopid.loading.reference import close_reference
+from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import (
     TreeSource,
     build_tree,
@@ -42,6 +42,7 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
+    link_frames,
     unequal_links,
 )
 
@@ -351,19 +352,10 @@ def _warn_of_findings(
 
 def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     """Warn of a singular reference, and where the rank of the closures is not clear."""
-    found, reason = mobility(mechanism, around=around), ""
-    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
-    if found.singular:
-        reason = (
-            f"{found.degrees_of_freedom} degrees of freedom there, "
-            f"{found.generic_degrees_of_freedom} around it"
-        )
-    elif measure < NEAR_SINGULARITY:
-        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
-        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    reason = why_singular(mechanism, around)
     if reason:
-        text = f"the reference is singular (measure {measure:.1e}): {reason}"
-        warn(f"{mechanism.path}: {text}", SingularityWarning)
+        warn(f"{mechanism.path}: the reference is singular {reason}", SingularityWarning)
+    found = mobility(mechanism, around=around)
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
         warn(

@@ -5,6 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +19,11 @@ from numpy.polynomial import Polynomial
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
+from loopid.files import why_no_file
 from loopid.loading.closures import ClosureDescription
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
+from loopid.loading.urdf import naming, refuse_entities
 from loopid.robot import LeftOut
 
 # MuJoCo lets 'nan' and 'inf' through.
@@ -46,11 +49,27 @@ DIRECT = (
     int(mujoco.mjtBias.mjBIAS_NONE),
     int(mujoco.mjtDyn.mjDYN_NONE),
 )
+NUSERS = [f"nuser_{what}" for what in
+          ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")]  # fmt: skip
 # Laws of actuators whose gain and bias are affine in length and rate.
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
+# Far more than robots have: joints, bytes of a file, files, elements with all copies.
+MOST_JOINTS, MOST_BYTES, MOST_FILES, MOST_ELEMENTS = 2000, 20_000_000, 100, 20_000
+LARGEST = 1e100  # so that no product of a few numbers overflows
+FOLDERS = ("meshdir", "texturedir", "assetdir")
+# What the product of the numbers of some attributes may be at most: MuJoCo makes so many entries.
+SIZES: dict[str, dict[tuple[str, ...], float]] = {
+    "hfield": {("nrow", "ncol"): 1e7},
+    "texture": {("width", "height"): 1e8},
+    "composite": {("count",): 1e4},
+    "flexcomp": {("count",): 1e5},
+    "numeric": {("size",): 1e6},
+    "mesh": {("params",): 1e5},
+    "size": {(key,): 1e5 for key in ("nuserdata", "nkey", *NUSERS)},
+}
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
@@ -70,9 +89,10 @@ def read_mjcf(path: Path) -> TreeSource:
         Naming the file, and MuJoCo's reason or the element that is not supported.
     """
     compiled, warnings = compile_mjcf(path)
-    scene = Scene(path, compiled, read_names(compiled))
-    # MuJoCo has a name for models that have none.
-    name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
+    with naming(path):
+        scene = Scene(path, compiled, read_names(compiled))
+        # MuJoCo has a name for models that have none.
+        name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
     model, child_links = _tree(scene, name)
     closures = [
         _closure(scene, model, equality)
@@ -154,14 +174,7 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     """
     if not path.is_file():
         raise MissingFileError(f"{path} is missing")
-    # MuJoCo compiles URDFs too, but drops what it does not know in them.
-    try:
-        with path.open("rb") as stream:
-            root = next(etree.iterparse(stream, events=("start",)))[1].tag
-    except (etree.XMLSyntaxError, OSError):
-        root = "mujoco"  # for MuJoCo to explain
-    if root != "mujoco":
-        raise RobotFileError(f"{path} is not MJCF: its root is <{root!s}>, not <mujoco>")
+    _refuse_excess(path, path.parent, [])
     # MuJoCo would print its warnings, and append them to a file where it runs.
     heard: list[str] = []
     before = mujoco.get_mju_user_warning()
@@ -185,11 +198,80 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     for name, fine in finite.items():
         if not fine:
             raise RobotFileError(f"{path}: {name} of MuJoCo's model is not finite")
+        if name in FINITE and np.abs(getattr(compiled, name)).max(initial=0.0) > LARGEST:
+            raise RobotFileError(f"{path}: {name} of MuJoCo's model is beyond {LARGEST:g}")
     for name in ("body_quat", "body_iquat", "site_quat"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
             raise RobotFileError(f"{path}: {name} of MuJoCo's model has a quaternion of length 0")
     return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
+
+
+def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
+    """Refuse what MuJoCo would hang on, fill the memory with, or read other than it is meant.
+
+    ``folder`` is that of the main file; ``read`` are the files read before.
+    """
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise RobotFileError(f"{path} cannot be read: {error.strerror}") from error
+    if len(content) > MOST_BYTES:
+        raise RobotFileError(f"{path} is longer than the {MOST_BYTES / 1e6:g} MB that are read")
+    parser = etree.XMLParser(recover=True, resolve_entities=False, remove_comments=True)
+    try:
+        root = etree.fromstring(content, parser)
+    except etree.XMLSyntaxError:
+        root = None
+    if root is None:  # for MuJoCo to explain
+        return
+    # MuJoCo compiles URDFs too, but drops what it does not know in them.
+    if not read and root.tag != "mujoco":
+        raise RobotFileError(f"{path} is not MJCF: its root is <{root.tag!s}>, not <mujoco>")
+    with naming(path):
+        refuse_entities(root)
+    read.append(path)
+    for tags, most in ((("*",), MOST_ELEMENTS), (("joint", "freejoint"), MOST_JOINTS)):
+        made = sum(map(_copies, root.iter(*tags)))
+        if made > most:
+            what = "elements" if most == MOST_ELEMENTS else "joints"
+            raise RobotFileError(f"{path} makes {made:,} {what}, more than the {most:,} read")
+    folders = {""} | {
+        str(tag.get(key)) for tag in root.iter("compiler") for key in FOLDERS if tag.get(key)
+    }
+    for tag in root.iter("*"):
+        for size, limit in SIZES.get(str(tag.tag), {}).items():
+            product = math.prod(_size(word) for key in size for word in tag.get(key, "").split())
+            if product > limit:
+                what = " x ".join(f"{key} {tag.get(key)}" for key in size)
+                raise RobotFileError(f"{path}: {what} of <{tag.tag!s}> is too large")
+        for key in tag.attrib:
+            if not str(key).startswith("file"):
+                continue
+            name = tag.get(key, "")
+            for place in dict.fromkeys(folder / part / name for part in sorted(folders)):
+                problem = why_no_file(place)
+                if problem == "is no regular file":
+                    raise RobotFileError(f"{path}: {place} of <{tag.tag!s}> {problem}")
+                if not problem and tag.tag in ("include", "model") and place not in read:
+                    if len(read) > MOST_FILES:
+                        raise RobotFileError(f"{path} includes more than {MOST_FILES} files")
+                    _refuse_excess(place, folder, read)
+
+
+def _copies(tag: etree._Element) -> int:
+    """How many elements the ``<replicate>`` tags around one make of it."""
+    counts = (_size(around.get("count", "1")) for around in tag.iterancestors("replicate"))
+    return math.prod(counts)
+
+
+def _size(word: str) -> int:
+    """A count in a file; 1 where MuJoCo would not read it."""
+    try:
+        return max(1, int(float(word)))
+    except (ValueError, OverflowError):
+        return 1
 
 
 def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
@@ -274,7 +356,10 @@ def read_names(compiled: mujoco.MjModel) -> Names:
 def _text(compiled: mujoco.MjModel, address: int) -> str:
     # MuJoCo takes any bytes for a name.
     names = compiled.names
-    return str(names[address : names.index(b"\0", address)].decode(errors="backslashreplace"))
+    text = str(names[address : names.index(b"\0", address)].decode(errors="backslashreplace"))
+    if not text.isprintable():
+        raise RobotFileError(f"names must be printable and on one line, not {text!r:.60}")
+    return text
 
 
 def _fresh(taken: set[str], wanted: str) -> str:

@@ -23,6 +23,7 @@ SIX_DIGITS = 1e-6  # m or rad: what a file is taken to be rounded to where it mu
 NEARLY = 20.0
 NEWTON_STEPS = 8
 EXACT = 1e-13  # of the characteristic length
+ROUND_OFF = 1e-14  # of the characteristic length, in geometry that is as it is meant to be
 APART = 0.1  # rad, between directions that span a plane
 REGULAR = 1e-4  # of singular values: what hardly changes lengths is left as it is
 
@@ -39,6 +40,17 @@ def largest_gap(rounding: float, length: float) -> float:
     return NEARLY * rounding * max(1.0, length)
 
 
+def nearly_special(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
+    """The robot with nearly special geometry made so, and by how much; None where there is none."""
+    rounding = SIX_DIGITS if mechanism.rounding is None else mechanism.rounding
+    exact = exact_geometry(mechanism, mechanism.reference, rounding, lengths=True)
+    if exact is mechanism:
+        return None
+    shift, turn = changes(mechanism, exact)
+    left = ROUND_OFF * mechanism.length
+    return replace(exact, rounding=left), f"moved by up to {shift:.1e} m and {turn:.1e} rad"
+
+
 def exact_geometry(
     mechanism: Mechanism, q: FloatArray, rounding: float, lengths: bool
 ) -> Mechanism:
@@ -53,8 +65,11 @@ def exact_geometry(
     if lengths:
         world = _World.of(redrawn, q)
         rods = _fit_lengths(redrawn, world, NEARLY * rounding)
-        redrawn = _redrawn(redrawn, q, world, rods)
-    return redrawn
+        fitted = _redrawn(redrawn, q, world, rods)
+        if changes(redrawn, fitted)[0] < 2.0 * largest_gap(rounding, mechanism.length):
+            redrawn = fitted  # else there is no such robot nearby
+    shift, turn = changes(mechanism, redrawn)
+    return mechanism if max(shift / mechanism.length, turn) < 10 * EXACT else redrawn
 
 
 @dataclass
@@ -297,7 +312,7 @@ def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[
             for (row, size), (first, wanted) in zip(gradients[1:], gradients, strict=False):
                 rows.append(row - first)
                 values.append(size - wanted)
-        if not rows or np.abs(values).max() < EXACT * mechanism.length:
+        if not rows or np.abs(values).max() < 1e-3 * EXACT * mechanism.length:
             break
         matrix = np.array(rows).reshape(len(rows), -1)
         x = x - np.linalg.lstsq(matrix, np.array(values), rcond=REGULAR)[0].reshape(x.shape)

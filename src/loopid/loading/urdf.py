@@ -8,6 +8,7 @@ So both get a copy of what the tree is made of, in which names and numbers are s
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -49,6 +50,10 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 WORDS = {1: "a finite number", 3: "three finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 LEAST_AXIS = 1e-9
+NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+# Far more than robots have.
+MOST_BYTES = 20_000_000
+MOST_LINKS = 2000
 # Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
 # as they are written; with more, nothing is lost. In units of the last digit: 1.57079 is cut off,
 # and 3.14158 is twice that.
@@ -94,7 +99,12 @@ def read_urdf_file(path: Path) -> UrdfFile:
     with naming(path):
         root = parse_xml(path)
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
-        copy = etree.Element("robot", {"name": " ".join(root.get("name", "").split())})
+        name = " ".join(root.get("name", "").split())
+        if not name.isprintable():
+            raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
+        copy = etree.Element("robot", {"name": name})
+        if len(root.findall("link")) > MOST_LINKS:
+            raise RobotFileError(f"it has more than the {MOST_LINKS} links that are read")
         second, carried = list[Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
             with naming(f"{element.tag!s} {required(element, 'name')}"):
@@ -132,22 +142,26 @@ def naming(what: str | Path) -> Iterator[None]:
 
 
 def parse_xml(path: Path) -> Element:
-    """Root of a URDF, without comments, and with its entities left alone.
+    """Root of a URDF, without comments; entities are refused, as what they stand for is not read.
 
     Prefixes without a namespace are common, and harmless; other broken grammar is refused.
     """
     options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
     options["resolve_entities"] = False
     try:
-        content = path.read_bytes()
+        with path.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise RobotFileError(f"cannot be read: {error.strerror}") from error
+    if len(content) > MOST_BYTES:
+        raise RobotFileError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
     try:
         root: Element = etree.fromstring(content, etree.XMLParser(**options))
     except etree.XMLSyntaxError as error:
         if error.code != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
             raise RobotFileError(f"not a valid URDF: {error.msg}") from error
         root = etree.fromstring(content, etree.XMLParser(recover=True, **options))
+    refuse_entities(root)
     # Some simulators declare a default namespace.
     space = f"{{{root.nsmap.get(None)}}}"
     for element in root.iter(f"{space}*"):
@@ -165,6 +179,16 @@ def parse_xml(path: Path) -> Element:
     return root
 
 
+def refuse_entities(root: Element) -> None:
+    """Refuse entities that an XML file declares."""
+    declared = root.getroottree().docinfo.internalDTD
+    names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
+    if names:
+        raise RobotFileError(
+            f"XML entities are not read: write out what &{names[0]:.60}; stands for"
+        )
+
+
 def label(element: Element) -> str:
     """A tag with its name, for messages."""
     name = element.get("name")
@@ -173,10 +197,18 @@ def label(element: Element) -> str:
 
 def child(element: Element, tag: str) -> Element:
     """A tag that must be there."""
-    found = element.find(tag)
+    found = single(element, tag)
     if found is None:
         raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
     return found
+
+
+def single(element: Element, tag: str) -> Element | None:
+    """A tag that may be there, once."""
+    found = element.findall(tag)
+    if len(found) > 1:
+        raise RobotFileError(f"<{element.tag!s}> has {len(found)} times <{tag}>: keep one")
+    return found[0] if found else None
 
 
 def required(element: Element, attribute: str) -> str:
@@ -197,7 +229,7 @@ def numbers(
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
     try:
-        read = exact_angle if attribute == "rpy" else float
+        read = exact_angle if attribute == "rpy" else plain_number
         values = tuple(read(word) for word in text.split())
     except ValueError:
         values = ()
@@ -209,15 +241,27 @@ def numbers(
     return values
 
 
+def plain_number(text: str) -> float:
+    """A number as all readers write it: Python's float takes 1_6 and digits of other scripts, too.
+
+    Raises
+    ------
+    ValueError
+    """
+    if NUMBER.fullmatch(text) is None:
+        raise ValueError(f"not a number: {text!r:.60}")
+    return float(text)
+
+
 def exact_angle(text: str) -> float:
     """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
 
     A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
     each other, and parameters that no motor feels seem to have an effect of 1e-11.
     """
-    value = float(text)
+    value = plain_number(text)
     decimals = len(text.partition(".")[2])
-    steps = round(value / STEP) if math.isfinite(value) else 0
+    steps = round(value / STEP) if abs(value) < LARGEST else 0
     if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():
         return value
     exact = steps * STEP
@@ -241,7 +285,7 @@ def _sound(element: Element) -> Element:
     for attribute, (count, default) in NUMBERS.get(tag, {}).items():
         copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
     for inner in TAGS.get(tag, ()):
-        there = child(element, inner) if inner in REQUIRED else element.find(inner)
+        there = child(element, inner) if inner in REQUIRED else single(element, inner)
         if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
             copy.append(_sound(there))
     return copy

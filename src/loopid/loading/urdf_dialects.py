@@ -34,9 +34,11 @@ from loopid.loading.urdf import (
     naming,
     numbers,
     placement,
+    plain_number,
     read_urdf_file,
     refuse_repetition,
     required,
+    single,
 )
 from loopid.robot import LeftOut, shortened
 from loopid.yaml_files import first_problem
@@ -261,13 +263,16 @@ def _balls(urdf: UrdfFile) -> Iterator[Loop]:
         ball = etree.Element("ball_constraint", type="ball", name=f"ball_constraint_{number}")
         with naming(label(ball)):
             points = list[pin.SE3]()
-            for body, point in (("body_A", "p_AP"), ("body_B", "p_BQ")):
-                for tag, key in ((body, "link"), (point, "xyz")):
+            for side, tags in zip(
+                _sides(ball), (("body_A", "p_AP"), ("body_B", "p_BQ")), strict=True
+            ):
+                end = etree.SubElement(ball, side)
+                for tag, key, attribute in zip(
+                    tags, ("link", "xyz"), ("name", "value"), strict=True
+                ):
                     said = next(_all(element, (f"ball_constraint_{tag}",)), None)
                     if said is None:
                         raise RobotFileError(f"it has no ball_constraint_{tag}")
-                    attribute = {"link": "name", "xyz": "value"}[key]
-                    end = etree.SubElement(ball, _sides(ball)[len(points)])
                     end.set(key, said.get(attribute, ""))
                 points.append(pin.SE3(np.eye(3), np.array(numbers(end, "xyz", 3))))
             yield ball, _ends(ball, urdf), (points[0], points[1])
@@ -389,8 +394,9 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
         if name not in given:
             continue  # it closes a loop
         with naming(label(joint)):
-            for dynamics in joint.findall("dynamics"):
-                for key in dynamics.attrib:
+            dynamics = single(joint, "dynamics")
+            if dynamics is not None:
+                for key in map(str, dynamics.attrib):
                     if key in COEFFICIENTS:
                         given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
                     else:
@@ -437,7 +443,7 @@ def _read_transmission(
         return
     try:
         ratio, rotor = (
-            float(text) if text else default
+            plain_number(text) if text else default
             for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
         )
         inertia = rotor * ratio**2
@@ -460,7 +466,7 @@ def _coefficients(element: Element) -> dict[str, float]:
         text = _said(element, (tag,))
         if text:
             try:
-                found[kind] = float(text)
+                found[kind] = plain_number(text)
             except ValueError:
                 raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}") from None
     return found

@@ -12,6 +12,7 @@ import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.errors import LogError, LogWarning, warn
+from loopid.files import why_no_file
 from loopid.logs.formats import (
     LARGEST_STAMP,
     NO_STAMP,
@@ -21,6 +22,7 @@ from loopid.logs.formats import (
     optional,
     refusals,
 )
+from loopid.yaml_files import LARGE, load_yaml
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -162,6 +164,10 @@ def _refuse_unfinished(path: Path) -> None:
             f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
             "give one of the files in it"
         )
+    if path.is_dir():  # before rosbags, which reads whatever it says
+        load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
+    if path.is_dir():
+        _refuse_elsewhere(path)
     beside = path.iterdir() if path.is_dir() else (Path(f"{path}{end}") for end in JOURNALS)
     for file in sorted(beside):
         if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:
@@ -172,3 +178,16 @@ def _refuse_unfinished(path: Path) -> None:
     odd = [mark for mark in "#?%" if mark in str(path)]
     if odd and (path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3*")))):
         raise LogError(f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it")
+
+
+def _refuse_elsewhere(path: Path) -> None:
+    """Refuse a bag whose description is no such thing, or names files that are not in it."""
+    content = load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
+    about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    names = about.get("relative_file_paths") if isinstance(about, dict) else None
+    if not isinstance(names, list):
+        raise LogError(f"{path / DESCRIPTION} does not list the files of a bag")
+    for name in map(str, names):
+        reason = why_no_file(path / name) if Path(name).name == name else "is not in the folder"
+        if reason:
+            raise LogError(f"{path / DESCRIPTION}: {name} {reason}")

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
-from loopid.kinematics import closed_motion, configuration_batches, random_motions
-from loopid.observation import Observation
+from loopid.kinematics import (
+    Accuracy,
+    closed_motion,
+    configuration_batches,
+    geometry_accuracy,
+    nearly_equal_lengths,
+    random_motions,
+    same_motion,
+    within_accuracy,
+)
+from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
-from loopid.robot import Mechanism
+from loopid.robot import Mechanism, in_groups
 from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
@@ -66,16 +77,19 @@ def structural_observation(
     100
     """
     parameters = motion_parameters(mechanism, model, joint_terms)
+    enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.independent))
+    enough = max(LEAST_SAMPLES, enough)
     if samples is None:
-        enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.independent))
-        samples = max(LEAST_SAMPLES, enough)
-    regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin)
+        samples = enough
+    kept = _Motions(enough)
+    regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin, kept)
     parts = regressors if progress is None else _reported(regressors, samples, progress)
     # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
     with one_blas_thread():
-        return Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
+        found = Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
+    return replace(found, geometry=_rounded_geometry(mechanism, model, joint_terms, kept))
 
 
 def _random_regressors(
@@ -85,14 +99,17 @@ def _random_regressors(
     samples: int,
     seed: int,
     margin: float | None,
+    kept: _Motions,
 ) -> Iterator[FloatArray]:
     generator = random_generator(seed, stream=1)
     for q in configuration_batches(mechanism, samples, seed, margin):
         if model == "gravity" and joint_terms is None:
+            kept.add(q, *np.zeros((2, len(q), len(mechanism.independent))))
             yield gravity_regressor(mechanism, q)
             continue
-        motion = closed_motion(mechanism, q, *random_motions(mechanism, len(q), generator))
-        yield motion_regressor(mechanism, motion, model, joint_terms)
+        rates = random_motions(mechanism, len(q), generator)
+        kept.add(q, *rates)
+        yield motion_regressor(mechanism, closed_motion(mechanism, q, *rates), model, joint_terms)
 
 
 def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> Iterator[FloatArray]:
@@ -101,3 +118,67 @@ def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> It
         done += len(part)
         progress(done, total)
         yield part
+
+
+@dataclass
+class _Motions:
+    """Configurations, independent velocities and accelerations: the first so many samples."""
+
+    wanted: int
+    batches: list[tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=list)
+
+    def add(self, *batch: FloatArray) -> None:
+        """Keep as much of a batch as is wanted."""
+        left = self.wanted - sum(len(q) for q, _, _ in self.batches)
+        q, velocities, accelerations = (part[: max(left, 0)] for part in batch)
+        if len(q):
+            self.batches.append((q, velocities, accelerations))
+
+
+def _rounded_geometry(
+    mechanism: Mechanism, model: str, joint_terms: JointTerms | None, motions: _Motions
+) -> RoundedGeometry | None:
+    accuracy = geometry_accuracy(mechanism)
+    known_to = max(accuracy.length, accuracy.angle * mechanism.length)
+    if known_to == 0:
+        return None
+    tree, places = mechanism.model, dict[str, tuple[str, ...]]()
+    ids, names = mechanism.closure_frames[0], [closure.name for closure in mechanism.closures]
+    paths = [set(tree.supports[tree.frames[frame].parentJoint]) for frame in ids]
+    around = [one ^ other for one, other in zip(paths[::2], paths[1::2], strict=True)]
+    for body, link in zip(
+        mechanism.bodies, in_groups(mechanism.links, mechanism.ties), strict=True
+    ):
+        loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
+        places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))
+    factors = partial(_factors_within, mechanism, model, joint_terms, accuracy, motions)
+    return RoundedGeometry(
+        known_to,
+        known_to / mechanism.length,
+        accuracy.source,
+        accuracy.presumed,
+        factors,
+        places,
+        nearly_equal_lengths(mechanism, accuracy),
+    )
+
+
+def _factors_within(
+    mechanism: Mechanism,
+    model: str,
+    joint_terms: JointTerms | None,
+    accuracy: Accuracy,
+    motions: _Motions,
+    count: int,
+) -> FloatArray:
+    """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy."""
+    generator, parameters = random_generator(0), motion_parameters(mechanism, model, joint_terms)
+    others = (within_accuracy(mechanism, accuracy, generator) for _ in range(count))
+    found = []
+    for other in (mechanism, *others):
+        parts = (
+            motion_regressor(other, same_motion(mechanism, other, *batch), model, joint_terms)
+            for batch in motions.batches
+        )
+        found.append(Observation.from_parts(parts, parameters, mechanism.length).factor)
+    return np.stack(found)

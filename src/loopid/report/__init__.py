@@ -16,12 +16,14 @@ from loopid.report.identify import (
     identification_record,
     identification_tables,
 )
+from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
 from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
 from loopid.report.structure import (
     base_record,
     base_tables,
     check_record,
     check_tables,
+    mode_records,
     motions_record,
     motions_tables,
 )
@@ -38,13 +40,18 @@ __all__ = [
     "check_record",
     "check_tables",
     "drawing",
+    "gains_record",
+    "gains_tables",
     "identification_files",
     "identification_record",
     "identification_tables",
     "json_text",
     "markdown_table",
+    "mode_records",
     "motions_record",
     "motions_tables",
+    "payload_record",
+    "payload_tables",
     "plain_table",
     "prediction_files",
     "prediction_record",

@@ -65,6 +65,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
+        "assembly_modes": mode_records(mechanism),
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
     }
 
@@ -96,6 +97,22 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
         "lower": json_value(lower[q]),
         "upper": json_value(upper[q]),
     }
+
+
+def mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
+    """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
+    return [
+        {
+            "mode": k,
+            "used": k == 1,
+            "rank": mode.rank,
+            "distance": mode.distance,
+            "meets_drawn_pose": mode.continues,
+            "parallel_pairs": mode.parallel,
+            "reference": mechanism.reference_values(mode.reference),
+        }
+        for k, mode in enumerate(mechanism.modes, start=1)
+    ]
 
 
 def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
@@ -141,7 +158,25 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
         closures.add_row(name, closure["type"], *numbers)
     tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
-    return tables + ([_left_out_table(record)] if record["in_file_not_in_model"] else [])
+    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
+    return tables + _mode_tables(record["assembly_modes"])
+
+
+def _mode_tables(modes: list[dict[str, Any]]) -> list[Table]:
+    """Assembly modes, and the reference of each as a YAML takes it, lines broken anywhere."""
+    if not modes:
+        return []
+    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
+    found = plain_table("assembly modes of the drawn pose; the first is used", *columns)
+    tables: list[Table] = [found]
+    for mode in modes:
+        meets = "yes" if mode["meets_drawn_pose"] else "no"
+        rank = "-" if mode["rank"] is None else mode["rank"]
+        found.add_row(mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"])
+        values = ", ".join(f"{name}: {value}" for name, value in mode["reference"].items())
+        tables.append(plain_table(f"to choose mode {mode['mode']}, put this into the YAML", ""))
+        tables[-1].add_row(f"reference: {{{values}}}")
+    return tables
 
 
 def _left_out_table(record: dict[str, Any]) -> Table:
@@ -191,9 +226,13 @@ def _summary_table(record: dict[str, Any]) -> Table:
 
 
 def base_record(
-    mechanism: str, model: str, base: BaseParameters, lengths: Sequence[NamedLength] = ()
+    mechanism: str,
+    model: str,
+    base: BaseParameters,
+    lengths: Sequence[NamedLength] = (),
+    modes: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Base parameters and their search, ready for JSON.
+    """Base parameters and their search, ready for JSON, with records of the assembly modes.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven.
@@ -207,7 +246,10 @@ def base_record(
         "standard_parameters": len(base.parameters),
         "nonzero_parameters": len(base.structure.columns),
         "rank": base.structure.rank,
+        "assembly_modes": list(modes),
         "rank_gap": base.structure.rank_gap,
+        "rank_noise": base.structure.noise,
+        "rank_noise_source": base.structure.noise_source,
         "condition_number": json_value(base.condition_number),
         "nullspace_condition_number": json_value(base.nullspace_condition_number),
         "search": {name: json_value(getattr(search, name)) for name in SEARCH},
@@ -258,9 +300,12 @@ def _findings(record: dict[str, Any]) -> Table:
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
     effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+    gap = f"singular-value gap {record['rank_gap']:.1e}"
+    if record["rank_noise"]:
+        gap += f" above {record['rank_noise']:.1e}, noise of {record['rank_noise_source']}"
     rows = {
         "parameters with an effect": effect,
-        "base parameters": f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})",
+        "base parameters": f"{record['rank']} ({gap})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
         "cond(V22), cond(W_B)": ", ".join(

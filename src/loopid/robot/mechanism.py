@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
@@ -184,6 +187,52 @@ class Platform:
 
 
 @dataclass(frozen=True, repr=False)
+class AssemblyMode:
+    """One way of assembling a robot whose drawn pose leaves a choice.
+
+    Attributes
+    ----------
+    reference : FloatArray
+        (nq,), a closed, regular configuration inside the limits, read-only.
+    distance : float
+        How far the passive coordinates are from where they are drawn, in rad and characteristic
+        lengths.
+    continues : bool
+        Whether regular poses lead from there to the drawn one, which is then singular.
+    parallel : int
+        Pairs of links of a loop that do not turn against each other.
+    rank : int or None
+        Number of base parameters of the full model; None where it was not found.
+    """
+
+    reference: FloatArray
+    distance: float
+    continues: bool
+    parallel: int
+    rank: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reference", frozen(self.reference))
+
+
+class Loop(NamedTuple):
+    """Closures that share passive joints: they open and close together.
+
+    Attributes
+    ----------
+    rows : IntArray
+        Of the closure equations.
+    columns : IntArray
+        Velocity indices of the coordinates that move the closures' frames against each other.
+    closures : tuple of LoopClosure
+    """
+
+    rows: IntArray
+    columns: IntArray
+    closures: tuple[LoopClosure, ...]
+
+
+@dataclass(frozen=True, repr=False)
 class Mechanism:
     """A robot with or without closed loops.
 
@@ -213,8 +262,12 @@ class Mechanism:
         Whether links declared alike share their parameters.
     closure_residual : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
-    rounding : float
-        How far in m closures may be from where the file has them; 0 where they are exact.
+    modes : tuple of AssemblyMode
+        Where the drawn pose is singular or open: the assembly modes that were found, the robot's
+        own first. Otherwise there is nothing to choose, and none is listed.
+    rounding : float or None
+        To what the numbers of its geometry are rounded, in m and rad; 0 where they are exact, None
+        where only they themselves tell.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
     rank_tolerance : float or None
@@ -251,7 +304,8 @@ class Mechanism:
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
-    rounding: float = 0.0
+    modes: tuple[AssemblyMode, ...] = ()
+    rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
     rank_tolerance: float | None = None
     margin: float | None = None
@@ -269,6 +323,18 @@ class Mechanism:
             f"  actuated: {shortened(self.actuated)}\n"
             f"  independent: {shortened(self.independent)}"
         )
+
+    def _repr_html_(self) -> str:
+        lower, upper = self.position_limits
+        rows = []
+        for name in self.joints:
+            joint = self.joint(name)
+            q = slice(joint.idx_q, joint.idx_q + joint.nq)
+            numbers = (self.reference[q], lower[q], upper[q])
+            cells = (" ".join(f"{x:.4g}" for x in part) for part in numbers)
+            rows.append((name, "actuated" if name in self.actuated else "passive", *cells))
+        head = "joint (m, rad)", "", "reference", "lower limit", "upper limit"
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     # Joints and their coordinates.
 
@@ -346,6 +412,18 @@ class Mechanism:
         )
         return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
 
+    def reference_values(self, q: FloatArray) -> dict[str, float | list[float]]:
+        """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
+        values: dict[str, float | list[float]] = {}
+        for name in self.joints:
+            joint = self.joint(name)
+            part = q[joint.idx_q : joint.idx_q + joint.nq]
+            if joint.nv == 1 and joint.nq == 2:  # the cosine and sine of an angle
+                part = np.arctan2(part[1:], part[:1])
+            rounded = [round(float(value), 6) + 0.0 for value in part]
+            values[name] = rounded[0] if len(rounded) == 1 else rounded
+        return values
+
     @cached_property
     def position_limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper limits (nq,) of all joints, infinite where there are none."""
@@ -355,6 +433,16 @@ class Mechanism:
                 q = self.joint(name).idx_q
                 lower[q], upper[q] = self.limits(name)
         return frozen(lower), frozen(upper)
+
+    def outside(self, q: FloatArray, slack: float = 1e-9) -> BoolArray:
+        """Which positions (N, nq) are outside the limits by more than a slack."""
+        lower, upper = self.position_limits
+        outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
+        # Files often give a mimicking joint limits that its leader does not let it keep.
+        following = {name for coupling in self.couplings for name in coupling.joints}
+        for name in following - {*self.independent}:
+            outside[:, self.joint(name).idx_q] = False
+        return outside
 
     @property
     def floating(self) -> tuple[str, ...]:
@@ -406,11 +494,11 @@ class Mechanism:
         moved = []
         for frame_id in frame_ids:
             path = set(self.model.supports[self.model.frames[frame_id].parentJoint])
-            moved.append([joint in path for joint in self._joint_ids])
+            moved.append([joint in path for joint in self.joint_ids])
         return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
 
     @cached_property
-    def _joint_ids(self) -> list[int]:
+    def joint_ids(self) -> list[int]:
         """Index of the joint that each velocity coordinate belongs to."""
         joints = list(self.model.joints)[1:]
         return [k for k, joint in enumerate(joints, start=1) for _ in range(joint.nv)]
@@ -420,6 +508,25 @@ class Mechanism:
         """Indices of the frames of all closures, two a closure, and what moves them."""
         ids = tuple(frame for closure in self.closures for frame in closure.frame_ids)
         return ids, self.supports(ids)
+
+    @cached_property
+    def loops(self) -> tuple[Loop, ...]:
+        """Closures and couplings, in groups that share no dependent coordinate."""
+        moved = np.zeros((self.rows, self.model.nv), dtype=bool)
+        owner = np.repeat(np.arange(len(self.closures)), [c.rows for c in self.closures])
+        _, supports = self.closure_frames
+        moved[: len(owner)] = (supports[::2] != supports[1::2])[owner]  # else both move alike
+        for row, coupling in enumerate(self.couplings, len(owner)):
+            moved[row, list(coupling.v_indices)] = True
+        shared = moved.copy()
+        shared[:, self.velocity_indices(self.independent)] = False
+        count, group = connected_components(csr_array(shared @ shared.T), directed=False)
+        loops = []
+        for k in range(count):
+            rows = np.flatnonzero(group == k)
+            closures = dict.fromkeys(self.closures[j] for j in owner[rows[rows < len(owner)]])
+            loops.append(Loop(rows, np.flatnonzero(moved[rows].any(axis=0)), tuple(closures)))
+        return tuple(loops)
 
     @cached_property
     def length(self) -> float:
@@ -487,6 +594,12 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
+
+
+def link_frames(model: pin.Model) -> dict[str, int]:
+    """Indices of the frames of all links, by name."""
+    frames = enumerate(model.frames)
+    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
 
 
 def lock_options(mechanism: Mechanism) -> str:
