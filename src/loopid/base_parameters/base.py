@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from types import MappingProxyType
 
 import numpy as np
 
@@ -79,12 +81,14 @@ class BaseParameters:
         M[:, self.dependent] = self.regrouping
         return frozen(M)
 
-    @cached_property
-    def terms(self) -> tuple[dict[str, float], ...]:
-        """For each base parameter its terms: the leading label, then those folded into it."""
+    @property
+    def terms(self) -> tuple[Mapping[str, float], ...]:
+        """For each base parameter its terms, read-only: the leading label, then those folded in."""
         labels = self.parameters.labels
         return tuple(
-            {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
+            MappingProxyType(
+                {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
+            )
             for leader, row in zip(self.base, self.matrix, strict=True)
         )
 
