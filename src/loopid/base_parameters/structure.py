@@ -232,7 +232,7 @@ def _concerned(observation: Observation, columns: IntArray, combinations: FloatA
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
         text += f" of loop {', '.join(loops)}" if loops else ""
         alike = "; ".join(observation.geometry.alike[:NAMED])
-        how += f", or alike what is meant to be equal: {alike}" if alike else ""
+        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
     return f"it is about {text}: {how}"
 
 
