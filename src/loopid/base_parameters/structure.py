@@ -8,7 +8,7 @@ W_B Φ_base = W Φ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,16 @@ class Structure:
     def precision(self) -> float:
         """Of null vectors: round-off, or what rounded geometry leaves of it."""
         return max(UNTOUCHED, 1 / self.rank_gap) if self.noise else UNTOUCHED
+
+    def permuted(self, order: IntArray) -> Structure:
+        """The same with its parameters in another order (n,)."""
+        return replace(
+            self,
+            parameters=self.parameters.select(order),
+            columns=self.columns[order],
+            null_basis=self.null_basis[order],
+            row_factor=self.row_factor[:, order],
+        )
 
 
 @checked
@@ -222,7 +232,7 @@ def _concerned(observation: Observation, columns: IntArray, combinations: FloatA
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
         text += f" of loop {', '.join(loops)}" if loops else ""
         alike = "; ".join(observation.geometry.alike[:NAMED])
-        how += f", or alike what is meant to be equal: {alike}" if alike else ""
+        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
     return f"it is about {text}: {how}"
 
 
