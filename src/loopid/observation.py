@@ -78,6 +78,9 @@ class Observation:
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
+    order : tuple of str
+        Links and joints in the order in which the first of equally good choices is taken, where
+        it is not that of the columns.
     geometry : RoundedGeometry or None
         None where the geometry is exact, or not known.
     motors_alone : Observation or None
@@ -98,6 +101,7 @@ class Observation:
     length: float = 1.0
     matrix: FloatArray | None = None
     natural_size: float = 0.0
+    order: tuple[str, ...] = ()
     geometry: RoundedGeometry | None = None
     motors_alone: Observation | None = None
 

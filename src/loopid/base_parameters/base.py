@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from types import MappingProxyType
@@ -178,13 +178,18 @@ def find_base_parameters(
     """
     strategy = make_strategy(search)
     structure = analyse(observation)
-    result = strategy.search(ChoiceProblem(structure, criterion))
+    # Of equally good choices the first is taken, in an order that does not depend on the file's.
+    ranks = {name: rank for rank, name in enumerate(observation.order)}
+    places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]
+    order = np.argsort(places, kind="stable")
+    result = strategy.search(ChoiceProblem(structure.permuted(order), criterion))
     if result.dependent is None:
         raise SearchError(
             f"{result.name} search found no valid choice among {result.evaluated:,} of "
             f"{result.candidates:,} combinations: use search='exact', or another order of columns"
         )
-    dependent = np.array(result.dependent, dtype=np.int64)
+    dependent = np.sort(order[list(result.dependent)])
+    result = replace(result, dependent=tuple(dependent.tolist()))
     base = base_columns(len(structure.columns), dependent)
     return BaseParameters(
         parameters=observation.parameters,

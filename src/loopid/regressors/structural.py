@@ -99,9 +99,10 @@ def structural_observation(
             driven=driven if mechanism.free and driven else None,
         )
     rounded = partial(_rounded_geometry, mechanism, model, joint_terms, kept)
+    order = mechanism.coordinate_order
     if alone := found.motors_alone:
-        alone = replace(alone, geometry=rounded(driven))
-    return replace(found, geometry=rounded(None), motors_alone=alone)
+        alone = replace(alone, order=order, geometry=rounded(driven))
+    return replace(found, order=order, geometry=rounded(None), motors_alone=alone)
 
 
 def _random_regressors(

@@ -32,6 +32,7 @@ from loopid.robot import (
     Mechanism,
     inertia_defects,
     named_lengths,
+    odd_masses,
     unequal_links,
 )
 
@@ -76,6 +77,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "characteristic_length": mechanism.length,
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
+        "odd_masses": list(odd_masses(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
         "assembly_modes": _mode_records(mechanism),
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
@@ -228,6 +230,8 @@ def _summary_table(record: dict[str, Any]) -> Table:
     }
     if record["unequal_links"]:
         rows["not identical in the file"] = "; ".join(record["unequal_links"])
+    if record["odd_masses"]:
+        rows["odd masses"] = "; ".join(record["odd_masses"])
     rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
     for row in rows.items():
         table.add_row(*row)
@@ -347,8 +351,11 @@ def _findings(record: dict[str, Any]) -> Table:
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
     if alone := record["motors_alone"]:
-        own = f"{alone['rank']} base parameters; {certificate(alone['search'])}"
-        rows[f"without rows '= 0' of {', '.join(record['undetermined'])}"] = own
+        free = ", ".join(record["undetermined"])
+        rows["felt by the motors alone"] = (
+            f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
+            f"{certificate(alone['search'])}"
+        )
     table = plain_table("findings", "", "")
     for row in rows.items():
         table.add_row(*row)
