@@ -94,6 +94,8 @@ class SavedOptions(_Record):
     floating_base: bool = False
     free_mimics: bool = False
     tied: bool = False
+    rounding: float | None = None
+    snap: bool = False
 
 
 class SavedRobot(_Record):
@@ -266,7 +268,7 @@ class SavedFit(_Record):
                 ),
                 "base_parameters": tuple(
                     {"name": p.label, "unit": p.unit, "expression": expression(terms)}
-                    | {"value": value, "terms": terms, **error}
+                    | {"value": value, "terms": dict(terms), **error}
                     for p, terms, value, error in entries
                 ),
                 "covariance": covariance,

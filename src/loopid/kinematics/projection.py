@@ -85,11 +85,10 @@ class Factorisation:
         count, _, width = right_hand_sides.shape
         solutions = np.zeros((count, self.width, width))
         for rows, columns, left, values, right in self.blocks:
-            if damping is None:
-                kept = values > self.least[:, None, None]
-                inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-            else:
-                inverse = values / (values**2 + damping[:, None, None] ** 2)
+            values = np.where(values > self.least[:, None, None], values, np.inf)
+            inverse = 1.0 / values
+            if damping is not None:
+                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
             projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
             solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
         return solutions
