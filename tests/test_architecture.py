@@ -31,6 +31,7 @@ STREET = (
     "identification",
     "consistency",
     "experiment",
+    "excitation",
     "saved",
     "prediction",
     "export",

@@ -52,6 +52,8 @@ _ROOMS = {
     "split_recordings": "experiment",
     "identifiability": "experiment",
     "exciting_motion": "experiment",
+    "design_excitation": "excitation",
+    "MotionLimits": "excitation",
     "identify_payload": "experiment",
     "drive_gains": "experiment",
     "fit": "identification",

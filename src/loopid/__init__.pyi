@@ -20,6 +20,12 @@ from loopid.consistency import (
 )
 from loopid.dynamics import forward_dynamics as forward_dynamics
 from loopid.errors import LoopidError as LoopidError
+from loopid.excitation import (
+    MotionLimits as MotionLimits,
+)
+from loopid.excitation import (
+    design_excitation as design_excitation,
+)
 from loopid.experiment import (
     drive_gains as drive_gains,
 )

@@ -10,9 +10,10 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -58,6 +59,7 @@ Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
 YAML = (".yaml", ".yml", ".json")
+LEAST_TIME = 0.01  # s, of a search after one that has used the limit
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -107,8 +109,7 @@ def base(
         make_strategy,
     )
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables, mode_records
-    from loopid.robot import named_lengths
+    from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
@@ -121,9 +122,12 @@ def base(
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
-        found = find_base_parameters(observation, strategy, criterion)
-    lengths, modes = named_lengths(mechanism), mode_records(mechanism)
-    record = base_record(mechanism.name, model, found, lengths, modes)
+        found, alone = find_base_parameters(observation, strategy, criterion), None
+        if observation.motors_alone is not None:
+            if search == ExactSearch.name:
+                strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
+            alone = find_base_parameters(observation.motors_alone, strategy, criterion)
+    record = base_record(mechanism, model, found, alone)
     show(record, base_tables(record), as_json)
 
 
@@ -212,6 +216,165 @@ def simulate(
 
 
 @app.command()
+def excite(
+    file: RobotFile,
+    out: Out = None,
+    model: Annotated[str, typer.Option(help="gravity (slow motion) or full.")] = "gravity",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
+    criterion: Annotated[str, typer.Option(help="D, A, E or condition.")] = "D",
+    shape: Annotated[
+        str, typer.Option(help="fourier, spline, or poses to stand in (gravity).")
+    ] = "fourier",
+    size: Annotated[
+        int | None, typer.Option(help="Harmonics, waypoints or poses; enough by default.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="In s; 20 for a gravity model, 10 for a full one.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second of the run.")] = 100.0,
+    coordinates: Annotated[
+        str, typer.Option(help="Design in joints or platform coordinates.")
+    ] = "joints",
+    share: Annotated[float, typer.Option(help="Part of each limit that may be used.")] = 1.0,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."),
+    ] = None,
+    max_speed: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."),
+    ] = None,
+    max_acceleration: Annotated[
+        list[str] | None, typer.Option(metavar="[JOINT=]A", help="As --max-speed.")
+    ] = None,
+    max_force: Annotated[
+        list[str] | None, typer.Option(metavar="[JOINT=]F", help="As --max-speed.")
+    ] = None,
+    workspace: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."),
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option(help="Least singularity measure; 0.02, or what is possible.")
+    ] = None,
+    collisions: Annotated[
+        bool, typer.Option(help="Links must not touch, by the URDF's collision geometry.")
+    ] = True,
+    noise: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."),
+    ] = None,
+    after: Annotated[
+        list[str] | None, typer.Option(metavar="LOG", help="Add to what this log tells.")
+    ] = None,
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns of LOG are what.")
+    ] = None,
+    wanted: Annotated[
+        list[str] | None,
+        typer.Option("--for", metavar="PARAMETER", help="Light up this one; repeatable."),
+    ] = None,
+    payload: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Only its parameters are unknown.")
+    ] = None,
+    time_limit: Annotated[float, typer.Option(help="Of the design, in s.")] = 60.0,
+    starts: Annotated[int, typer.Option(help="Random motions to begin with.")] = 4,
+    iterations: Annotated[
+        int | None, typer.Option(help="Evaluations of each start; as many as the time allows.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
+    jobs: Annotated[int, typer.Option(metavar="N", help="Processes, for several starts.")] = 1,
+    solver: Annotated[
+        str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
+    ] = None,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Design a motion that excites the parameters, within what the robot can do.
+
+    Ctrl-C keeps the best motion so far.
+    """
+    from loopid.excitation import MotionLimits, design_excitation
+    from loopid.logs import prepare_recording, read_log
+    from loopid.regressors import JointTerms
+    from loopid.report import excitation_files, excitation_record, excitation_tables
+
+    require_output(out)
+    limits = MotionLimits(
+        share,
+        _ranges("--limit", limit),
+        _sizes("--max-speed", max_speed),
+        _sizes("--max-acceleration", max_acceleration),
+        _sizes("--max-force", max_force),
+        _ranges("--workspace", workspace),
+        margin,
+        collisions,
+    )
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    recordings = []
+    for path in after or ():
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            recordings.append(prepare_recording(mechanism, log, progress=report))
+    deviations = _sizes("--noise", noise)
+    with criterion_bar(criterion) as watch:
+        found = design_excitation(
+            mechanism,
+            model,
+            JointTerms.of(mechanism, terms),
+            limits,
+            criterion,
+            shape,
+            duration,
+            size,
+            coordinates,
+            deviations or None,
+            recordings,
+            wanted or (),
+            payload,
+            rate,
+            time_limit,
+            starts,
+            iterations,
+            seed,
+            jobs,
+            solver,
+            watch,
+        )
+    if out is not None:
+        write_files(out, excitation_files(found))
+    show(excitation_record(found), excitation_tables(found), as_json)
+
+
+def _ranges(option: str, given: Sequence[str] | None) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH by name."""
+    found = {}
+    for text in given or ():
+        name, _, ends = text.rpartition("=")
+        low, _, high = ends.partition(":")
+        found[name] = (_number(option, text, low), _number(option, text, high))
+        if not name:
+            raise OptionError(f"{option} must be NAME=LOW:HIGH, not {text!r}")
+    return found
+
+
+def _sizes(option: str, given: Sequence[str] | None) -> dict[str, float]:
+    """[NAME=]NUMBER by name, or by "all"."""
+    parts = [(text, *text.rpartition("=")) for text in given or ()]
+    return {name or "all": _number(option, text, number) for text, name, _, number in parts}
+
+
+def _number(option: str, text: str, number: str) -> float:
+    try:
+        return float(number)
+    except ValueError:
+        raise OptionError(f"{option} must have numbers, not {text!r}") from None
+
+
+@app.command()
 def identify(
     file: RobotFile,
     logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
@@ -259,11 +422,18 @@ def identify(
         float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
     ] = None,
     train: Annotated[
-        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+        float,
+        typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
     ] = 0.6,
     validate: Annotated[
         list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
     ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="S", help="Of each LOG, in s from its start.")
+    ] = 0.0,
+    end: Annotated[
+        float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
+    ] = inf,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -290,9 +460,12 @@ def identify(
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
+    if not start < end:
+        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied)
     joint_terms = JointTerms.of(mechanism, terms)
-    training: Sequence[Recording] = prepared(mechanism, logs, mapping, cutoff)
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)
@@ -586,6 +759,25 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(one_line(what), total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+@contextmanager
+def criterion_bar(criterion: str) -> Iterator[Callable[[float, float, float], None]]:
+    """A progress bar over the time of a design, with its best criterion so far."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda spent, total, best: None
+        return
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(criterion, total=None)
+
+        def show_best(spent: float, total: float, best: float) -> None:
+            progress.update(
+                task, completed=spent, total=total, description=f"{criterion} {best:.4g}"
+            )
+
+        yield show_best
 
 
 def _show_version(wanted: bool) -> None:

@@ -266,7 +266,7 @@ class SavedFit(_Record):
                 ),
                 "base_parameters": tuple(
                     {"name": p.label, "unit": p.unit, "expression": expression(terms)}
-                    | {"value": value, "terms": terms, **error}
+                    | {"value": value, "terms": dict(terms), **error}
                     for p, terms, value, error in entries
                 ),
                 "covariance": covariance,

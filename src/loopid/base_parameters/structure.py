@@ -8,7 +8,7 @@ W_B Φ_base = W Φ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,16 @@ class Structure:
     def precision(self) -> float:
         """Of null vectors: round-off, or what rounded geometry leaves of it."""
         return max(UNTOUCHED, 1 / self.rank_gap) if self.noise else UNTOUCHED
+
+    def permuted(self, order: IntArray) -> Structure:
+        """The same with its parameters in another order (n,)."""
+        return replace(
+            self,
+            parameters=self.parameters.select(order),
+            columns=self.columns[order],
+            null_basis=self.null_basis[order],
+            row_factor=self.row_factor[:, order],
+        )
 
 
 @checked

@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
-from loopid.errors import DataError, ExcitationWarning, OptionError, RankError, warn
+from loopid.errors import DataError, ExcitationWarning, LogWarning, OptionError, RankError, warn
 from loopid.experiment.force_model import (
     PRIOR_DEVIATION,
     ForceModel,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 # What to do where a combination of parameters is unidentifiable from the data.
 UNIDENTIFIABLE = ("error", "prior")
-DEFAULT_FRACTION = 0.6  # of each recording's time that is fitted; the rest validates
+DEFAULT_FRACTION = 0.6  # of each recording's moving samples; the rest validates
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
 # are autocorrelated over seconds.
 BATCHES = 8
@@ -233,13 +233,13 @@ class Identification:
 def split_recordings(
     recordings: Sequence[Recording], fraction: float = DEFAULT_FRACTION
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """The first part of each recording for training, the rest for validation.
+    """The first part of each recording's moving samples for training, the rest for validation.
 
     Parameters
     ----------
     recordings : sequence of Recording
     fraction : float
-        Of the time of each recording, between 0 and 1.
+        Of the samples of each recording in which a motor moves, between 0 and 1.
 
     Returns
     -------
@@ -347,6 +347,12 @@ def identify(
             f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
             f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
         )
+    for run in validation:
+        if any(np.array_equal(run.force, other.force) for other in training):
+            warn(
+                f"{run.name} is fitted and validates: its errors say nothing of new data",
+                LogWarning,
+            )
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"

@@ -166,20 +166,30 @@ def try_assemble(
     start: FloatArray | None = None,
     trajectory: bool = False,
     tolerance: float = CLOSURE_TOLERANCE,
+    shortest_step: float = SHORTEST_PATH_STEP,
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
     Along a trajectory the next one is then reached from the last one that was assembled.
+
+    Parameters
+    ----------
+    start : FloatArray, optional
+        (nq,), or (N, nq) with a configuration for each sample.
+    shortest_step : float
+        Part of the way below which a sample is given up.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
-    q = samples(q, mechanism.model.nq, "start", 1)
-    options = PathOptions(tolerance)
+    one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)
+    q = samples(q, mechanism.model.nq, "start", len(targets) if one_each else 1)
+    options = PathOptions(tolerance, shortest_step)
     with one_blas_thread():
         if trajectory:
             return follow_trajectory(measured, q[0], targets, options)
-        return follow_paths(measured, np.repeat(q, len(targets), axis=0), targets, options)
+        starts = q if one_each else np.repeat(q, len(targets), axis=0)
+        return follow_paths(measured, starts, targets, options)
 
 
 def follow_paths(

@@ -43,6 +43,7 @@ from loopid.robot import (
     Platform,
     inertia_defects,
     link_frames,
+    odd_masses,
     unequal_links,
 )
 
@@ -330,6 +331,8 @@ def _warn_of_findings(
     impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
         warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+    if odd := odd_masses(mechanism):
+        warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
     for difference in unequal_links(mechanism):
         warn(f"{path}: {difference}", InertiaWarning)
 

@@ -447,7 +447,8 @@ def _read_transmission(
     except (ValueError, OverflowError):
         inertia = math.nan
     if len(driven) > 1 or not math.isfinite(inertia):
-        left_out.append(LeftOut(f"{listed} of the transmission of {', '.join(driven)}"))
+        what = f"{listed} of the transmission of {', '.join(driven)}"
+        left_out.append(LeftOut(what, is_force=bool(texts["rotor inertia"])))
         return
     if inertia:
         given[driven[0]]["Ia"] = given[driven[0]].get("Ia", 0.0) + inertia

@@ -1,5 +1,6 @@
 """What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
+from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -23,7 +24,6 @@ from loopid.report.structure import (
     base_tables,
     check_record,
     check_tables,
-    mode_records,
     motions_record,
     motions_tables,
 )
@@ -40,6 +40,9 @@ __all__ = [
     "check_record",
     "check_tables",
     "drawing",
+    "excitation_files",
+    "excitation_record",
+    "excitation_tables",
     "gains_record",
     "gains_tables",
     "identification_files",
@@ -47,7 +50,6 @@ __all__ = [
     "identification_tables",
     "json_text",
     "markdown_table",
-    "mode_records",
     "motions_record",
     "motions_tables",
     "payload_record",

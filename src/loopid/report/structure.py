@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, equations, expression, name_coefficients
+from loopid.base_parameters import (
+    BaseParameters,
+    CoefficientName,
+    equations,
+    expression,
+    name_coefficients,
+)
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     Factorisation,
@@ -18,10 +24,17 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
-from loopid.parameters import NamedLength
 from loopid.regressors import OF_FILE, FileForce, file_forces
 from loopid.report.tables import json_value, plain_table
-from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
+from loopid.robot import (
+    JointCoupling,
+    LoopClosure,
+    Mechanism,
+    inertia_defects,
+    named_lengths,
+    odd_masses,
+    unequal_links,
+)
 
 if TYPE_CHECKING:
     from loopid.trajectories import MotionReview
@@ -64,8 +77,9 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "characteristic_length": mechanism.length,
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
+        "odd_masses": list(odd_masses(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
-        "assembly_modes": mode_records(mechanism),
+        "assembly_modes": _mode_records(mechanism),
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
     }
 
@@ -99,7 +113,7 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
     }
 
 
-def mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
+def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
     return [
         {
@@ -216,6 +230,8 @@ def _summary_table(record: dict[str, Any]) -> Table:
     }
     if record["unequal_links"]:
         rows["not identical in the file"] = "; ".join(record["unequal_links"])
+    if record["odd_masses"]:
+        rows["odd masses"] = "; ".join(record["odd_masses"])
     rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
     for row in rows.items():
         table.add_row(*row)
@@ -226,45 +242,31 @@ def _summary_table(record: dict[str, Any]) -> Table:
 
 
 def base_record(
-    mechanism: str,
+    mechanism: Mechanism,
     model: str,
     base: BaseParameters,
-    lengths: Sequence[NamedLength] = (),
-    modes: Sequence[dict[str, Any]] = (),
+    motors_alone: BaseParameters | None = None,
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON, with records of the assembly modes.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven.
-    Coefficients that are made of the lengths are named; the lengths in these names are listed.
+    Coefficients that are made of the robot's lengths are named; those lengths are listed. Where
+    coordinates are free, ``motors_alone`` is what is felt without their rows "= 0".
     """
-    names, search = name_coefficients(base, lengths), base.search
-    used = {length for found in names for name in found.values() for length in name.lengths}
+    lengths = named_lengths(mechanism)
+    found = [base] if motors_alone is None else [base, motors_alone]
+    named = [name_coefficients(one, lengths) for one in found]
+    used = {x for names in named for own in names for name in own.values() for x in name.lengths}
+    records = [_choice(one, names) for one, names in zip(found, named, strict=True)]
     return {
-        "mechanism": mechanism,
+        "mechanism": mechanism.name,
         "model": model,
         "standard_parameters": len(base.parameters),
-        "nonzero_parameters": len(base.structure.columns),
-        "rank": base.structure.rank,
-        "assembly_modes": list(modes),
-        "rank_gap": base.structure.rank_gap,
-        "rank_noise": base.structure.noise,
-        "rank_noise_source": base.structure.noise_source,
-        "condition_number": json_value(base.condition_number),
-        "nullspace_condition_number": json_value(base.nullspace_condition_number),
-        "search": {name: json_value(getattr(search, name)) for name in SEARCH},
-        "base_parameters": [
-            {
-                "name": name,
-                "terms": terms,
-                "coefficients": {
-                    label: found[label].text if label in found else None for label in terms
-                },
-                "expression": expression(terms, names=found),
-                "where": equations(terms, found),
-            }
-            for name, terms, found in zip(base.names, base.terms, names, strict=True)
-        ],
+        **records[0],
+        "assembly_modes": _mode_records(mechanism),
+        "undetermined": list(mechanism.free),
+        "motors_alone": None if motors_alone is None else records[1],
         "lengths": [
             {
                 "symbol": length.symbol,
@@ -280,19 +282,52 @@ def base_record(
     }
 
 
+def _choice(base: BaseParameters, names: Sequence[Mapping[str, CoefficientName]]) -> dict[str, Any]:
+    """Rank, search and parameters."""
+    return {
+        "nonzero_parameters": len(base.structure.columns),
+        "rank": base.structure.rank,
+        "rank_gap": base.structure.rank_gap,
+        "rank_noise": base.structure.noise,
+        "rank_noise_source": base.structure.noise_source,
+        "condition_number": json_value(base.condition_number),
+        "nullspace_condition_number": json_value(base.nullspace_condition_number),
+        "search": {name: json_value(getattr(base.search, name)) for name in SEARCH},
+        "base_parameters": [
+            {
+                "name": name,
+                "terms": dict(terms),
+                "coefficients": {
+                    label: found[label].text if label in found else None for label in terms
+                },
+                "expression": expression(terms, names=found),
+                "where": equations(terms, found),
+            }
+            for name, terms, found in zip(base.names, base.terms, names, strict=True)
+        ],
+    }
+
+
 def base_tables(record: dict[str, Any]) -> list[Table]:
     """The record as tables: the parameters, the lengths in them, then the findings."""
     title = f"{record['mechanism']}: base parameters, {record['model']} model"
-    parameters = plain_table(title, ">", "base parameter")
-    for number, parameter in enumerate(record["base_parameters"], start=1):
-        # The sum, and below it what its coefficients are, each on a line of its own.
-        where = "\n        ".join(parameter["where"])
-        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
-        parameters.add_row(number, text)
+    tables = [_parameters(title, record)]
+    if alone := record["motors_alone"]:
+        tables.append(_parameters("what the motors alone feel", alone))
     lengths = plain_table("lengths", "", ">", "")
     for length in record["lengths"]:
         lengths.add_row(length["symbol"], f"{length['value']:.4g} m", length["meaning"])
-    return [parameters, *([lengths] if record["lengths"] else []), _findings(record)]
+    return [*tables, *([lengths] if record["lengths"] else []), _findings(record)]
+
+
+def _parameters(title: str, choice: dict[str, Any]) -> Table:
+    table = plain_table(title, ">", "base parameter")
+    for number, parameter in enumerate(choice["base_parameters"], start=1):
+        # The sum, and below it what its coefficients are, each on a line of its own.
+        where = "\n        ".join(parameter["where"])
+        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
+        table.add_row(number, text)
+    return table
 
 
 def _findings(record: dict[str, Any]) -> Table:
@@ -315,6 +350,9 @@ def _findings(record: dict[str, Any]) -> Table:
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
+    if alone := record["motors_alone"]:
+        own = f"{alone['rank']} base parameters; {certificate(alone['search'])}"
+        rows[f"without rows '= 0' of {', '.join(record['undetermined'])}"] = own
     table = plain_table("findings", "", "")
     for row in rows.items():
         table.add_row(*row)

@@ -39,6 +39,8 @@ ROTATIONS = ("rx", "ry", "rz")
 # Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
 ROUNDED = 1e-6
 ALIKE = 1e-4
+# Masses that only keep a simulator running: part of the heaviest body, and in kg.
+PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 
 
 @dataclass(frozen=True)
@@ -576,6 +578,33 @@ class Mechanism:
         names = dict.fromkeys(in_groups(self.links, self.ties))
         return ParameterSet.of_links(names, model_kinds(model))
 
+    @cached_property
+    def joint_ranks(self) -> dict[str, int]:
+        """Rank of each joint in an order that neither names nor the order of a file decide.
+
+        Joints follow their parents, and siblings one another by where and how they move.
+        """
+        paths: list[tuple[Any, ...]] = [()]
+        for k in range(1, self.model.njoints):
+            joint, place = self.model.joints[k], self.model.jointPlacements[k]
+            data, neutral = joint.createData(), pin.neutral(self.model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            inertia = self.model.inertias[k].toDynamicParameters()
+            parts = (place.translation, place.rotation, data.S, inertia)
+            own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
+            paths.append((*paths[self.model.parents[k]], (*own, joint.shortname())))
+        order = sorted(range(1, len(paths)), key=lambda k: paths[k])
+        return {self.joints[k - 1]: rank for rank, k in enumerate(order)}
+
+    @cached_property
+    def coordinate_order(self) -> tuple[str, ...]:
+        """Links of bodies, then coordinates, in the order of ``joint_ranks``."""
+        carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
+        links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
+        joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
+        names = (*in_groups(links, self.ties), *self.coordinates_of(joints))
+        return tuple(dict.fromkeys(names))
+
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
 
@@ -647,6 +676,34 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
         if reason := body_defect(P, tolerance=ROUNDED):
             impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
             found.append(InertiaDefect(body.link, impossible, reason))
+    return tuple(found)
+
+
+@checked
+def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
+    model, found = mechanism.model, []
+    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
+    least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
+    light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
+    if light:
+        found.append(
+            f"masses that look like placeholders, below {least:.3g} kg where the heaviest body has "
+            f"{max(masses.values()):.3g} kg: {shortened(light)}"
+        )
+    heavy = {
+        body.joint_id
+        for body in mechanism.bodies
+        if model.inertias[body.joint_id].toDynamicParameters().any()
+    }
+    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    idle = [
+        joint
+        for k, joint in enumerate(mechanism.joints, start=1)
+        if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
+    ]
+    if idle:
+        found.append(f"joints that move nothing with mass: {shortened(idle)}")
     return tuple(found)
 
 
