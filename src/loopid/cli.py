@@ -23,7 +23,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
+from loopid.errors import (
+    AccuracyWarning,
+    LoopidError,
+    MissingFileError,
+    OptionError,
+    one_line,
+    warn,
+)
 from loopid.files import require_folder, require_other_file, write_file, write_files
 from loopid.workers import Progress as Reporter
 
@@ -49,6 +56,14 @@ Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root
 FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
+Rounding = Annotated[
+    float | None,
+    typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
+]
+Snap = Annotated[
+    bool,
+    typer.Option("--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."),
+]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 TERMS_HELP = (
     "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
@@ -67,6 +82,8 @@ LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a 
 def check(
     file: RobotFile,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -74,7 +91,7 @@ def check(
     """Report joints, closures, mobility and distance to singularity."""
     from loopid.report import check_record, check_tables
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
@@ -96,6 +113,8 @@ def base(
         float, typer.Option(help="Of the exact search, in s; then its best so far.")
     ] = 10.0,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -108,11 +127,12 @@ def base(
         find_base_parameters,
         make_strategy,
     )
+    from loopid.loading import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
     from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
@@ -128,6 +148,16 @@ def base(
                 strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
             alone = find_base_parameters(observation.motors_alone, strategy, criterion)
     record = base_record(mechanism, model, found, alone)
+    special = None if snap else nearly_special(mechanism)
+    if special is not None:
+        other, moved = special
+        W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
+        record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
+        warn(
+            f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as it is, "
+            f"{record['base_parameters_if_snapped']} with --snap, {moved}",
+            AccuracyWarning,
+        )
     show(record, base_tables(record), as_json)
 
 
@@ -141,6 +171,8 @@ def motions(
     rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
     margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -149,7 +181,7 @@ def motions(
     from loopid.report import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     planned, reviews = read_motion_program(program or mechanism.name), {}
     with progress_bar("motions") as report:
         for name in planned.motions:
@@ -443,6 +475,8 @@ def identify(
     ] = 1,
     out: Out = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -462,7 +496,7 @@ def identify(
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     if not start < end:
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     runs = prepared(mechanism, logs, mapping, cutoff)
     training: Sequence[Recording] = [run.between(start, end) for run in runs]
@@ -549,6 +583,8 @@ def payload(
         float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
     ] = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     tied: Tied = False,
     as_json: Json = False,
 ) -> None:
@@ -559,7 +595,7 @@ def payload(
     from loopid.regressors import JointTerms
     from loopid.report import gains_record, gains_tables, payload_record, payload_tables
 
-    mechanism = loaded(file, lock, False, False, tied)
+    mechanism = loaded(file, lock, False, False, tied, rounding, snap)
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
     light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
     if known_mass is None:
@@ -666,13 +702,25 @@ def paper(
 
 
 def loaded(
-    file: str, lock: list[str] | None, floating_base: bool, free_mimics: bool, tied: bool = False
+    file: str,
+    lock: list[str] | None,
+    floating_base: bool,
+    free_mimics: bool,
+    tied: bool = False,
+    rounding: float | None = None,
+    snap: bool = False,
 ) -> Mechanism:
     """The robot that the options of a command ask for."""
     from loopid.loading import load_mechanism
 
     return load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+        file,
+        lock or (),
+        floating_base=floating_base,
+        free_mimics=free_mimics,
+        tied=tied,
+        rounding=rounding,
+        snap=snap,
     )
 
 

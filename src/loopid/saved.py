@@ -94,6 +94,8 @@ class SavedOptions(_Record):
     floating_base: bool = False
     free_mimics: bool = False
     tied: bool = False
+    rounding: float | None = None
+    snap: bool = False
 
 
 class SavedRobot(_Record):

@@ -57,12 +57,11 @@ class Factorisation:
 
         With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
         """
-        values = self.values
-        if damping is None:
-            kept = np.arange(values.shape[1]) < self.rank[:, None]
-            inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-        else:
-            inverse = values / (values**2 + damping[:, None] ** 2)
+        kept = np.arange(self.values.shape[1]) < self.rank[:, None]
+        values = np.where(kept, self.values, np.inf)
+        inverse = 1.0 / values
+        if damping is not None:
+            inverse = 1.0 / (values + damping[:, None] ** 2 / values)
         projected = inverse[:, :, None] * (self.left.transpose(0, 2, 1) @ right_hand_sides)
         return np.asarray(self.right.transpose(0, 2, 1) @ projected, dtype=np.float64)
 

@@ -8,6 +8,7 @@ from loopid.loading.description import (
 )
 from loopid.loading.load import load_mechanism
 from loopid.loading.regions import collision_regions
+from loopid.loading.rounding import nearly_special
 from loopid.loading.urdf import parse_xml, read_urdf_file
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "find_files",
     "find_motion_file",
     "load_mechanism",
+    "nearly_special",
     "parse_xml",
     "read_urdf_file",
 ]

@@ -58,6 +58,8 @@ def load_mechanism(
     floating_base: bool = False,
     free_mimics: bool = False,
     tied: bool = False,
+    rounding: float | None = None,
+    snap: bool = False,
 ) -> Mechanism:
     """Load a robot and check that it is one.
 
@@ -75,11 +77,18 @@ def load_mechanism(
         Whether joints of a URDF that mimic others have motors of their own all the same.
     tied : bool
         Whether links that the file declares ``identical`` share their parameters.
+    rounding : float, optional
+        To what the numbers of the file are rounded, in m and rad; by default what the file's YAML
+        says, else six digits where loops would not close or not move otherwise. Closures are then
+        closed, by moving their frames as little as possible.
+    snap : bool
+        Whether axes that are nearly parallel or square, and lengths that are nearly equal, are
+        made so, within the rounding.
 
     Returns
     -------
     Mechanism
-        Closed at its reference to 1e-10 m, or as far as the rounded numbers of its file allow.
+        Closed at its reference to 1e-10 m.
 
     Raises
     ------
@@ -136,13 +145,20 @@ ModelWarning
             "floating_base": floating_base,
             "free_mimics": free_mimics,
             "tied": tied,
+            "rounding": rounding,
+            "snap": snap,
         },
     )
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
     given = files.given.reference if motors_given else ()
     parts = [part for name in given for part in (name, *tree.replaced.get(name, ()))]
-    mechanism, around = close_reference(mechanism, given=parts)
+    mechanism, around = close_reference(
+        mechanism,
+        parts,
+        description.rounding if rounding is None else rounding,
+        snap or description.snap,
+    )
     mechanism = replace(
         mechanism, joint_values=_joint_values(mechanism, source.model, description, locked)
     )

@@ -22,12 +22,14 @@ from loopid.kinematics import (
     CLOSURE_TOLERANCE,
     FOLDED,
     NEAR_SINGULARITY,
+    Factorisation,
     assembly_modes,
     close_by_continuation,
     close_loops,
     closed_motion,
     configuration_batches,
     difference,
+    geometry_accuracy,
     independent_coordinates,
     integrate,
     largest_residual,
@@ -36,6 +38,14 @@ from loopid.kinematics import (
     random_motions,
     scaled_constraint,
     singularity_measure,
+)
+from loopid.loading.rounding import (
+    ROUND_OFF,
+    SIX_DIGITS,
+    changes,
+    exact_geometry,
+    largest_gap,
+    rounding_that_closes,
 )
 from loopid.loading.tree import write_joint
 from loopid.observation import Observation
@@ -47,11 +57,9 @@ STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
 ENOUGH = 24  # closed configurations to choose the best of, where none suits
 LIMIT_TOLERANCE = 1e-6  # rad or m
-# Fractions of the characteristic length. Redundant equations of a file with rounded numbers
-# contradict each other: up to the first the rank of the closures is still clear, up to the second
-# rounding is the likely reason.
-ROUNDING = 1e-9
-LIKELY_ROUNDING = 1e-4
+# Of the characteristic length, up to which rounding is the likely reason that loops stay open.
+LIKELY_ROUNDING = 1e-3
+WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
 # leaves no choice.
 NEAR = 0.2
@@ -61,12 +69,17 @@ ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 ClosedReference = tuple[Mechanism, FloatArray]
 
 
-def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedReference:
+def close_reference(
+    mechanism: Mechanism, given: Collection[str], rounding: float | None = None, snap: bool = False
+) -> ClosedReference:
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
     motors that it leaves out; then several seeded starts of all joints left out are tried. Where
     that pose is singular or far from the written one, its assembly modes are compared.
+
+    Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
+    has rounded: to the rounding that is given, else to six digits.
 
     Raises
     ------
@@ -83,13 +96,78 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     SingularityWarning
         When the written one is singular.
     ClosureWarning
-        When it closes only as far as the file's numbers are rounded.
+        When joints or closures were moved, and by how much.
     """
+    near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
+    chosen, reason = None, None
+    if rounding is None and not snap:
+        try:
+            chosen = _closed_reference(mechanism, given, CLOSURE_TOLERANCE, near)
+        except MobilityError as error:
+            reason = error
+    if chosen is None or _hardly_held(*chosen, near):
+        tolerance = max(mechanism.closure_rank_tolerance, near / mechanism.length)
+        loose = replace(mechanism, closure_rank_tolerance=tolerance)
+        try:
+            found = _closed_reference(loose, given, max(near, CLOSURE_TOLERANCE), 0.0)
+        except MobilityError as error:
+            raise reason or error from None
+        if found is None:
+            raise RobotFileError(_open_loops(loose, loose.reference, given))
+        chosen = _exact(mechanism, found[0], rounding, snap)
+    outside = _outside(chosen[0])
+    if outside:
+        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
+    return chosen
+
+
+def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
+    """Whether equations that only rounded numbers make independent hold the robot."""
+    accuracy = geometry_accuracy(mechanism)
+    if mechanism.rows == 0 or not (accuracy.length or accuracy.angle):
+        return False
+    ranks = [
+        Factorisation.of(scaled_constraint(mechanism, around)[1], tolerance).rank.max()
+        for tolerance in (mechanism.closure_rank_tolerance, near / mechanism.length)
+    ]
+    return bool(ranks[1] < ranks[0])
+
+
+def _exact(
+    file: Mechanism, loose: Mechanism, rounding: float | None, snap: bool
+) -> ClosedReference:
+    """The mechanism with places corrected within the rounding, so that its loops close."""
+    presumed = SIX_DIGITS if rounding is None else rounding
+    moved = exact_geometry(loose, loose.reference, presumed, snap)
+    near = replace(moved, closure_residual=largest_gap(presumed, moved.length))
+    open_by = float(largest_residual(moved, nearby_configurations(near, near.reference)).max())
+    if open_by <= CLOSURE_TOLERANCE:
+        moved = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
+        open_by = 0.0
+    closed, around = _closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
+    shift, turn = changes(loose, closed)
+    if closed.model is not loose.model:
+        text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
+        if open_by:
+            text += f", and the loops then stay open by up to {open_by:.1e} m"
+            text += "; --snap makes nearly equal lengths equal" * (not snap)
+        warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
+    # What is as it is meant to be is no longer rounded, but to floating-point numbers.
+    left = presumed if open_by or not snap else ROUND_OFF * closed.length
+    return replace(closed, rounding=left), around
+
+
+def _closed_reference(
+    mechanism: Mechanism, given: Collection[str], tolerance: float, near: float
+) -> ClosedReference | None:
+    """The closed configuration that is meant; None where loops hardly miss to close."""
     closed: list[ClosedReference] = []
     chosen, best = None, (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
-        if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
+        if gap > tolerance:
+            if gap <= near:
+                return None
             continue
         found, first = _closed_at(mechanism, q), not closed
         closed.append(found)
@@ -104,14 +182,7 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
-    chosen = chosen or (max(inside, key=_measure) if inside else closed[0])
-    outside, left = _outside(chosen[0]), chosen[0].closure_residual
-    if outside:
-        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
-    if left:
-        text = f"the loops close to {left:.1e} m only: its numbers are rounded"
-        warn(f"{mechanism.path}: {text}", ClosureWarning)
-    return chosen
+    return chosen or (max(inside, key=_measure) if inside else closed[0])
 
 
 def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
@@ -121,7 +192,8 @@ def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]
         return True
     moved = difference(mechanism, drawn[None], mechanism.reference[None])
     near = float(np.abs(moved / mechanism.coordinate_scales).max()) <= NEAR
-    was_closed = largest_residual(mechanism, drawn[None])[0] <= ROUNDING * mechanism.length
+    open_by = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+    was_closed = largest_residual(mechanism, drawn[None])[0] <= open_by
     clear = measure >= (NEAR_SINGULARITY if was_closed else FOLDED)
     return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
 
@@ -240,6 +312,10 @@ def _scattered(
 def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
     residual = float(largest_residual(mechanism, q[None])[0])
+    residual = max(residual, mechanism.closure_residual)
+    mechanism = replace(
+        mechanism, closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0
+    )
     around = nearby_configurations(mechanism, q)
     try:
         chosen = independent_coordinates(mechanism, around)
@@ -249,7 +325,6 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     closed = replace(
         mechanism,
         reference=q,
-        closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
@@ -277,9 +352,10 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     if residual.max() < LIKELY_ROUNDING * mechanism.length:
+        needed = rounding_that_closes(float(residual.max()), mechanism.length)
         hint = (
-            ": the numbers of the file seem rounded, so that redundant equations contradict each "
-            "other; give more digits, or closures with fewer rows"
+            f": if its numbers are rounded, say so by --rounding {needed:g}, or by "
+            f"'rounding: {needed:g}' in a YAML, and joints and closures are moved within that"
         )
     return (
         f"{mechanism.path}: {origin}: closure {name} stays open by "

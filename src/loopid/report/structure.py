@@ -351,8 +351,11 @@ def _findings(record: dict[str, Any]) -> Table:
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
     if alone := record["motors_alone"]:
-        own = f"{alone['rank']} base parameters; {certificate(alone['search'])}"
-        rows[f"without rows '= 0' of {', '.join(record['undetermined'])}"] = own
+        free = ", ".join(record["undetermined"])
+        rows["felt by the motors alone"] = (
+            f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
+            f"{certificate(alone['search'])}"
+        )
     table = plain_table("findings", "", "")
     for row in rows.items():
         table.add_row(*row)

@@ -267,8 +267,9 @@ class Mechanism:
     modes : tuple of AssemblyMode
         Where the drawn pose is singular or open: the assembly modes that were found, the robot's
         own first. Otherwise there is nothing to choose, and none is listed.
-    rounding : float
-        How far in m closures may be from where the file has them; 0 where they are exact.
+    rounding : float or None
+        To what the numbers of its geometry are rounded, in m and rad; 0 where they are exact, None
+        where only they themselves tell.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
     rank_tolerance : float or None
@@ -306,7 +307,7 @@ class Mechanism:
     tied: bool = False
     closure_residual: float = 0.0
     modes: tuple[AssemblyMode, ...] = ()
-    rounding: float = 0.0
+    rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
     rank_tolerance: float | None = None
     margin: float | None = None
