@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import loopid
+from closure_robots import Y, body, joint, urdf
 from loopid import MotionLimits, design_excitation
 from loopid.errors import AssemblyError, MissingExtraError, OptionError
 from loopid.kinematics import closed_motion
@@ -186,3 +187,23 @@ def test_the_first_interrupt_keeps_the_best(five_bar):
     assert found.stopped
     assert found.violations == 0
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
+    followed = joint("second", "first", "gripper", (0.5, 0, 0)).replace(
+        "</joint>", '<mimic joint="turn" multiplier="0.5"/></joint>'
+    )
+    file = tmp_path / "gripper.urdf"
+    file.write_text(
+        urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
+    )
+    found = design_excitation(loopid.load_mechanism(file), **QUICK)
+    assert found.violations == 0
+    assert found.min_singularity_measure == 1.0
+
+
+@pytest.mark.validate
+def test_processes_change_nothing_but_the_time(five_bar):
+    options = QUICK | {"starts": 2, "time_limit": 600.0}
+    alone, shared = (design_excitation(five_bar, n_jobs=n, **options) for n in (1, 2))
+    np.testing.assert_array_equal(alone.motion.position, shared.motion.position)

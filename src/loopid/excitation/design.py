@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib.util import find_spec
-from multiprocessing import active_children
-from os import kill
 from time import monotonic
-from types import FrameType
 
 import numpy as np
 import scipy.linalg
@@ -26,9 +19,10 @@ from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
 from loopid.excitation.limits import Bounds, MotionLimits
 from loopid.excitation.problem import Coordinates, Problem
+from loopid.excitation.search import DesignProgress, searched
 from loopid.excitation.shapes import SHAPES, Shape
-from loopid.excitation.solvers import SOLVERS, Search
-from loopid.excitation.start import Poses, feasible_start, find_poses, random_margin
+from loopid.excitation.solvers import SOLVERS
+from loopid.excitation.start import Poses, find_poses, random_margin
 from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitProblem, FitSamples
 from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
@@ -39,7 +33,7 @@ from loopid.regressors import JointTerms
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
-from loopid.workers import one_blas_thread, ordered_map
+from loopid.workers import one_blas_thread
 
 # Seconds of a motion where nothing else is said.
 DURATIONS = {"gravity": 20.0, "full": 10.0}
@@ -61,9 +55,6 @@ DEPENDENT = 1e-9
 UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
-
-# Called with the seconds spent, those in all, and the best criterion so far.
-DesignProgress = Callable[[float, float, float], None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -278,8 +269,10 @@ def design_excitation(
         )
         poses = find_poses(problem, configurations, seed)
         solver = solver or ("ipopt" if find_spec("ipyopt") else "slsqp")
-        search = partial(_searched, problem, poses, solver, begun + time_limit, starts, iterations)
-        found = list(search(seed, n_jobs, progress))
+        clock = begun, begun + time_limit
+        found = list(
+            searched(problem, poses, solver, clock, starts, iterations, seed, n_jobs, progress)
+        )
         best = min(found, key=lambda each: each.criterion)
         X, checks = _repaired(problem, poses, problem.variables(best.best))
         motion = made.motion(problem.coordinates.names, X, rate)
@@ -488,106 +481,6 @@ def _criterion(
             raise OptionError.unknown("identifiable parameter", parameter, labels)
         rows |= {labels.index(name) for name in found}
     return OfCombinations(np.eye(len(labels))[sorted(rows)])
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What one start led to."""
-
-    start: FloatArray
-    best: FloatArray
-    criterion: float
-    evaluations: int
-    stopped: bool
-
-
-def _searched(
-    problem: Problem,
-    poses: Poses,
-    solver: str,
-    deadline: float,
-    starts: int,
-    iterations: int | None,
-    seed: int,
-    n_jobs: int,
-    progress: DesignProgress | None,
-) -> Iterator[Found]:
-    """The results of all starts there is time for, one at least."""
-    begun, best = monotonic(), np.inf
-    run = partial(_one_start, problem, poses, solver, iterations, seed)
-    with _interruptible() as interrupted:
-        if n_jobs > 1:
-            rounds = -(-starts // n_jobs)
-            each = max(deadline - begun, 0.0) / rounds
-            for found in ordered_map(run, [(k, each) for k in range(starts)], n_jobs):
-                best = min(best, found.criterion)
-                if progress is not None:
-                    progress(monotonic() - begun, deadline - begun, best)
-                yield found
-            return
-        for k in range(starts):
-            now = monotonic()
-            if k and (interrupted.is_set() or now > deadline):
-                break
-            share = max(deadline - now, 0.0) / (starts - k)
-
-            def watch(criterion: float, best: float = best) -> bool:
-                if progress is not None:
-                    progress(monotonic() - begun, deadline - begun, min(best, criterion))
-                return interrupted.is_set()
-
-            found = _one_start(problem, poses, solver, iterations, seed, (k, share), watch)
-            best = min(best, found.criterion)
-            yield found
-
-
-def _one_start(
-    problem: Problem,
-    poses: Poses,
-    solver: str,
-    iterations: int | None,
-    seed: int,
-    item: tuple[int, float],
-    watch: Callable[[float], bool] | None = None,
-) -> Found:
-    """Optimise from a random start of a number for some seconds."""
-    number, seconds = item
-    end = monotonic() + seconds
-    with _interruptible(worker=True) if watch is None else nullcontext() as interrupted:
-
-        def enough(criterion: float) -> bool:
-            told = interrupted is not None and interrupted.is_set()
-            told |= watch is not None and watch(criterion)
-            return told or monotonic() > end
-
-        start, near = feasible_start(problem, poses, seed, number)
-        search = Search(problem, enough, start, near, most=iterations)
-        stopped = search.run(SOLVERS[solver])
-    return Found(start, search.best, search.criterion, search.evaluations, stopped)
-
-
-@contextmanager
-def _interruptible(worker: bool = False) -> Iterator[threading.Event]:
-    """An event that Ctrl-C sets, here and in workers; a second Ctrl-C ends the program."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        if event.is_set() and not worker:
-            raise KeyboardInterrupt
-        event.set()
-        for child in active_children():
-            if child.pid is not None:
-                kill(child.pid, signal.SIGINT)
-
-    signal.signal(signal.SIGINT, stop)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _repaired(

@@ -231,7 +231,7 @@ class Bounds:
             turns = mechanism.platform.motions[at] in ROTATIONS  # type: ignore[union-attr]
             self._add("platform coordinate", name, "rad" if turns else "m", low, high)
             self._x.append(at)
-        self.loops = mechanism.rows > 0
+        self.loops = bool(mechanism.closures)  # couplings alone have no singularities
         self.collisions = collisions if collisions is not None and collisions.pairs else None
         if self.collisions is not None:
             size = FAR * mechanism.length

@@ -12,9 +12,9 @@ from loopid.excitation.problem import Problem, evaluate
 from loopid.kinematics import measured_coordinates, singularity_measure, try_assemble
 from loopid.robot import Mechanism
 
-# Random poses that are tried, the best of them that are improved, and how: by steps of a part of
+# How many of the best random poses are improved, how often, and how: by steps of a part of
 # the workspace that gets smaller.
-POSES, BEST, ROUNDS, SMALLER = 128, 8, 24, 0.85
+BEST, ROUNDS, SMALLER = 8, 14, 0.75
 # Random motions for a start, and by how much they are shrunk until they keep all bounds.
 DRAWS, SHRINK, SHRINKS = 3, 0.8, 40
 
