@@ -61,10 +61,12 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
         for figure in ("forces", "parameters", "reduction", "spectrum")
         for kind in ("svg", "png")
     }
-    assert names == {"report.md", "identification.json", "parameters.yaml", *pictures}
+    fits = {"parameters.yaml", "all_parameters.yaml"}
+    assert names == {"report.md", "identification.json", *fits, *pictures}
     loaded = read_fit(out / "parameters.yaml")
     saved = json.loads((out / "identification.json").read_text())
-    assert loaded.record() == saved["fit"]
+    assert loaded.record() == saved["recommended_fit"]
+    assert read_fit(out / "all_parameters.yaml").record() == saved["fit"]
     for label in loaded.parameters.labels:
         assert label in done.out
         assert label in page

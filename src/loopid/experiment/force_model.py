@@ -115,6 +115,11 @@ class ForceModel:
         return np.zeros(0) if terms is None else terms.values(self.mechanism)
 
     @property
+    def has_masses(self) -> bool:
+        """Whether the robot file gives any body a mass."""
+        return bool(self.mechanism.standard_parameters("full")[:: len(KINDS)].any())
+
+    @property
     def prior(self) -> FloatArray:
         """Values (n,) of the robot file, zero for joint terms unknown to it."""
         return self.base.values(self.standard_prior)
@@ -318,7 +323,7 @@ def cad_prior(
     if not 0 < relative < np.inf:
         raise OptionError(f"the relative deviation must be above 0, not {relative}")
     mechanism, M = force_model.mechanism, force_model.base.matrix
-    if not mechanism.standard_parameters("full")[:: len(KINDS)].any():
+    if not force_model.has_masses:
         raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
     sizes = relative * body_sizes(mechanism, force_model.model)
     bodies, count = len(sizes), M.shape[1] - len(sizes)
