@@ -84,3 +84,18 @@ FOLDED_MJCF = """<mujoco model="folded"><worldbody>
 <equality><connect body1="coupler" body2="rocker" anchor="0.5 0 0"/></equality>
 <actuator><motor joint="crank_joint"/></actuator></mujoco>
 """
+
+
+def parallelogram_chain(count, angle=0.6):
+    """An arm of many parallelograms, each on the coupler of the one before, on a turning base."""
+    parts = [frame("plate", "ground", rpy=UPWARDS), body("arm"), joint("turn", "plate", "arm")]
+    ties, motors, reference, parent = [], ["turn"], {}, "arm"
+    for k in range(count):
+        more, closure = parallelogram(f"p{k}", parent)
+        parts += more
+        ties.append(closure)
+        motors.append(f"p{k}_crank_joint")
+        for sign, name in ((1, "crank"), (-1, "coupler"), (1, "rocker")):
+            reference[f"p{k}_{name}_joint"] = sign * angle
+        parent = f"p{k}_coupler"
+    return parts, {"closures": ties, "name_mot": motors, "reference": reference}

@@ -548,7 +548,8 @@ class SavedFit(_Record):
     def _differences(self, mechanism: Mechanism) -> Iterator[str]:
         """What makes a mechanism another robot: only the first counts, the next build on it."""
         kind, terms = self.force_model.model, self.force_model.joint_terms
-        missing = set(() if terms is None else terms.joints) - set(mechanism.joints)
+        known = {*mechanism.joints, *mechanism.coordinates}
+        missing = set(() if terms is None else terms.joints) - known
         if missing:
             yield f"that has no joint {min(missing)}"
         for what, there, here in (

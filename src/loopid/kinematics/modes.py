@@ -28,7 +28,8 @@ from loopid.kinematics.projection import (
 from loopid.robot import AssemblyMode, Loop, Mechanism
 from loopid.seeds import random_generator
 
-STARTS = 64  # of the passive joints, ever further from the drawn pose
+# Starts of the passive joints, ever further from the drawn pose; each is one of every loop.
+STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8
 MOST_MODES = 8
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
 # Steps of the motors away from such a pose, in rad or characteristic lengths, and how many of them.
@@ -36,9 +37,9 @@ LEAST_STEP, LARGEST_STEP, STEPS = 0.15, 0.35, 8
 SAME = 1e-4  # distance of points in the same pose, in characteristic lengths
 PARALLEL = 1e-4  # relative rate at which parallel links may turn against each other
 # A mode leads to the drawn pose when this part of the step away from it ...
-BACK = 0.01
+BACK = 0.1
 # ... leaves at most this part of the distance: where two branches fold, it falls with the root.
-LEFT = 0.3
+LEFT = 0.5
 DIGITS = 4  # to which distances differ: round-off does not choose
 
 
@@ -134,10 +135,11 @@ def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[Float
 
 
 def _scattered(motors: JointCoordinates, drawn: FloatArray) -> FloatArray:
-    """The drawn pose (STARTS, nq) with passive joints ever further away, up to half a turn."""
-    radius = np.pi * np.linspace(0.0, 1.0, STARTS)[:, None]
-    steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (STARTS, len(motors.unknown)))
-    starts = np.repeat(drawn[None], STARTS, axis=0)
+    """The drawn pose (N, nq) with passive joints ever further away, up to half a turn."""
+    count = STARTS if len(motors.mechanism.loops) <= MANY_LOOPS else STARTS_OF_MANY
+    radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
+    steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
+    starts = np.repeat(drawn[None], count, axis=0)
     return integrate(motors.mechanism, starts, motors.tangent(radius * steps))
 
 
@@ -172,7 +174,9 @@ def _told_apart(
     for k, (loop, one) in enumerate(own):
         points = loop.points(np.stack([motors.mechanism.reference, away[k], near[k]]))
         first, left = (float(np.abs(points[i] - points[0]).max(initial=0.0)) for i in (1, 2))
-        marked[loops.index(loop)].append(replace(one, continues=left <= LEFT * first))
+        # Where the first ones do not lead back, the others were not tried on their own.
+        continues = left <= LEFT * first or not path.assembled[0]
+        marked[loops.index(loop)].append(replace(one, continues=continues))
     return marked
 
 

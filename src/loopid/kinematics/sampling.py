@@ -23,6 +23,7 @@ LEAST_MARGIN = 1e-4
 ATTEMPTS_PER_SAMPLE = 200
 FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
 NARROWER = 0.5  # ... by this factor ...
+MANY_LOOPS = 8  # from which on draws begin nearer
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
 PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
@@ -91,6 +92,8 @@ def configuration_batches(
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
+    # Of many loops that move on their own one fails in nearly every draw from anywhere.
+    spread *= min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
     draw = _Draw(spread, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:

@@ -65,6 +65,7 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 NEAR = 0.2
 # Of observations that only tell a rank: rows, and the part of the limits from which poses are.
 ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
@@ -115,6 +116,12 @@ def close_reference(
         if found is None:
             raise RobotFileError(_open_loops(loose, loose.reference, given))
         chosen = _exact(mechanism, found[0], rounding, snap)
+    if not given and (excluded := _excluded(mechanism)):
+        warn(
+            f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
+            "the loops were closed from the middle of the limits; give the pose as 'reference'",
+            ReferenceWarning,
+        )
     outside = _outside(chosen[0])
     if outside:
         warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
@@ -183,6 +190,17 @@ def _closed_reference(
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     return chosen or (max(inside, key=_measure) if inside else closed[0])
+
+
+def _excluded(mechanism: Mechanism) -> list[str]:
+    """Joints of loops that stand in the middle of limits which their zero is outside of."""
+    found = []
+    for name in mechanism.joints:
+        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
+        middle = joint.nq == 1 and mechanism.reference[joint.idx_q] == 0.5 * (low + high)
+        if middle and not low <= 0 <= high and mechanism.moving[:, joint.idx_v].any():
+            found.append(name)
+    return found
 
 
 def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
@@ -254,12 +272,14 @@ def _in_a_mode(
 
 def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
+    if len(mechanism.parameters()) > LARGEST:
+        return None
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     try:
         q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
         motion = closed_motion(robot, q, *random_motions(robot, samples))
-        W = motion_regressor(robot, motion)
+        W = motion_regressor(robot, motion).reshape(-1, len(robot.parameters()))
         return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
     except LoopidError:
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,7 +21,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
-from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -318,6 +319,21 @@ class Mechanism:
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
 
+        for name in {*self.actuated}:
+            if self.actuated.count(name) > 1:
+                raise OptionError(f"{self.name}: joint {name} is listed twice among the actuated")
+        frames = [self.model.frames[k] for closure in self.closures for k in closure.frame_ids]
+        placed = [(frame.name, frame.placement.rotation) for frame in frames]
+        placed += zip(
+            self.joints, [M.rotation for M in list(self.model.jointPlacements)[1:]], strict=True
+        )
+        for name, R in placed:
+            if not (np.abs(R @ R.T - np.eye(3)).max() <= UNIT and np.linalg.det(R) > 0):
+                raise OptionError(
+                    f"{self.name}: the axes of frame {name} must be right-handed unit vectors at "
+                    f"right angles (tolerance {UNIT:g})"
+                )
+
     def __repr__(self) -> str:
         return (
             f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
@@ -512,28 +528,38 @@ class Mechanism:
         return ids, self.supports(ids)
 
     @cached_property
+    def moving(self) -> BoolArray:
+        """Which coordinates (rows, nv) move the frames of each row's closure against each other."""
+        moving = np.zeros((self.rows, self.model.nv), dtype=bool)
+        owner = self.row_closures
+        _, supports = self.closure_frames
+        moving[: len(owner)] = (supports[::2] != supports[1::2])[owner]
+        for row, coupling in enumerate(self.couplings, len(owner)):
+            moving[row, list(coupling.v_indices)] = True
+        return moving
+
+    @property
+    def row_closures(self) -> IntArray:
+        """Which closure each row belongs to; those of couplings are left out."""
+        return np.repeat(np.arange(len(self.closures)), [c.rows for c in self.closures])
+
+    @cached_property
     def loops(self) -> tuple[Loop, ...]:
         """Closures and couplings, in groups that share no dependent coordinate."""
-        moved = np.zeros((self.rows, self.model.nv), dtype=bool)
-        owner = np.repeat(np.arange(len(self.closures)), [c.rows for c in self.closures])
-        _, supports = self.closure_frames
-        moved[: len(owner)] = (supports[::2] != supports[1::2])[owner]  # else both move alike
-        for row, coupling in enumerate(self.couplings, len(owner)):
-            moved[row, list(coupling.v_indices)] = True
-        shared = moved.copy()
+        owner, shared = self.row_closures, self.moving.copy()
         shared[:, self.velocity_indices(self.independent)] = False
         count, group = connected_components(csr_array(shared @ shared.T), directed=False)
         loops = []
         for k in range(count):
             rows = np.flatnonzero(group == k)
             closures = dict.fromkeys(self.closures[j] for j in owner[rows[rows < len(owner)]])
-            loops.append(Loop(rows, np.flatnonzero(moved[rows].any(axis=0)), tuple(closures)))
+            loops.append(Loop(rows, np.flatnonzero(self.moving[rows].any(axis=0)), tuple(closures)))
         return tuple(loops)
 
     @cached_property
     def length(self) -> float:
         """Characteristic length in m: the widest distance between joints at the reference."""
-        data = self.model.createData()
+        data = scratch_data(self.model)
         pin.forwardKinematics(self.model, data, self.reference)
         points = np.array([placement.translation for placement in list(data.oMi)[1:]])
         spread = np.linalg.norm(points[:, None] - points[None], axis=2)
@@ -623,6 +649,17 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
+
+
+_thread = threading.local()
+
+
+def scratch_data(model: pin.Model) -> pin.Data:
+    """Pinocchio's data of the model that a thread asked for last: large ones take long to make."""
+    if getattr(_thread, "model", None) is not model:
+        _thread.model, _thread.data = model, model.createData()
+    data: pin.Data = _thread.data
+    return data
 
 
 def link_frames(model: pin.Model) -> dict[str, int]:
