@@ -132,7 +132,8 @@ def base(
     from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
+    with progress_bar("robot"):
+        mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
@@ -147,7 +148,8 @@ def base(
             if search == ExactSearch.name:
                 strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
             alone = find_base_parameters(observation.motors_alone, strategy, criterion)
-    record = base_record(mechanism, model, found, alone)
+    with progress_bar("names"):
+        record = base_record(mechanism, model, found, alone)
     special = None if snap else nearly_special(mechanism)
     if special is not None:
         other, moved = special
