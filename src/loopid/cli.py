@@ -322,6 +322,8 @@ def excite(
         str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
     ] = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -347,7 +349,7 @@ def excite(
         margin,
         collisions,
     )
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     recordings = []
     for path in after or ():
         log = read_log(path, mechanism, mapping)
