@@ -25,6 +25,7 @@ from loopid.experiment.identify import (
     prediction_reach,
     split_recordings,
 )
+from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
 
 __all__ = [
     "DEFAULT_FRACTION",
@@ -35,6 +36,8 @@ __all__ = [
     "ForceModel",
     "Identifiability",
     "Identification",
+    "MotorGain",
+    "Suspicions",
     "WeakDirection",
     "cad_prior",
     "distributed_problem",
@@ -47,4 +50,5 @@ __all__ = [
     "prediction_reach",
     "reference_instruments",
     "split_recordings",
+    "suspicions",
 ]

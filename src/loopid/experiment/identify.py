@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
-from loopid.errors import DataError, ExcitationWarning, OptionError, RankError, warn
+from loopid.errors import DataError, ExcitationWarning, LogWarning, OptionError, RankError, warn
 from loopid.experiment.force_model import (
     PRIOR_DEVIATION,
     ForceModel,
@@ -23,6 +23,7 @@ from loopid.experiment.identifiability import (
     fit_excited,
     identifiability,
 )
+from loopid.experiment.suspicions import Suspicions, suspicions
 from loopid.identification import (
     BayesianRidge,
     Estimator,
@@ -135,6 +136,8 @@ class Identification:
         What the training data tell of the parameters that were fitted to them.
     consistent : ConsistentFit or None
         Physically consistent parameters, where they were asked for.
+    suspicions : tuple of Suspicions
+        What each recording makes suspect, those for training first.
     """
 
     force_model: ForceModel
@@ -146,6 +149,7 @@ class Identification:
     candidates: tuple[Candidate, Candidate, Candidate]
     identifiability: Identifiability
     consistent: ConsistentFit | None = None
+    suspicions: tuple[Suspicions, ...] = ()
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -278,6 +282,8 @@ def identify(
     ExcitationWarning
         Of unidentifiable combinations that the robot file's values are kept for, and of weakly
         identifiable ones.
+    LogWarning
+        Of mistakes that would explain the forces of a recording clearly better (``suspicions``).
 
     Examples
     --------
@@ -306,6 +312,7 @@ def identify(
             f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
             f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
         )
+    suspected = _suspected(force_model, (*training, *validation, *friction))
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
@@ -360,8 +367,20 @@ def identify(
         bodies = consistent_fit(*given, regularisation=consistent, repair=repair)
     recordings = tuple(training), tuple(validation)
     return Identification(
-        force_model, *recordings, data, fitted, reduction, candidates, found, bodies
+        force_model, *recordings, data, fitted, reduction, candidates, found, bodies, suspected
     )
+
+
+def _suspected(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Suspicions, ...]:
+    """What is suspected of each log, by the first recording of it; warns of all of it."""
+    first = {recording.name: recording for recording in reversed(recordings)}
+    found = tuple(
+        suspicions(force_model, first[name]) for name in dict.fromkeys(r.name for r in recordings)
+    )
+    for one in found:
+        for sentence in one.sentences:
+            warn(f"{one.recording}: {sentence}", LogWarning)
+    return found
 
 
 def _gathered(

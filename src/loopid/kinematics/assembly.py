@@ -173,18 +173,23 @@ def try_assemble(
 
     Parameters
     ----------
+    start : FloatArray, optional
+        (nq,), or without a trajectory (N, nq), one a sample.
     shortest_step : float
         Part of the way below which a sample is given up.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
-    q = samples(q, mechanism.model.nq, "start", 1)
+    q = samples(
+        q, mechanism.model.nq, "start", 1 if trajectory or len(np.shape(q)) < 2 else len(targets)
+    )
     options = PathOptions(tolerance, shortest_step)
     with one_blas_thread():
         if trajectory:
             return follow_trajectory(measured, q[0], targets, options)
-        return follow_paths(measured, np.repeat(q, len(targets), axis=0), targets, options)
+        starts = np.array(np.broadcast_to(q, (len(targets), q.shape[1])))
+        return follow_paths(measured, starts, targets, options)
 
 
 def follow_paths(
