@@ -49,6 +49,7 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/codegen.py
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/certificates.py
+	$(BIN)/python benchmarks/excitation.py
 
 # Packages that loopid is compared with, in an environment of their own.
 peers: .venv/peers/ready

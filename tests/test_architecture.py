@@ -21,16 +21,17 @@ STREET = (
     "observation",
     "robot",
     "kinematics",
-    "loading",
     "regressors",
     "dynamics",
+    "base_parameters",
+    "loading",
     "trajectories",
     "logs",
     "simulation",
-    "base_parameters",
     "identification",
     "consistency",
     "experiment",
+    "excitation",
     "saved",
     "prediction",
     "export",
@@ -113,3 +114,9 @@ def test_the_symbolic_model_is_independent(culprit):
 def test_steps_to_the_left_and_inside_are_allowed():
     source = "from loopid.errors import DataError\nfrom .linear import Factorisation\nimport numpy"
     assert violations(SOURCE / "kinematics" / "new.py", source) == set()
+
+
+def test_no_two_files_of_tests_have_one_name():
+    """Pytest imports them by their names."""
+    names = [f.name for f in Path(__file__).parent.rglob("*.py") if f.name != "conftest.py"]
+    assert sorted(set(names)) == sorted(names)

@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -111,61 +110,6 @@ def test_closed_form_kinematics_is_assembly(robot, shift):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_random_poses_are_closed(robot):
     assert np.abs(constraint_residual(load(robot), poses(robot))).max() < 1e-10
-
-
-def joint_values(robot):
-    return dict(zip(load(robot).joints, poses(robot).T, strict=True))
-
-
-def bar(length, angle):
-    return length * np.exp(1j * angle)
-
-
-@pytest.mark.parametrize("robot", ["four_bar", "parallelogram"])
-def test_the_four_bars_loop_equation(robot):
-    q, dimensions = joint_values(robot), row(robot)
-    start, pivot = (complex(*point) for point in dimensions["ground"])
-    crank, coupler, rocker = dimensions["lengths"].values()
-    knuckle = start + bar(crank, q["crank_joint"])
-    end = knuckle + bar(coupler, q["crank_joint"] + q["coupler_joint"])
-    np.testing.assert_allclose(end, pivot + bar(rocker, q["rocker_joint"]), atol=1e-12)
-
-
-def test_the_parallelograms_coupler_does_not_turn():
-    q = joint_values("parallelogram")
-    np.testing.assert_allclose(q["rocker_joint"], q["crank_joint"], atol=1e-12)
-    assert np.ptp(q["crank_joint"] + q["coupler_joint"]) < 1e-12
-
-
-def platform_places(robot):
-    """Rotations (N, 3, 3) and origins (N, 3) of the platform."""
-    model = load(robot).model
-    data, frame, places = model.createData(), model.getFrameId("platform"), []
-    for q in poses(robot):
-        pin.framesForwardKinematics(model, data, q)
-        places.append(data.oMf[frame].homogeneous)
-    return np.array(places)[:, :3, :3], np.array(places)[:, :3, 3]
-
-
-@pytest.mark.parametrize("robot", ["6ups", "6ups_crosses"])
-def test_the_strokes_are_the_distances_of_the_balls(robot):
-    q, dimensions, (rotation, origin) = joint_values(robot), row(robot), platform_places(robot)
-    points = zip(dimensions["ground"], dimensions["platform"], strict=True)
-    for leg, (foot, point) in enumerate(points, start=1):
-        distance = np.linalg.norm(origin + rotation @ point - foot, axis=1)
-        np.testing.assert_allclose(q[f"leg{leg}_stroke"], distance, atol=1e-12)
-
-
-def test_the_deltas_platform_shifts_on_three_spheres():
-    q, d, (rotation, origin) = joint_values("delta"), row("delta"), platform_places("delta")
-    assert np.abs(rotation - np.eye(3)).max() < 1e-12
-    middle = origin - (d["platform"][0], d["half_width"], 0)
-    for leg, azimuth in enumerate(d["azimuth"]):
-        arm, out = q[f"leg{leg + 1}_arm_joint"], np.array([np.cos(azimuth), np.sin(azimuth), 0])
-        reach = d["ground"][leg] - d["platform"][leg] + d["lengths"]["arm"] * np.cos(arm)
-        elbow = np.outer(reach, out) - np.outer(d["lengths"]["arm"] * np.sin(arm), (0, 0, 1))
-        distance = np.linalg.norm(middle - elbow, axis=1)
-        np.testing.assert_allclose(distance, d["lengths"]["rod"], atol=1e-12)
 
 
 def lying(dimensions, urdf):

@@ -52,6 +52,7 @@ def anchor(heading):
 
 
 ALL = [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]
+PARTS = ("src", "tests", "urdf", "benchmarks")
 
 
 @pytest.mark.parametrize("page", ALL, ids=lambda page: page.name)
@@ -78,3 +79,10 @@ def test_the_tolerances_of_the_notation_are_in_the_rooms_that_it_names():
             text = "\n".join(file.read_text() for file in files)
         for name in re.findall(r"`([A-Z_]{3,})`", line.partition(" | ")[0]) if rooms else ():
             assert re.search(rf"^(\w+, )*{name}\b[^=\n]* = ", text, re.M), (rooms, name)
+
+
+@pytest.mark.parametrize("page", ALL, ids=lambda page: page.name)
+def test_source_files_that_are_named_exist(page):
+    files = [f"/{f.relative_to(ROOT)}" for part in PARTS for f in (ROOT / part).rglob("*.py")]
+    for name in re.findall(r"`([\w/]+\.py)[ `]", page.read_text()):
+        assert any(file.endswith(f"/{name}") for file in files), name

@@ -27,7 +27,7 @@ def test_make_targets_of_the_readme_exist():
 
 def test_the_wheel_carries_every_robot():
     build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
-    packed = build["targets"]["wheel"]["force-include"]
-    robots = [*(ROOT / "urdf").glob("*.urdf"), *(ROOT / "urdf").glob("*.yaml")]
-    assert {f"urdf/{file.name}" for file in robots} == set(packed)
-    assert all(target == f"loopid/{source}" for source, target in packed.items())
+    wheel = build["targets"]["wheel"]
+    packed = {file for pattern in wheel["include"] for file in ROOT.glob(pattern)}
+    assert {*ROOT.glob("urdf/*.urdf"), *ROOT.glob("urdf/*.yaml"), ROOT / "urdf/logs"} <= packed
+    assert wheel["sources"] == {"src/loopid": "loopid", "urdf": "loopid/urdf"}

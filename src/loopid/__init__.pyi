@@ -20,6 +20,15 @@ from loopid.consistency import (
 )
 from loopid.dynamics import forward_dynamics as forward_dynamics
 from loopid.errors import LoopidError as LoopidError
+from loopid.excitation import (
+    MotionLimits as MotionLimits,
+)
+from loopid.excitation import (
+    design_excitation as design_excitation,
+)
+from loopid.experiment import (
+    drive_gains as drive_gains,
+)
 from loopid.experiment import (
     exciting_motion as exciting_motion,
 )
@@ -31,6 +40,9 @@ from loopid.experiment import (
 )
 from loopid.experiment import (
     identify as identify,
+)
+from loopid.experiment import (
+    identify_payload as identify_payload,
 )
 from loopid.experiment import (
     split_recordings as split_recordings,

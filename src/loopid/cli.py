@@ -10,9 +10,10 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -22,7 +23,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from loopid.errors import LoopidError, MissingFileError, OptionError, one_line
+from loopid.errors import (
+    AccuracyWarning,
+    LoopidError,
+    MissingFileError,
+    OptionError,
+    one_line,
+    warn,
+)
 from loopid.files import require_folder, require_other_file, write_file, write_files
 from loopid.workers import Progress as Reporter
 
@@ -48,6 +56,14 @@ Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root
 FreeMimics = Annotated[
     bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
 ]
+Rounding = Annotated[
+    float | None,
+    typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
+]
+Snap = Annotated[
+    bool,
+    typer.Option("--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."),
+]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 TERMS_HELP = (
     "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
@@ -58,6 +74,7 @@ Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
 YAML = (".yaml", ".yml", ".json")
+LEAST_TIME = 0.01  # s, of a search after one that has used the limit
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -65,6 +82,8 @@ LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a 
 def check(
     file: RobotFile,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -72,7 +91,7 @@ def check(
     """Report joints, closures, mobility and distance to singularity."""
     from loopid.report import check_record, check_tables
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     record = check_record(mechanism)
     show(record, check_tables(record), as_json)
 
@@ -94,6 +113,8 @@ def base(
         float, typer.Option(help="Of the exact search, in s; then its best so far.")
     ] = 10.0,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -106,12 +127,12 @@ def base(
         find_base_parameters,
         make_strategy,
     )
+    from loopid.loading import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
     from loopid.report import base_record, base_tables
-    from loopid.robot import named_lengths
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
@@ -121,8 +142,22 @@ def base(
     with progress_bar("combinations") as report:
         if search == ExhaustiveSearch.name:
             strategy = ExhaustiveSearch(progress=report)
-        found = find_base_parameters(observation, strategy, criterion)
-    record = base_record(mechanism.name, model, found, named_lengths(mechanism))
+        found, alone = find_base_parameters(observation, strategy, criterion), None
+        if observation.motors_alone is not None:
+            if search == ExactSearch.name:
+                strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
+            alone = find_base_parameters(observation.motors_alone, strategy, criterion)
+    record = base_record(mechanism, model, found, alone)
+    special = None if snap else nearly_special(mechanism)
+    if special is not None:
+        other, moved = special
+        W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
+        record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
+        warn(
+            f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as it is, "
+            f"{record['base_parameters_if_snapped']} with --snap, {moved}",
+            AccuracyWarning,
+        )
     show(record, base_tables(record), as_json)
 
 
@@ -136,6 +171,8 @@ def motions(
     rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
     margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     as_json: Json = False,
@@ -144,7 +181,7 @@ def motions(
     from loopid.report import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
-    mechanism = loaded(file, lock, floating_base, free_mimics)
+    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     planned, reviews = read_motion_program(program or mechanism.name), {}
     with progress_bar("motions") as report:
         for name in planned.motions:
@@ -211,6 +248,165 @@ def simulate(
 
 
 @app.command()
+def excite(
+    file: RobotFile,
+    out: Out = None,
+    model: Annotated[str, typer.Option(help="gravity (slow motion) or full.")] = "gravity",
+    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
+    criterion: Annotated[str, typer.Option(help="D, A, E or condition.")] = "D",
+    shape: Annotated[
+        str, typer.Option(help="fourier, spline, or poses to stand in (gravity).")
+    ] = "fourier",
+    size: Annotated[
+        int | None, typer.Option(help="Harmonics, waypoints or poses; enough by default.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="In s; 20 for a gravity model, 10 for a full one.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second of the run.")] = 100.0,
+    coordinates: Annotated[
+        str, typer.Option(help="Design in joints or platform coordinates.")
+    ] = "joints",
+    share: Annotated[float, typer.Option(help="Part of each limit that may be used.")] = 1.0,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."),
+    ] = None,
+    max_speed: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."),
+    ] = None,
+    max_acceleration: Annotated[
+        list[str] | None, typer.Option(metavar="[JOINT=]A", help="As --max-speed.")
+    ] = None,
+    max_force: Annotated[
+        list[str] | None, typer.Option(metavar="[JOINT=]F", help="As --max-speed.")
+    ] = None,
+    workspace: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."),
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option(help="Least singularity measure; 0.02, or what is possible.")
+    ] = None,
+    collisions: Annotated[
+        bool, typer.Option(help="Links must not touch, by the URDF's collision geometry.")
+    ] = True,
+    noise: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."),
+    ] = None,
+    after: Annotated[
+        list[str] | None, typer.Option(metavar="LOG", help="Add to what this log tells.")
+    ] = None,
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns of LOG are what.")
+    ] = None,
+    wanted: Annotated[
+        list[str] | None,
+        typer.Option("--for", metavar="PARAMETER", help="Light up this one; repeatable."),
+    ] = None,
+    payload: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Only its parameters are unknown.")
+    ] = None,
+    time_limit: Annotated[float, typer.Option(help="Of the design, in s.")] = 60.0,
+    starts: Annotated[int, typer.Option(help="Random motions to begin with.")] = 4,
+    iterations: Annotated[
+        int | None, typer.Option(help="Evaluations of each start; as many as the time allows.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
+    jobs: Annotated[int, typer.Option(metavar="N", help="Processes, for several starts.")] = 1,
+    solver: Annotated[
+        str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
+    ] = None,
+    lock: Lock = None,
+    floating_base: Floating = False,
+    free_mimics: FreeMimics = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Design a motion that excites the parameters, within what the robot can do.
+
+    Ctrl-C keeps the best motion so far.
+    """
+    from loopid.excitation import MotionLimits, design_excitation
+    from loopid.logs import prepare_recording, read_log
+    from loopid.regressors import JointTerms
+    from loopid.report import excitation_files, excitation_record, excitation_tables
+
+    require_output(out)
+    limits = MotionLimits(
+        share,
+        _ranges("--limit", limit),
+        _sizes("--max-speed", max_speed),
+        _sizes("--max-acceleration", max_acceleration),
+        _sizes("--max-force", max_force),
+        _ranges("--workspace", workspace),
+        margin,
+        collisions,
+    )
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    recordings = []
+    for path in after or ():
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            recordings.append(prepare_recording(mechanism, log, progress=report))
+    deviations = _sizes("--noise", noise)
+    with criterion_bar(criterion) as watch:
+        found = design_excitation(
+            mechanism,
+            model,
+            JointTerms.of(mechanism, terms),
+            limits,
+            criterion,
+            shape,
+            duration,
+            size,
+            coordinates,
+            deviations or None,
+            recordings,
+            wanted or (),
+            payload,
+            rate,
+            time_limit,
+            starts,
+            iterations,
+            seed,
+            jobs,
+            solver,
+            watch,
+        )
+    if out is not None:
+        write_files(out, excitation_files(found))
+    show(excitation_record(found), excitation_tables(found), as_json)
+
+
+def _ranges(option: str, given: Sequence[str] | None) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH by name."""
+    found = {}
+    for text in given or ():
+        name, _, ends = text.rpartition("=")
+        low, _, high = ends.partition(":")
+        found[name] = (_number(option, text, low), _number(option, text, high))
+        if not name:
+            raise OptionError(f"{option} must be NAME=LOW:HIGH, not {text!r}")
+    return found
+
+
+def _sizes(option: str, given: Sequence[str] | None) -> dict[str, float]:
+    """[NAME=]NUMBER by name, or by "all"."""
+    parts = [(text, *text.rpartition("=")) for text in given or ()]
+    return {name or "all": _number(option, text, number) for text, name, _, number in parts}
+
+
+def _number(option: str, text: str, number: str) -> float:
+    try:
+        return float(number)
+    except ValueError:
+        raise OptionError(f"{option} must have numbers, not {text!r}") from None
+
+
+@app.command()
 def identify(
     file: RobotFile,
     logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
@@ -258,11 +454,18 @@ def identify(
         float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
     ] = None,
     train: Annotated[
-        float, typer.Option(help="Part of each log's time that is fitted; the rest validates.")
+        float,
+        typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
     ] = 0.6,
     validate: Annotated[
         list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
     ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="S", help="Of each LOG, in s from its start.")
+    ] = 0.0,
+    end: Annotated[
+        float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
+    ] = inf,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -272,6 +475,8 @@ def identify(
     ] = 1,
     out: Out = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -279,37 +484,26 @@ def identify(
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
-    from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
     from loopid.report import (
         identification_files,
         identification_record,
         identification_tables,
     )
-    from loopid.trajectories import LowPass
 
     require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    if not start < end:
+        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
-    lowpass = None if cutoff is None else LowPass(cutoff)
-
-    def recordings(paths: Sequence[str] | None, columns: str | None = mapping) -> list[Recording]:
-        found = []
-        for path in paths or ():
-            log = read_log(path, mechanism, columns)
-            with progress_bar(f"assembling {log.name}") as report:
-                found.append(
-                    prepare_recording(mechanism, log, lowpass or "default", progress=report)
-                )
-        return found
-
-    training: Sequence[Recording] = recordings(logs)
-    validation: Sequence[Recording] = recordings(validate)
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    training: Sequence[Recording] = [run.between(start, end) for run in runs]
+    validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
         training, validation = experiment.split_recordings(training, train)
-    references = [each.motion for each in recordings(reference, reference_mapping)]
+    commanded = prepared(mechanism, reference, reference_mapping, cutoff)
     with progress_bar("poses") as report:
         force_model = experiment.find_force_model(mechanism, model, joint_terms, progress=report)
     found = experiment.identify(
@@ -317,10 +511,10 @@ def identify(
         training,
         validation,
         estimator,
-        recordings(friction_log),
+        prepared(mechanism, friction_log, mapping, cutoff),
         jobs,
         unidentifiable,
-        references,
+        [each.motion for each in commanded],
         prior_deviation,
         consistent,
         repair,
@@ -348,25 +542,72 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.logs import prepare_recording, read_log
     from loopid.prediction import predict as predicted
     from loopid.report import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
-    from loopid.trajectories import LowPass
 
     require_output(out)
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
-    found = []
-    for path in logs:
-        log = read_log(path, mechanism, mapping)
-        with progress_bar(f"assembling {log.name}") as report:
-            lowpass = None if cutoff is None else LowPass(cutoff)
-            recording = prepare_recording(mechanism, log, lowpass or "default", progress=report)
-        found.append(predicted(saved, mechanism, recording))
+    runs = prepared(mechanism, logs, mapping, cutoff)
+    found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
     show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@app.command()
+def payload(
+    file: RobotFile,
+    link: Annotated[str, typer.Argument(metavar="LINK", help="That the payload is fixed to.")],
+    unloaded: Annotated[list[str], typer.Option(metavar="LOG", help="Without it; repeatable.")],
+    loaded_log: Annotated[
+        list[str], typer.Option("--loaded", metavar="LOG", help="With it; repeatable.")
+    ],
+    known_mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Of the payload: then find the gains of the drives."),
+    ] = None,
+    centre: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="Of the known mass, in the link's frame in m.")
+    ] = "0,0,0",
+    mapping: Annotated[
+        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+    ] = "gravity",
+    terms: Annotated[str, typer.Option(help="Of every motor; as for identify.")] = "Fc,Fv",
+    estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
+    ] = None,
+    lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
+    tied: Tied = False,
+    as_json: Json = False,
+) -> None:
+    """Identify a payload from logs without and with it, or drive gains from a known one."""
+    import numpy as np
+
+    from loopid.experiment import drive_gains, find_force_model, identify_payload
+    from loopid.regressors import JointTerms
+    from loopid.report import gains_record, gains_tables, payload_record, payload_tables
+
+    mechanism = loaded(file, lock, False, False, tied, rounding, snap)
+    force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
+    light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
+    if known_mass is None:
+        found = identify_payload(force_model, link, light, heavy, estimator)
+        show(payload_record(found), payload_tables(found), as_json)
+        return
+    try:
+        place = np.array([float(number) for number in centre.split(",")])
+    except ValueError:
+        raise OptionError(f"--centre must be three numbers X,Y,Z, not {centre!r}") from None
+    gains = drive_gains(force_model, link, known_mass, place, light, heavy, estimator=estimator)
+    show(gains_record(gains), gains_tables(gains), as_json)
 
 
 @app.command()
@@ -461,13 +702,25 @@ def paper(
 
 
 def loaded(
-    file: str, lock: list[str] | None, floating_base: bool, free_mimics: bool, tied: bool = False
+    file: str,
+    lock: list[str] | None,
+    floating_base: bool,
+    free_mimics: bool,
+    tied: bool = False,
+    rounding: float | None = None,
+    snap: bool = False,
 ) -> Mechanism:
     """The robot that the options of a command ask for."""
     from loopid.loading import load_mechanism
 
     return load_mechanism(
-        file, lock or (), floating_base=floating_base, free_mimics=free_mimics, tied=tied
+        file,
+        lock or (),
+        floating_base=floating_base,
+        free_mimics=free_mimics,
+        tied=tied,
+        rounding=rounding,
+        snap=snap,
     )
 
 
@@ -501,6 +754,22 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
             f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
             "its file with --robot"
         ) from None
+
+
+def prepared(
+    mechanism: Mechanism, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+) -> list[Recording]:
+    """Logs, read and made ready for identification."""
+    from loopid.logs import prepare_recording, read_log
+    from loopid.trajectories import LowPass
+
+    lowpass = None if cutoff is None else LowPass(cutoff)
+    found = []
+    for path in paths or ():
+        log = read_log(path, mechanism, mapping)
+        with progress_bar(f"assembling {log.name}") as report:
+            found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
+    return found
 
 
 def require_output(out: str | None, *inputs: str | None) -> None:
@@ -538,6 +807,25 @@ def progress_bar(what: str) -> Iterator[Reporter]:
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(one_line(what), total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+@contextmanager
+def criterion_bar(criterion: str) -> Iterator[Callable[[float, float, float], None]]:
+    """A progress bar over the time of a design, with its best criterion so far."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda spent, total, best: None
+        return
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(criterion, total=None)
+
+        def show_best(spent: float, total: float, best: float) -> None:
+            progress.update(
+                task, completed=spent, total=total, description=f"{criterion} {best:.4g}"
+            )
+
+        yield show_best
 
 
 def _show_version(wanted: bool) -> None:

@@ -78,8 +78,13 @@ class Observation:
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
+    order : tuple of str
+        Links and joints in the order in which the first of equally good choices is taken, where
+        it is not that of the columns.
     geometry : RoundedGeometry or None
         None where the geometry is exact, or not known.
+    motors_alone : Observation or None
+        Without the rows "= 0" of coordinates that the motors leave free, where there are any.
 
     Examples
     --------
@@ -96,7 +101,9 @@ class Observation:
     length: float = 1.0
     matrix: FloatArray | None = None
     natural_size: float = 0.0
+    order: tuple[str, ...] = ()
     geometry: RoundedGeometry | None = None
+    motors_alone: Observation | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:
@@ -143,31 +150,36 @@ class Observation:
         length: float = 1.0,
         keep_matrix: bool = False,
         natural_size: float = 0.0,
+        driven: int | None = None,
     ) -> Observation:
         """Factor an observation matrix that comes in parts, with one in memory at a time.
 
-        As ``from_matrix``, for an iterable of matrices.
+        As ``from_matrix``, for an iterable of matrices; the first ``driven`` rows of each sample
+        are those of motors.
         """
-        n, rows, kept = len(parameters), 0, []
+        n, rows, driven_rows, kept = len(parameters), 0, 0, []
         # The row of a joint has columns of those bodies only that move with it: in a tree, few of
-        # all. So each of the dof rows of a sample is reduced on its own, and all at the end.
-        factors = np.zeros((0, n, n))
+        # all. So each of the dof rows of a sample is reduced on its own, where there are more
+        # samples than columns, and all at the end.
+        factors, waiting = np.zeros((0, n, n)), list[FloatArray]()
         for part in parts:
             W = _samples(part, n)
-            dof = W.shape[1]
-            if dof > len(factors):
-                factors = np.concatenate([factors, np.zeros((dof - len(factors), n, n))])
             for block in row_blocks(len(W)):
-                add_rows(factors[:dof], W[block].swapaxes(0, 1))
-            rows += len(W) * dof
+                waiting.append(W[block])
+                if sum(map(len, waiting)) >= n:
+                    factors, waiting = _reduced(factors, waiting), []
+            rows += len(W) * W.shape[1]
+            driven_rows += len(W) * (driven or 0)
             if keep_matrix:
                 kept.append(W.reshape(-1, n))
         if rows == 0:
             raise DataError("the observation matrix has no rows")
-        stacked = factors.reshape(-1, n)
-        factor = frozen(triangular_factor(stacked[stacked.any(axis=1)]))
+        factor, alone = _stacked([factors, *waiting]), None
+        if driven is not None:
+            own = _stacked([factors[:driven], *(W[:, :driven] for W in waiting)])
+            alone = cls(parameters, own, driven_rows, length, None, natural_size)
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        return cls(parameters, factor, rows, length, matrix, natural_size)
+        return cls(parameters, factor, rows, length, matrix, natural_size, motors_alone=alone)
 
     @checked
     def merge(self, other: Observation) -> Observation:
@@ -185,7 +197,24 @@ class Observation:
         matrices = [one.matrix for one in (self, other) if one.matrix is not None]
         matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
         rows = self.rows + other.rows
-        return replace(self, factor=frozen(factor), rows=rows, matrix=matrix, geometry=None)
+        found = replace(self, factor=frozen(factor), rows=rows, matrix=matrix)
+        return replace(found, geometry=None, motors_alone=None)
+
+
+def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
+    """Factors (dof, n, n) of those before and of samples (N, dof, n), row by row of a sample."""
+    for W in samples:
+        more = W.shape[1] - len(factors)
+        if more > 0:
+            factors = np.concatenate([factors, np.zeros((more, *factors.shape[1:]))])
+        add_rows(factors[: W.shape[1]], W.swapaxes(0, 1))
+    return factors
+
+
+def _stacked(matrices: list[FloatArray]) -> FloatArray:
+    """The triangular factor (n, n), read-only, of the rows of matrices (..., n)."""
+    rows = np.concatenate([matrix.reshape(-1, matrix.shape[-1]) for matrix in matrices])
+    return frozen(triangular_factor(rows[rows.any(axis=1)]))
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:

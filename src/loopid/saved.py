@@ -94,6 +94,8 @@ class SavedOptions(_Record):
     floating_base: bool = False
     free_mimics: bool = False
     tied: bool = False
+    rounding: float | None = None
+    snap: bool = False
 
 
 class SavedRobot(_Record):
@@ -266,7 +268,7 @@ class SavedFit(_Record):
                 ),
                 "base_parameters": tuple(
                     {"name": p.label, "unit": p.unit, "expression": expression(terms)}
-                    | {"value": value, "terms": terms, **error}
+                    | {"value": value, "terms": dict(terms), **error}
                     for p, terms, value, error in entries
                 ),
                 "covariance": covariance,
@@ -546,7 +548,8 @@ class SavedFit(_Record):
     def _differences(self, mechanism: Mechanism) -> Iterator[str]:
         """What makes a mechanism another robot: only the first counts, the next build on it."""
         kind, terms = self.force_model.model, self.force_model.joint_terms
-        missing = set(() if terms is None else terms.joints) - set(mechanism.joints)
+        known = {*mechanism.joints, *mechanism.coordinates}
+        missing = set(() if terms is None else terms.joints) - known
         if missing:
             yield f"that has no joint {min(missing)}"
         for what, there, here in (

@@ -101,6 +101,8 @@ def test_nothing_can_be_changed(found):
     for array in [*arrays, structure.row_factor]:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
+    with pytest.raises(TypeError):
+        found.terms[0]["more"] = 1.0
     with pytest.raises(FrozenInstanceError):
         found.base = found.dependent
     with pytest.raises(FrozenInstanceError):

@@ -1,5 +1,6 @@
 """Trees that others describe, whose numbers of base parameters are known: docs/mechanisms.md."""
 
+import warnings
 from itertools import pairwise
 from xml.etree import ElementTree
 
@@ -16,6 +17,7 @@ from loopid import (
 )
 from loopid.base_parameters import CRITERIA
 from loopid.base_parameters.structure import analyse
+from loopid.errors import ModelWarning
 from loopid.kinematics import closed_motion
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
@@ -50,9 +52,15 @@ def row(request, robot_data):
     return request.param
 
 
+def load(*arguments, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # what transmissions say beside the bodies
+        return load_mechanism(*arguments, **options)
+
+
 @pytest.fixture(scope="module")
 def robot(row, robot_data):
-    return load_mechanism(robot_data / row["URDF"], **options(row))
+    return load(robot_data / row["URDF"], **options(row))
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +107,7 @@ def talos(robot_data):
     file = robot_data / TALOS
     if not file.is_file():
         pytest.skip(f"example-robot-data has no {TALOS}")
-    return load_mechanism(file), load_mechanism(file, free_mimics=True)
+    return load(file), load(file, free_mimics=True)
 
 
 @pytest.fixture(scope="module")

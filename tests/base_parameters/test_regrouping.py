@@ -32,15 +32,6 @@ def test_forces_stay_the_same_for_every_valid_choice(bases, data):
     np.testing.assert_allclose(forces, W @ phi, atol=1e-8 * scale)
 
 
-@given(structures(BASES["random"]))
-def test_several_choices_at_once_are_the_same_as_one_by_one(found):
-    brute = brute_force(ChoiceProblem(found))
-    choices = brute.choices[brute.conditions < 1e6]
-    for choice, beta in zip(choices, regrouping_matrix(found.null_basis, choices), strict=True):
-        alone = regrouping_matrix(found.null_basis, choice)
-        np.testing.assert_allclose(beta, alone, rtol=1e-9, atol=1e-12)
-
-
 def test_coefficients_that_are_round_off_are_zero():
     """Rows 2 and 3 are -1/3 of row 0, and have nothing to do with row 1."""
     null_basis = np.linalg.qr(np.array([[3.0, 0], [0, 3], [1, 0], [1, 1e-12]]))[0]

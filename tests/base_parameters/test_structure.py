@@ -54,16 +54,6 @@ def test_units_of_the_columns_do_not_matter(matrix_and_rank, seed, lowest):
     np.testing.assert_allclose(turned @ turned.T, expected @ expected.T, atol=1e-7)
 
 
-@given(matrices_of_rank(), SEEDS)
-def test_mixing_the_rows_changes_nothing(matrix_and_rank, seed):
-    W, r = matrix_and_rank
-    mixed = np.random.default_rng(seed).normal(size=(len(W) + 5, len(W))) @ W
-    found, expected = analyse(observe(mixed)), analyse(observe(W))
-    assert found.rank == r
-    N, M = (x.null_basis @ x.null_basis.T for x in (found, expected))
-    np.testing.assert_allclose(N, M, atol=1e-7)
-
-
 @given(matrices_of_rank(), st.sets(st.integers(0, 9), min_size=1, max_size=5))
 def test_columns_without_effect_are_left_out(matrix_and_rank, places):
     W, r = matrix_and_rank

@@ -26,14 +26,14 @@ def record(identification):
     return identification_record(identification)
 
 
-def test_the_command_says_what_the_library_says(run_json, logs, record):
-    # ... by several processes, too.
-    said = run_json("identify", "3ups_rpu", logs["run.csv"], "--jobs", "2")
-    assert said == json.loads(json.dumps(record))
-
-
-def test_no_process_is_none(run, logs):
-    assert_refused(run("identify", "3ups_rpu", logs["run.csv"], "--jobs", "0"), ["n_jobs", "0"])
+def test_the_command_says_what_the_library_says(run, logs, record):
+    done = run("identify", "3ups_rpu", logs["run.csv"], "--json")
+    assert json.loads(done.out) == json.loads(json.dumps(record))
+    for line in lines_of(done.err):
+        assert line.startswith("loopid: warning: ")
+        assert "\x1b" not in line
+        assert ".py" not in line
+    assert any("not significant" in line for line in lines_of(done.err))
 
 
 def test_friction_and_gravity_are_found(record, friction_values):
@@ -61,10 +61,12 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
         for figure in ("forces", "parameters", "reduction", "spectrum")
         for kind in ("svg", "png")
     }
-    assert names == {"report.md", "identification.json", "parameters.yaml", *pictures}
+    fits = {"parameters.yaml", "all_parameters.yaml"}
+    assert names == {"report.md", "identification.json", *fits, *pictures}
     loaded = read_fit(out / "parameters.yaml")
     saved = json.loads((out / "identification.json").read_text())
-    assert loaded.record() == saved["fit"]
+    assert loaded.record() == saved["recommended_fit"]
+    assert read_fit(out / "all_parameters.yaml").record() == saved["fit"]
     for label in loaded.parameters.labels:
         assert label in done.out
         assert label in page
@@ -148,16 +150,6 @@ def test_a_mapping_names_columns_and_units(run_json, arm, arm_files, tmp_path):
     assert found == pytest.approx(fitted(arm()), rel=1e-4)
 
 
-def test_json_alone_is_on_the_output_and_warnings_are_single_lines(run, logs):
-    done = run("identify", "3ups_rpu", logs["run.csv"], "--json")
-    json.loads(done.out)
-    for line in lines_of(done.err):
-        assert line.startswith("loopid: warning: ")
-        assert "\x1b" not in line
-        assert ".py" not in line
-    assert any("not significant" in line for line in lines_of(done.err))
-
-
 def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
     done = run("identify", *arm_files[:2])
     assert "assembling" not in done.out + done.err
@@ -181,6 +173,7 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--validate", "nowhere.csv"), ["nowhere.csv"]),
         (("--friction-log", "nowhere.csv"), ["nowhere.csv"]),
         (("--lock", "knee"), ["knee", "shoulder"]),
+        (("--jobs", "0"), ["n_jobs", "0"]),
     ],
 )
 def test_wrong_options_are_refused_in_one_sentence(run, arm_files, options, words):
@@ -282,10 +275,9 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert all(direction["standard_error"] > 1 for direction in told["weak"])
 
 
-@pytest.mark.parametrize("estimator", ["ols", "huber", "bisquare", "bayes"])
-def test_every_estimator_has_its_name(run_json, arm_files, estimator):
-    found = run_json("identify", *arm_files[:2], "--estimator", estimator)
-    assert found["fit"]["estimate"]["estimator"] == estimator
+def test_an_estimator_goes_by_its_name(run_json, arm_files):
+    found = run_json("identify", *arm_files[:2], "--estimator", "bisquare")
+    assert found["fit"]["estimate"]["estimator"] == "bisquare"
     values = {entry["name"]: entry["value"] for entry in found["fit"]["base_parameters"]}
     for name, value in (("shoulder.Fc", 3.0), ("elbow.Fc", 2.0)):
         assert values[name] == pytest.approx(value, rel=0.1)
@@ -338,3 +330,19 @@ def test_mimics_that_are_free_need_signals_of_their_own(run, tmp_path, arm_files
     free = run(*command, "--free-mimics", "--json")
     assert free.code == 0, free.err
     assert json.loads(free.out)["actuators"] == ["shoulder", "elbow"]
+
+
+def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
+    robot, log, _ = arm_files
+    found = arm("--from", "2", "--to", "12")
+    spans = [part["samples"] for part in found["training"] + found["validation"]]
+    whole = [part["samples"] for part in arm()["training"] + arm()["validation"]]
+    assert sum(spans) == pytest.approx(sum(whole) * 10 / 20, rel=0.1)
+    done = run("identify", robot, log, "--from", "5", "--to", "2")
+    assert done.code == 2
+    assert "--from must be before --to" in done.err
+
+
+def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
+    robot, log, _ = arm_files
+    assert "is fitted and validates" in run("identify", robot, log, "--validate", log).err

@@ -8,7 +8,7 @@ import pytest
 
 import loopid
 from loopid.logs import Recording
-from loopid.simulation import scaled_bodies
+from loopid.simulation import log_text, scaled_bodies
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
@@ -107,3 +107,29 @@ def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
     assert found.code == 2
     assert "--robot" in found.err
     assert run("predict", str(lost), str(LOG), "--robot", "five_bar").code == 0
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
+    plan = loopid.read_motion_program("five_bar").motion("sweep", 50)
+    motion = loopid.joint_motion(five_bar, plan)
+    first = five_bar.parameters("full").labels.index("left_coupler.m")
+    for name, mass in (("light", 0.0), ("heavy", 1.5)):
+        bodies = five_bar.standard_parameters("full").copy()
+        bodies[first : first + 3] += mass, 0.1 * mass, 0.0
+        measured = loopid.simulate_measurement(
+            five_bar, motion, loopid.Noise(gaussian=0.02), 0, bodies
+        )
+        (tmp_path / f"{name}.csv").write_text(log_text(five_bar, measured))
+    logs = [f"--unloaded={tmp_path}/light.csv", f"--loaded={tmp_path}/heavy.csv"]
+    options = ["--model=full", "--terms=none"]
+    found = run_json("payload", "five_bar", "left_coupler", *logs, *options)
+    assert found["mass"] == pytest.approx(1.5, rel=0.01)
+    assert found["centre"][0] == pytest.approx(0.1, abs=0.005)
+    assert found["centre"][2] is None  # a planar robot
+    known = ["--known-mass=1.5", "--centre=0.1,0,0"]
+    gains = run_json("payload", "five_bar", "left_coupler", *logs, *options, *known)["gains"]
+    np.testing.assert_allclose(gains, 1.0, atol=0.02)
+    refused = run("payload", "five_bar", "arm", *logs)
+    assert refused.code == 2
+    assert "left_coupler" in refused.err

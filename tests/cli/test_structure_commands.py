@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from bank_robots import ROBOTS, count
 from closure_robots import body, files, joint, urdf
+from folded_robots import folded_row
 from linkages import BARS, LINKAGES, four_bar
 from others_robots import ROWS, path
 
@@ -21,6 +23,7 @@ BASE_KEYS = {
     "nonzero_parameters",
     "rank",
     "rank_gap",
+    "assembly_modes",
     "condition_number",
     "search",
     "base_parameters",
@@ -169,7 +172,6 @@ GRIPPER = ARM.replace("</robot>", FINGER + "</robot>").replace(
     '<joint name="finger_joint" type="revolute">',
     '<joint name="finger_joint" type="revolute"><mimic joint="shoulder" multiplier="-2"/>',
 )
-FLAT = dict(zip(("crank_joint", "coupler_joint", "rocker_joint"), (0, 0, np.pi), strict=True))
 
 
 @pytest.fixture
@@ -224,8 +226,10 @@ def test_redundant_motors_are_named(run, run_json, write):
 
 
 def test_a_singular_reference_is_said(run, run_json, write_files):
-    parts, description = four_bar("hinge", BARS | {"rocker": 0.2, "coupler": 0.5})
-    file = write_files(*files(parts, description | {"reference": FLAT}))
+    # Outside the limits of its motor, so that there is no regular pose a step away.
+    parts, description = four_bar("hinge", BARS | {"rocker": 0.25})
+    flat = {"crank_joint": np.pi, "coupler_joint": np.pi, "rocker_joint": 0.0}
+    file = write_files(*files(parts, description | {"reference": flat}))
     record = run_json("check", file)
     assert record["singular_reference"]
     freedoms = [record["degrees_of_freedom"], record["generic_degrees_of_freedom"]]
@@ -293,7 +297,7 @@ def test_a_search_out_of_time_is_not_certified(run, run_json):
     options = ("base", "3ups_rpu", "--model", "full", "--criterion", "regressor")
     record = run_json(*options, "--time-limit", "1e-9")
     assert not record["search"]["certified"]
-    assert "not certified: " in run(*options, "--time-limit", "1e-9").out
+    assert "not certified (time limit): " in run(*options, "--time-limit", "1e-9").out
     whole = run_json(*options)
     assert whole["search"]["certified"]
     assert whole["search"]["gap"] == pytest.approx(1, abs=whole["search"]["tolerance"])
@@ -356,3 +360,18 @@ def test_a_level_robot_has_no_parameters_at_rest(run, shared):
     assert (done.code, done.out) == (2, "")
     assert done.err.count("\n") == 1
     assert "gravity moves no joint" in done.err
+
+
+def test_check_prints_the_reference_that_chooses_another_mode(run, run_json, write_files):
+    file = write_files(*files(*folded_row()))
+    done = run("check", file)
+    assert "DIFFER (full model): 3 in mode 1, 8 in mode 2" in " ".join(done.err.split())
+    printed = done.out.partition("to choose mode 2, put this into the YAML")[2]
+    text = printed[printed.index("reference:") : printed.index("}") + 1]
+    other = file.with_name("other.yaml")
+    other.write_text(f"{yaml.safe_dump(yaml.safe_load(file.read_text()))}{text}\n")
+    for name, ranks in ((file, [3, 8]), (other, [])):
+        record = run_json("base", name, "--model", "full")
+        assert [mode["rank"] for mode in record["assembly_modes"]] == ranks
+        assert record["rank"] == (ranks or [8])[0]
+    assert run_json("check", other)["assembly_modes"] == []

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from dask import delayed
 
-from loopid import JointTerms, closed_motion, force_parts, random_configurations
+from loopid import (
+    JointTerms,
+    closed_motion,
+    force_parts,
+    load_mechanism,
+    random_configurations,
+)
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
 from loopid.experiment.force_model import body_sizes
@@ -226,3 +232,13 @@ def test_without_dask_the_extra_is_named(knee_model, recordings, monkeypatch):
     monkeypatch.setitem(sys.modules, "dask", None)
     with pytest.raises(MissingExtraError, match=r"dask is not installed.*loopid\[distributed\]"):
         distributed_problem(knee_model, recordings)
+
+
+def test_notebooks_show_tables():
+    robot = load_mechanism("five_bar")
+    model = find_force_model(robot, "full")
+    for shown, rows in ((robot, 4), (model, len(model.parameters))):
+        html = shown._repr_html_()
+        assert html.count("<tr>") == rows + 1
+        assert html.count("<td>") == rows * (5 if shown is robot else 3)
+    assert "left_coupler_joint" in robot._repr_html_()

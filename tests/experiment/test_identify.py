@@ -69,7 +69,7 @@ def test_a_summary_fits_in_ten_lines(found):
     for thing in (found[0], *found[0].candidates, found[0].force_model):
         assert len(repr(thing).splitlines()) <= 10
     assert all(name in repr(found[0]) for name in ("3ups_rpu", "wls", "robot file", "23 of 23"))
-    assert found[0]._repr_html_().count("<tr>") == 4
+    assert found[0]._repr_html_().count("<tr>") == 5
 
 
 def test_a_true_robot_file_is_not_beaten_and_errors_on_new_data_are_those_of_the_noise(found):
@@ -107,13 +107,18 @@ def test_a_mass_that_was_changed_is_found_and_nothing_else(heavier, knee_model):
 
 
 def test_corrections_of_a_wrong_robot_file_predict_better(heavier):
-    baseline, full, supported = heavier.candidates
+    baseline, full, supported, informed = heavier.candidates
     assert supported.beats_baseline
     assert full.beats_baseline
-    assert heavier.best in (full, supported)
+    assert heavier.best in (full, supported, informed)
     assert (baseline.validation.residual_rms > supported.validation.residual_rms).all()
     assert supported.fitted == 9
     assert heavier.essential is supported
+    assert heavier.recommended is informed
+    assert informed.beats_baseline
+    column = heavier.force_model.parameters.labels.index("platform.m")
+    off = heavier.recommended_fit.values - heavier.force_model.prior
+    assert off[column] == pytest.approx(2.0, abs=4 * heavier.informed.standard_errors[column])
 
 
 def test_recordings_count_together(knee_model, motions, truth):

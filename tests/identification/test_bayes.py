@@ -1,9 +1,12 @@
 """The posterior: conditioning of a joint normal distribution, its limits, its coverage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification import (
@@ -11,6 +14,7 @@ from loopid.identification import (
     FitSamples,
     Prior,
     WeightedLeastSquares,
+    evidence_scale,
     quiet_fit,
 )
 from smooth_data import (
@@ -129,6 +133,36 @@ def test_intervals_cover_truths_of_the_prior(correlation, count, runs):
         assert (found.standard_errors < 1.1 * prior.deviations).all()
     assert_coverage(rates)
     assert np.mean(np.square(errors["bayes"])) < 0.8 * np.mean(np.square(errors["wls"]))
+
+
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_the_scale_of_the_prior_is_the_most_likely_one(scale):
+    """Against the dense covariance of the data; of one parameter nothing is known."""
+    prior = prior_of(seed=3)
+    free = prior.covariance.copy()
+    free[0], free[:, 0] = 0.0, 0.0
+    free[0, 0] = np.inf
+    rng = np.random.default_rng(4)
+    truth = MEAN + scale * np.linalg.cholesky(prior.covariance) @ rng.normal(size=6)
+    samples = make_run(seed=5, count=60, truth=truth)
+    noise = quiet_fit(samples).noise
+    noise = replace(noise, effective_samples=noise.samples.astype(float))
+    found = evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, (0.01, 100.0))
+    weights = 1 / noise.deviation
+    X = (samples.regressor * weights[:, None]).reshape(-1, 6)
+    y = (samples.force * weights).ravel() - X @ MEAN
+
+    def likelihood(factor):
+        C = factor**2 * free
+        C[0, 0] = 1e4
+        return multivariate_normal.logpdf(y, np.zeros(len(y)), np.eye(len(y)) + X @ C @ X.T)
+
+    best = likelihood(found)
+    assert all(likelihood(found * other) <= best + 1e-6 for other in (0.5, 0.95, 1.05, 2.0))
+    assert scale / 3 < found < 3 * scale
+    assert evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, (10, 20)) == (
+        pytest.approx(10, rel=1e-2)
+    )
 
 
 def test_some_of_the_parameters_take_their_part_of_the_prior():

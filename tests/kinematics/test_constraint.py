@@ -31,6 +31,7 @@ from loopid import (
 )
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
+    assemble,
     close_loops,
     constraint_drift,
     constraint_jacobian,
@@ -158,7 +159,7 @@ def test_a_robot_in_millimetres_is_the_same(robot, closed, request, load_files):
 def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
     hinged, other = linkage("hinge four-bar"), linkage(f"{kind} four-bar")
     q = random_configurations(hinged, 20, seed=3)
-    again = random_configurations(other, 20, seed=3)
+    again = assemble(other, q[:, :1])
     np.testing.assert_allclose(again[:, :3], q, atol=1e-9)
     G, same = project(hinged, q).G, project(other, again).G
     np.testing.assert_allclose(same[:, :3], G, atol=1e-9)

@@ -108,14 +108,6 @@ def test_gamma_balances_the_drift(motion):
     np.testing.assert_allclose(np.einsum("nij,nj->ni", A, gamma), -drift, atol=1e-10)
 
 
-def test_gamma_is_quadratic_in_the_velocities(motion):
-    robot, q, independent, rates = motion
-    once = project(robot, q, rates, independent).gamma
-    thrice = project(robot, q, 3 * rates, independent).gamma
-    assert np.abs(once).max() > 1e-3
-    np.testing.assert_allclose(thrice, 9 * once, atol=1e-9)
-
-
 def test_two_choices_of_independent_joints_span_the_same_motions(mechanism, poses):
     strokes, limb_4 = project(mechanism, poses).G, project(mechanism, poses, independent=LIMB_4).G
     change = strokes[:, mechanism.velocity_indices(LIMB_4)]
@@ -292,11 +284,6 @@ def to_mm(pair):
     return np.where(np.isin(np.arange(pair[0].model.nv), pair[0].prismatic), MM, 1.0)
 
 
-def test_the_same_configurations_are_drawn(pair, to_mm):
-    metre, millimetre = (random_configurations(robot, 50, seed=4) for robot in pair)
-    np.testing.assert_allclose(millimetre, metre * to_mm, rtol=1e-9)
-
-
 @pytest.mark.parametrize("independent", [None, LIMB_4], ids=["strokes", "limb 4"])
 def test_the_singularity_measure_is_the_same(pair, to_mm, independent):
     q = random_configurations(pair[0], 50, seed=4, margin=0)
@@ -321,20 +308,3 @@ def test_the_same_strokes_can_be_assembled(pair, to_mm):
     np.testing.assert_allclose(
         millimetre.configurations[reached], metre.configurations[reached] * to_mm, rtol=1e-6
     )
-
-
-def test_velocity_maps_differ_by_the_units_alone(pair, to_mm):
-    q = random_configurations(pair[0], 10, seed=4)
-    metre, millimetre = project(pair[0], q).G, project(pair[1], q * to_mm).G
-    motors = pair[0].velocity_indices(pair[0].actuated)
-    expected = metre * to_mm[:, None] / to_mm[motors]
-    np.testing.assert_allclose(millimetre, expected, rtol=1e-9, atol=1e-12)
-
-
-def test_platform_poses_are_assembled_in_either_unit(pair, to_mm):
-    pose = np.array([[0.05, pair[0].reference[10], 0.1, -0.2]])
-    metre, millimetre = (
-        assemble(robot, pose * [unit, unit, 1, 1], "platform")
-        for robot, unit in zip(pair, (1.0, MM), strict=True)
-    )
-    np.testing.assert_allclose(millimetre, metre * to_mm, rtol=1e-9)

@@ -146,7 +146,7 @@ def test_a_missing_urdf_is_refused_with_its_path(pattern, replacement, edited, r
 
 
 def test_a_file_of_another_kind_is_refused_with_the_valid_endings(edited, refusal):
-    other = edited().rename(edited().with_suffix(".sdf"))
+    other = edited().rename(edited().with_suffix(".stl"))
     with pytest.raises(RobotFileError) as failure:
         load_mechanism(other)
     refusal(failure, str(other), ".yaml", ".urdf")

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from closure_robots import body, joint, urdf
-from loopid import JointTerms, closed_motion, load_mechanism, random_configurations
-from loopid.errors import ModelWarning, RobotFileError
+from loopid import (
+    JointTerms,
+    closed_motion,
+    find_force_model,
+    load_mechanism,
+    random_configurations,
+    read_fit,
+    save_fit,
+)
+from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.kinematics import random_motions
 from loopid.regressors import file_forces, motion_regressor
 
@@ -224,3 +232,13 @@ def test_terms_of_a_joint_that_is_replaced_are_said_to_be_left_out(load, tmp_pat
     )
     with pytest.warns(ModelWarning, match="taken the place of shoulder, so its Fv"):
         load("{joint_name: [shoulder], joint_type: [UJOINT_XY]}", "robot.yaml", quiet=False)
+
+
+def test_terms_of_parts_of_a_ball_joint_are_fitted_saved_and_read(load, tmp_path):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    robot = load(LOADED.replace("REST", ""))
+    model = find_force_model(robot, "full", JointTerms.of(robot, "file"))
+    saved = read_fit(save_fit(tmp_path / "fit.json", model, model.prior))
+    assert saved.find_force_model(robot).parameters == model.parameters
+    with pytest.raises(OptionError, match=r"ball\.wx has a rate but no position"):
+        JointTerms(("ball.wx",), ("Ks",)).parameters(robot)

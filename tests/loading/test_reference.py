@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from closure_robots import tie
+from linkages import five_bar
 from loopid import load_mechanism, mobility, random_configurations
 from loopid.errors import MobilityWarning, ReferenceWarning
 from loopid.kinematics import NEAR_SINGULARITY, singularity_measure
@@ -21,6 +22,7 @@ def assert_usable(mechanism):
     assert len(random_configurations(mechanism, 5)) == 5
 
 
+@pytest.mark.filterwarnings("ignore:.*exclude the drawn pose")
 def test_without_any_reference_a_regular_one_inside_the_limits_is_found(edited):
     assert_usable(load_mechanism(edited("yaml", REFERENCE, "")))
 
@@ -32,6 +34,7 @@ def test_left_out_passive_joints_are_found_for_the_given_motors(edited, knee):
     np.testing.assert_array_equal(mechanism.reference[motors], knee.reference[motors])
 
 
+@pytest.mark.filterwarnings("ignore:.*exclude the drawn pose")
 def test_the_search_is_repeatable(edited):
     file = edited("yaml", REFERENCE, "")
     first, second = (load_mechanism(file).reference for _ in range(2))
@@ -64,3 +67,11 @@ def test_a_rounded_reference_closes_where_no_motors_are_known(tmp_path, urdf_fol
         robot = load_mechanism(tmp_path / "bar.yaml")
     np.testing.assert_allclose(robot.reference, [1.0, -0.329, 1.683], atol=2e-3)
     assert mobility(robot).residual < 1e-10
+
+
+def test_limits_that_exclude_the_drawn_pose_are_named(load_files):
+    parts, description = five_bar()
+    there = 'joint name="left_joint"'
+    away = [p.replace('lower="-3"', 'lower="0.5"') if there in p else p for p in parts]
+    with pytest.warns(ReferenceWarning, match=r"limits of left_joint exclude the drawn pose"):
+        load_files(away, description | {"reference": {}})

@@ -1,6 +1,7 @@
 """URDF files: sound ones as yourdfpy and Pinocchio read them, damaged ones refused by name."""
 
 import math
+import re
 import warnings
 
 import numpy as np
@@ -383,10 +384,22 @@ def tilted_bar(tmp_path, urdf_folder):
     return tilt
 
 
-def test_redundant_equations_that_rounding_sets_against_each_other_are_refused(tilted_bar):
-    with pytest.raises(RobotFileError, match=r"stays open by .*: the numbers .* seem rounded"):
-        load_mechanism(tilted_bar(5e-6))
-    assert mobility(load_mechanism(tilted_bar(0.0))).least > 1e-3
+def test_redundant_equations_that_rounding_sets_against_each_other_are_corrected(tilted_bar):
+    with pytest.warns(ClosureWarning, match=r"moved by up to .* m and [1-9].* rad$"):
+        robot = load_mechanism(tilted_bar(5e-6))
+    for bar in (robot, load_mechanism(tilted_bar(0.0))):
+        assert mobility(bar).degrees_of_freedom == 2
+        assert mobility(bar).least > 1e-3
+    with pytest.raises(
+        RobotFileError, match=r"stays open by .* --rounding (\S+), or by"
+    ) as failure:
+        load_mechanism(tilted_bar(5e-5))
+    # As it says.
+    rounding = float(re.search(r"--rounding (\S+),", str(failure.value))[1])
+    with pytest.warns(ClosureWarning, match="numbers are rounded"):
+        robot = load_mechanism(tilted_bar(5e-5), rounding=rounding)
+    assert mobility(robot).degrees_of_freedom == 2
+    assert robot.rounding == rounding
 
 
 @pytest.mark.parametrize(("other", "told"), [(-1.000001, True), (-1.0, False), (-1.01, False)])

@@ -1,5 +1,7 @@
 """From logs to recordings: filtered motion is the true one, and what is left out is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from logged_runs import LOGS, read_stream
@@ -286,3 +288,24 @@ def test_strokes_give_the_logged_pose(mechanism, real_log, folder):
     nearest = read_at[np.searchsorted((read_at - read_at[0]) / 1e9, real_log.time - 0.005)]
     following = np.minimum(np.searchsorted(written_at, nearest), len(poses) - 1)
     assert np.median(np.abs(found - poses[following])) < 2e-6
+
+
+def test_a_split_counts_samples_that_move(recording):
+    used = recording.used.copy()
+    used[: len(used) // 2] = False  # half of the log stands still
+    run = replace(recording, used=used)
+    first, rest = run.split(0.6)
+    moving = [part.used.any(axis=1).sum() for part in (first, rest)]
+    assert abs(moving[0] - 0.6 * sum(moving)) <= 1
+    assert len(first) + len(rest) == len(run)
+    for fraction in (0.01, 0.5, 0.99):
+        assert min(len(part) for part in run.split(fraction)) > 0
+
+
+def test_a_part_of_the_time(recording):
+    time = recording.motion.time
+    part = recording.between(time[10], time[20])
+    np.testing.assert_array_equal(part.motion.time, time[10:21])
+    assert len(recording.between()) == len(recording)
+    with pytest.raises(LogError, match=r"no motor moves between 1000 and .* samples from"):
+        recording.between(1000.0)

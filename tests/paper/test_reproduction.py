@@ -276,3 +276,7 @@ def test_what_cannot_be_used_is_refused_before_anything_is_computed(monkeypatch,
 def test_a_rate_must_be_positive(knee):
     with pytest.raises(LoopidError, match="rate"):
         run_experiment(knee, 0.0)
+
+
+def test_notebooks_show_the_fifteen_parameters(paper):
+    assert paper._repr_html_().count("<tr>") == 16

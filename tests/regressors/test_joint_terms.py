@@ -131,3 +131,29 @@ def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
         v = motion.velocities[:, index, None]
         expected = motion.projection.G[:, index] * v * np.abs(v)
         np.testing.assert_allclose(columns[:, :, k], expected, rtol=1e-14)
+
+
+def test_each_joint_may_have_terms_of_its_own(moving, motion):
+    robot = moving[0]
+    one, other = robot.joints[:2]
+    terms = JointTerms((one, other), (("Ks",), ("Fc", "Fv")))
+    labels = (f"{one}.Ks", f"{one}.Fo", f"{other}.Fc", f"{other}.Fv")
+    assert terms.parameters(robot).labels == labels
+    every = JointTerms((one, other), ("Fc", "Fv", "Ks"))
+    columns = every.columns(robot, motion)
+    places = [every.parameters(robot).labels.index(label) for label in labels]
+    np.testing.assert_array_equal(terms.columns(robot, motion), columns[..., places])
+
+
+@pytest.mark.parametrize(
+    ("choice", "kinds"),
+    [("none", None), ("file", None), ("Fc", ("Fc",)), (" Ks , file", ("Ks",)), ("", None)],
+)
+def test_choices_of_terms_are_words(knee, choice, kinds):
+    terms = JointTerms.of(knee, choice)
+    assert terms == (None if kinds is None else JointTerms(knee.actuated, kinds))
+
+
+def test_an_unknown_word_of_a_choice_is_refused(knee):
+    with pytest.raises(OptionError, match=r"unknown joint term 'Fq': choose one of Ia, .*, file"):
+        JointTerms.of(knee, "Fc,Fq")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rich.console import Console
+from ruamel.yaml import YAML
 
 from loopid.report import (
     identification_files,
@@ -36,7 +37,7 @@ def judged(identification, **changes):
     candidates = [
         replace(candidate, **changes.get(name, {}))
         for name, candidate in zip(
-            ("baseline", "full", "supported"), identification.candidates, strict=True
+            ("baseline", "full", "supported", "informed"), identification.candidates, strict=True
         )
     ]
     return replace(identification, candidates=tuple(candidates))
@@ -143,6 +144,30 @@ def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
+def test_the_recommended_fit_is_said_listed_and_saved(identification):
+    files, found = identification_files(identification), identification
+    assert found.recommended is found.candidates[3]
+    saved = {
+        name: YAML(typ="safe").load(files[name])["base_parameters"]
+        for name in ("parameters.yaml", "all_parameters.yaml")
+    }
+    for fit, entries in zip((found.informed, found.fit), saved.values(), strict=True):
+        np.testing.assert_array_equal([entry["value"] for entry in entries], fit.values)
+    (said,) = [text for text in findings(found) if "Recommended" in text]
+    assert "parameters.yaml: robot file as prior" in said
+    assert "recommended: robot file as prior" in files["report.md"]
+    record = json.loads(files["identification.json"])
+    assert record["recommended"] == "robot file as prior"
+    assert record["recommended_fit"] == SavedFit.of(found.force_model, found.informed).record()
+    worse = judged(found, informed={"error_ratio": (2.0, 0.1)})
+    assert worse.recommended is worse.candidates[0]
+    (said,) = [text for text in findings(worse) if "Recommended" in text]
+    assert "robot file with fitted joint terms, as all parameters are clearly worse" in said
+    bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
+    assert worse.recommended_fit.assumed == tuple(bodies)
+    np.testing.assert_array_equal(worse.recommended_fit.values, worse.baseline.values)
+
+
 def test_findings_are_sentences_and_count_the_essential_parameters(identification):
     said = findings(identification)
     assert all(
@@ -193,7 +218,7 @@ def test_recordings_are_recorded_with_what_was_left_out(identification):
 
 def test_candidates_are_recorded_with_their_errors(identification):
     record = identification_record(identification)
-    assert len(record["candidates"]) == 3
+    assert len(record["candidates"]) == 4
     for entry, candidate in zip(record["candidates"], identification.candidates, strict=True):
         assert (entry["name"], entry["fitted"]) == (candidate.name, candidate.fitted)
         assert entry["beats_baseline"] is candidate.beats_baseline
@@ -209,7 +234,7 @@ def test_what_is_not_finite_is_null(identification):
     candidate = identification.candidates[1]
     empty = replace(candidate.validation, residual_rms=np.full(4, np.nan))
     odd = replace(candidate, validation=empty, error_ratio=(np.inf, np.nan))
-    candidates = (identification.candidates[0], odd, identification.candidates[2])
+    candidates = (identification.candidates[0], odd, *identification.candidates[2:])
     record = identification_record(replace(identification, candidates=candidates))
     assert_strict(record)
     entry = record["candidates"][1]

@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import floats
 
-from loopid import find_base_parameters, structural_observation
+from closure_robots import files
+from linkages import rssr
+from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import expression
-from loopid.report import base_record, check_record, motions_record, motions_tables
+from loopid.errors import MobilityWarning
+from loopid.report import base_record, base_tables, check_record, motions_record, motions_tables
 from loopid.report.structure import certificate
-from loopid.robot import named_lengths
 from loopid.trajectories import JointRange, MotionReview
 
 REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})
@@ -29,14 +31,14 @@ def assert_strict(record):
 
 
 def test_records_are_strict_json(knee, base):
-    assert_strict(base_record(knee.name, "gravity", base))
+    assert_strict(base_record(knee, "gravity", base))
     assert_strict(check_record(knee))
 
 
 def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
     base = find_base_parameters(structural_observation(knee), "qr")
     records = {
-        gap: base_record(knee.name, "gravity", replace(base, search=replace(base.search, gap=gap)))
+        gap: base_record(knee, "gravity", replace(base, search=replace(base.search, gap=gap)))
         for gap in (inf, 1.16914, 3.3906)
     }
     for record in records.values():
@@ -66,14 +68,14 @@ def test_a_printed_bound_holds(gap):
 
 
 def test_terms_rebuild_the_matrix(knee, base):
-    record = base_record(knee.name, "gravity", base)
+    record = base_record(knee, "gravity", base)
     labels = base.parameters.labels
     for parameter, row in zip(record["base_parameters"], base.matrix, strict=True):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
 
 
 def test_coefficients_are_named_and_their_lengths_listed(knee, base):
-    record = base_record(knee.name, "gravity", base, named_lengths(knee))
+    record = base_record(knee, "gravity", base)
     assert_strict(record)
     (row,) = [row for row in record["base_parameters"] if row["name"] == "platform.mx"]
     assert row["coefficients"] == {
@@ -90,10 +92,36 @@ def test_coefficients_are_named_and_their_lengths_listed(knee, base):
     assert [length["equally_long"] for length in record["lengths"]] == [2, 0, 0, 2]
 
 
-def test_without_lengths_sums_stay_numbers(knee, base):
-    record = base_record(knee.name, "gravity", base)
-    assert [row["expression"] for row in record["base_parameters"]] == list(base.expressions)
-    assert record["lengths"] == []
+def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
+    """The free spin of a rod in ball joints has a row "= 0", which no motor feels."""
+    for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):
+        (tmp_path / name).write_text(text)
+    with pytest.warns(MobilityWarning):
+        robot = load_mechanism(tmp_path / "robot.yaml")
+    assert len(robot.free) == 1
+    observed = structural_observation(robot, "full", keep_matrix=True)
+    W = observed.matrix.reshape(-1, 2, len(observed.parameters))[:, 0]
+    R = observed.motors_alone.factor
+    np.testing.assert_allclose(R.T @ R, W.T @ W, atol=1e-10 * np.linalg.norm(W.T @ W))
+    assert observed.motors_alone.rows == len(W)
+    base, alone = map(find_base_parameters, (observed, observed.motors_alone))
+    assert len(alone) <= len(base)
+    record = base_record(robot, "full", base, alone)
+    assert_strict(record)
+    assert record["undetermined"] == list(robot.free)
+    assert record["motors_alone"]["rank"] == len(alone)
+    names = [row["name"] for row in record["motors_alone"]["base_parameters"]]
+    assert names == list(alone.names)
+    titles = [str(table.title) for table in base_tables(record)]
+    assert "what the motors alone feel" in titles
+    findings = [str(cell) for cell in base_tables(record)[-1].columns[0].cells]
+    assert "felt by the motors alone" in findings
+
+
+def test_without_free_coordinates_the_motors_feel_all(knee, base):
+    record = base_record(knee, "gravity", base)
+    assert structural_observation(knee).motors_alone is None
+    assert (record["undetermined"], record["motors_alone"]) == ([], None)
 
 
 def test_a_motion_is_recorded_with_its_nearest_limit():

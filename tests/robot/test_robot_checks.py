@@ -1,5 +1,6 @@
 """Inertias that no body can have are told from those of solid bodies."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from closure_robots import body, joint
 from loopid import load_mechanism
 from loopid.errors import InertiaWarning
-from loopid.robot import inertia_defects
+from loopid.robot import inertia_defects, odd_masses
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -102,3 +104,27 @@ def test_loading_warns_of_impossible_inertias_by_file_and_link(tmp_path, knee):
     assert str(file) in str(told[0].message)
     # Structure does not depend on the values: the robot loads all the same.
     assert loaded.bodies == knee.bodies
+
+
+@pytest.mark.parametrize(
+    ("mass", "words"),
+    [(1e-9, r"leg4_stem \(1e-09 kg\)"), (0.0, None), (3e-4, None)],
+)
+def test_masses_that_look_like_placeholders_are_named(knee, mass, words):
+    model = knee.model.copy()
+    (body,) = [body for body in knee.bodies if body.link == "leg4_stem"]
+    model.inertias[body.joint_id].mass = mass
+    found = odd_masses(replace(knee, model=model))
+    assert odd_masses(knee) == ()
+    assert found == () if words is None else re.search(words, *found)
+
+
+def test_joints_that_move_nothing_with_mass_are_named(load_files):
+    parts = (
+        body("upper", (0.1, 0, 0), 1.0),
+        '<link name="tip"/>',
+        joint("shoulder", "ground", "upper"),
+        joint("wrist", "upper", "tip", (0.3, 0, 0)),
+    )
+    with pytest.warns(InertiaWarning, match="joints that move nothing with mass: wrist"):
+        load_files(parts, {})

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
+from types import MappingProxyType
 
 import numpy as np
 
@@ -79,12 +81,14 @@ class BaseParameters:
         M[:, self.dependent] = self.regrouping
         return frozen(M)
 
-    @cached_property
-    def terms(self) -> tuple[dict[str, float], ...]:
-        """For each base parameter its terms: the leading label, then those folded into it."""
+    @property
+    def terms(self) -> tuple[Mapping[str, float], ...]:
+        """For each base parameter its terms, read-only: the leading label, then those folded in."""
         labels = self.parameters.labels
         return tuple(
-            {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
+            MappingProxyType(
+                {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
+            )
             for leader, row in zip(self.base, self.matrix, strict=True)
         )
 
@@ -174,13 +178,18 @@ def find_base_parameters(
     """
     strategy = make_strategy(search)
     structure = analyse(observation)
-    result = strategy.search(ChoiceProblem(structure, criterion))
+    # Of equally good choices the first is taken, in an order that does not depend on the file's.
+    ranks = {name: rank for rank, name in enumerate(observation.order)}
+    places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]
+    order = np.argsort(places, kind="stable")
+    result = strategy.search(ChoiceProblem(structure.permuted(order), criterion))
     if result.dependent is None:
         raise SearchError(
             f"{result.name} search found no valid choice among {result.evaluated:,} of "
             f"{result.candidates:,} combinations: use search='exact', or another order of columns"
         )
-    dependent = np.array(result.dependent, dtype=np.int64)
+    dependent = np.sort(order[list(result.dependent)])
+    result = replace(result, dependent=tuple(dependent.tolist()))
     base = base_columns(len(structure.columns), dependent)
     return BaseParameters(
         parameters=observation.parameters,

@@ -247,19 +247,19 @@ class _Namer:
     ) -> dict[str, CoefficientName]:
         """Names in one base parameter; what has named one term is preferred in the next."""
         known: list[tuple[_Term, CoefficientName]] = []
+        used = np.zeros(len(self.lengths), dtype=bool)
         for j in np.flatnonzero(row).tolist():
             term = _Term(float(row[j]), base.parameters[leader], base.parameters[j])
-            if term.needs_name and (name := self._name(term, known)):
+            if term.needs_name and (name := self._name(term, known, used)):
                 known.append((term, name))
+                used[[self._index[length] for length in name.lengths]] = True
         return {term.folded.label: name for term, name in known}
 
     def _name(
-        self, term: _Term, known: list[tuple[_Term, CoefficientName]]
+        self, term: _Term, known: list[tuple[_Term, CoefficientName]], used: BoolArray
     ) -> CoefficientName | None:
         """Name of the coefficient of a term, in a sum of which some terms are known."""
         shared = sum(map(self._part, term.links), np.zeros(len(self.lengths), dtype=np.int64))
-        indices = [self._index[x] for _, name in known for x in name.lengths]
-        used = np.isin(np.arange(len(shared)), indices)
         repeated = (name for other, name in known if term.repeats(other))
         return (
             self._obvious(term, shared, used)
@@ -353,14 +353,15 @@ class Candidates:
         """
         size = abs(value)
         at = slice(*np.searchsorted(self.sizes, (size * (1 - EQUAL), size * (1 + EQUAL))))
-        picked, form, negated = self.chosen[:, at], self.form[at], self.values[at] * value < 0
+        fits = at.start + np.flatnonzero((shared[self.chosen[:, at]] >= least).all(axis=0))
+        if not len(fits):
+            return None
+        picked, form, negated = self.chosen[:, fits], self.form[fits], self.values[fits] * value < 0
         links, unused = shared[picked], ~used[picked]
         keys = (self.simplicity[form], -links.sum(axis=0), negated, unused.sum(axis=0), *picked)
-        for k in np.lexsort(keys[::-1]):
-            if links[:, k].min() >= least:
-                lengths = tuple(self.lengths[j] for j in picked[:, k])
-                return CoefficientName(self.forms[form[k]], lengths, bool(negated[k]))
-        return None
+        k = np.lexsort(keys[::-1])[0]
+        lengths = tuple(self.lengths[j] for j in picked[:, k])
+        return CoefficientName(self.forms[form[k]], lengths, bool(negated[k]))
 
 
 def spacing(value: float) -> float:

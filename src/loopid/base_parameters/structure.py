@@ -8,7 +8,7 @@ W_B Φ_base = W Φ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,16 @@ class Structure:
     def precision(self) -> float:
         """Of null vectors: round-off, or what rounded geometry leaves of it."""
         return max(UNTOUCHED, 1 / self.rank_gap) if self.noise else UNTOUCHED
+
+    def permuted(self, order: IntArray) -> Structure:
+        """The same with its parameters in another order (n,)."""
+        return replace(
+            self,
+            parameters=self.parameters.select(order),
+            columns=self.columns[order],
+            null_basis=self.null_basis[order],
+            row_factor=self.row_factor[:, order],
+        )
 
 
 @checked
@@ -191,16 +201,16 @@ def _geometry_noise(observation: Observation) -> _Noise | None:
                 warn(f"{text} is near the inverse of the accuracy: {source}", AccuracyWarning)
             return None
     level = float(spectra[:, noisy].max())
-    last = int(np.flatnonzero(noisy).max()) + 1
+    first, last = int(noisy.argmax()), int(np.flatnonzero(noisy).max()) + 1
     rank = int((written > level).sum())
     gap = float(written[rank - 1] / level) if rank else 0.0
     if gap >= CLEAR_OF_NOISE:
         text = f"{counted - rank} singular values are made by rounded numbers and do not count"
         warn(f"{text}: {source}; the rank is {rank} without them", AccuracyWarning)
         return _Noise(level, rank, gap, level * np.sqrt(gap) * largest, source)
-    combinations = np.linalg.svd(observation.factor * scales)[2][rank:last]
+    combinations = np.linalg.svd(observation.factor * scales)[2][first:last]
     text = (
-        f"between {rank} and {last}: other numbers that the robot file would round alike change "
+        f"between {first} and {last}: other numbers that the robot file would round alike change "
         f"relative singular values of up to {level:.1e} ({source}), and the rest is less than "
         f"{CLEAR_OF_NOISE:g} times larger; "
         f"{_concerned(observation, np.arange(len(scales)), combinations)}"
@@ -222,7 +232,7 @@ def _concerned(observation: Observation, columns: IntArray, combinations: FloatA
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
         text += f" of loop {', '.join(loops)}" if loops else ""
         alike = "; ".join(observation.geometry.alike[:NAMED])
-        how += f", or alike what is meant to be equal: {alike}" if alike else ""
+        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
     return f"it is about {text}: {how}"
 
 

@@ -25,6 +25,7 @@ from loopid.experiment.identify import (
     prediction_reach,
     split_recordings,
 )
+from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
 from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
 
 __all__ = [
@@ -34,18 +35,22 @@ __all__ = [
     "Excitation",
     "ExcitingMotion",
     "ForceModel",
+    "GainFit",
     "Identifiability",
     "Identification",
     "MotorGain",
+    "PayloadFit",
     "Suspicions",
     "WeakDirection",
     "cad_prior",
     "distributed_problem",
+    "drive_gains",
     "exciting_motion",
     "find_force_model",
     "fit_by_simulation",
     "identifiability",
     "identify",
+    "identify_payload",
     "prediction_error",
     "prediction_reach",
     "reference_instruments",

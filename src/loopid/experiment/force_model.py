@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +17,7 @@ from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
-from loopid.parameters import KINDS, ParameterSet
+from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.regressors import (
     JointTerms,
     motion_regressor,
@@ -74,6 +75,12 @@ class ForceModel:
             f"{joints} of joint terms)"
         )
 
+    def _repr_html_(self) -> str:
+        head = "base parameter", "robot file", "unit"
+        units = (parameter.unit for parameter in self.parameters)
+        rows = zip(self.base.expressions, self.prior.tolist(), units, strict=True)
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
+
     @property
     def parameters(self) -> ParameterSet:
         """Leading parameter of each of the n columns."""
@@ -106,6 +113,11 @@ class ForceModel:
         """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
         terms = self.joint_terms
         return np.zeros(0) if terms is None else terms.values(self.mechanism)
+
+    @property
+    def has_masses(self) -> bool:
+        """Whether the robot file gives any body a mass."""
+        return bool(self.mechanism.standard_parameters("full")[:: len(KINDS)].any())
 
     @property
     def prior(self) -> FloatArray:
@@ -311,7 +323,7 @@ def cad_prior(
     if not 0 < relative < np.inf:
         raise OptionError(f"the relative deviation must be above 0, not {relative}")
     mechanism, M = force_model.mechanism, force_model.base.matrix
-    if not mechanism.standard_parameters("full")[:: len(KINDS)].any():
+    if not force_model.has_masses:
         raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
     sizes = relative * body_sizes(mechanism, force_model.model)
     bodies, count = len(sizes), M.shape[1] - len(sizes)

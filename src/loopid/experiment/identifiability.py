@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from shlex import quote
 
 import numpy as np
 
@@ -261,6 +262,8 @@ class Identifiability:
         in no other one.
     weak : tuple of WeakDirection
         Weakly identifiable combinations, the least known first.
+    design : str
+        The command that designs a motion for this robot and model, but for the combinations.
     """
 
     parameters: ParameterSet
@@ -268,6 +271,7 @@ class Identifiability:
     standard_errors: FloatArray
     unidentifiable: tuple[WeakDirection, ...]
     weak: tuple[WeakDirection, ...]
+    design: str
 
     def __repr__(self) -> str:
         head = (
@@ -314,8 +318,9 @@ class Identifiability:
     def refusal(self) -> str:
         """Why a fit of all parameters is refused, and what to do."""
         return (
-            f"{self.unidentifiable_message}: add such motion, or keep the robot file's values "
-            "there, unidentifiable='prior' (--unidentifiable prior)"
+            f"{self.unidentifiable_message}: add such motion ({self._command(self.unidentifiable)} "
+            "designs it), or keep the robot file's values there, unidentifiable='prior' "
+            "(--unidentifiable prior)"
         )
 
     @property
@@ -324,8 +329,28 @@ class Identifiability:
         return (
             f"{len(self.weak)} of {len(self.parameters)} combinations of parameters are weakly "
             f"identifiable, known worse than by the robot file: {_listed(self.weak)}; add such "
-            "motion, or use the robot file as a prior, estimator='bayes' (--estimator bayes)"
+            f"motion ({self._command(self.weak)} designs it), or use the robot file as a prior, "
+            "estimator='bayes' (--estimator bayes)"
         )
+
+    def _command(self, directions: Sequence[WeakDirection]) -> str:
+        """The command that designs a motion for some combinations."""
+        leads = dict.fromkeys(next(iter(direction.terms)) for direction in directions)
+        return " ".join([self.design, *(f"--for {quote(lead)}" for lead in leads)])
+
+
+def _design_command(force_model: ForceModel) -> str:
+    """``loopid excite`` for a robot as it was loaded, and its model."""
+    mechanism, terms = force_model.mechanism, force_model.joint_terms
+    words = ["loopid excite", quote(str(mechanism.path)), "--out DIR --model", force_model.model]
+    if terms is not None:
+        kinds = dict.fromkeys(kind for each in terms.of_joints.values() for kind in each)
+        words += ["--terms", ",".join(kinds)]
+    for option, value in mechanism.options.items():
+        name = "--" + option.replace("_", "-")
+        joints = [value] if isinstance(value, str) else value
+        words += [name] if value is True else [f"{name} {quote(j)}" for j in joints or ()]
+    return " ".join([*words, "--after LOG"])
 
 
 def _listed(directions: Sequence[WeakDirection]) -> str:
@@ -394,7 +419,8 @@ def identifiability(
         found = WeakDirection(parameters, change, terms, effect, error, motion)
         (unidentifiable if found.unidentifiable else weak).append(found)
     known = frozen(errors)
-    return Identifiability(parameters, excitation, known, tuple(unidentifiable), tuple(weak))
+    weakest = tuple(unidentifiable), tuple(weak), _design_command(force_model)
+    return Identifiability(parameters, excitation, known, *weakest)
 
 
 # A change (n,) of one size, its main columns, and its standard error in sizes.

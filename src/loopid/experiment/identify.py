@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
@@ -35,6 +36,7 @@ from loopid.identification import (
     WeightedLeastSquares,
     chosen_estimator,
     eliminate,
+    evidence_scale,
     fit,
     fit_in_steps,
     fit_quality,
@@ -51,11 +53,14 @@ if TYPE_CHECKING:
 
 # What to do where a combination of parameters is unidentifiable from the data.
 UNIDENTIFIABLE = ("error", "prior")
-DEFAULT_FRACTION = 0.6  # of each recording's time that is fitted; the rest validates
+DEFAULT_FRACTION = 0.6  # of each recording's moving samples; the rest validates
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
 # are autocorrelated over seconds.
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+# Standard deviation of the robot file, relative to its parameters' sizes, as which it may count by
+# the data: a file that is right in most of its bodies need not be in all.
+DEVIATIONS = 0.1, 10.0
 NO_DIFFERENCE = 1e-9  # smaller ones are round-off
 # Motion of the robot with values (n,) of the force model's parameters.
 Simulation: TypeAlias = Callable[[FloatArray], JointMotion]
@@ -127,11 +132,17 @@ class Identification:
     samples : tuple of FitSamples
         The same as samples of a fit.
     fit : FitResult
-        All parameters of the force model.
+        All parameters of the force model, by the estimator.
+    informed : FitResult or None
+        All of them by Bayes, with the robot file as prior and its deviation by the evidence
+        (``evidence_scale``); None where another estimator than ``"wls"`` was asked for.
+    prior_deviation : float or None
+        That deviation, relative to the parameters' sizes.
     reduction : Reduction
         The essential parameters, by backward elimination.
     candidates : tuple of Candidate
-        The robot file with fitted joint terms (the baseline), all parameters, the essential ones.
+        The robot file with fitted joint terms (the baseline), all parameters, the essential ones,
+        all with the robot file as prior.
     identifiability : Identifiability
         What the training data tell of the parameters that were fitted to them.
     consistent : ConsistentFit or None
@@ -146,9 +157,11 @@ class Identification:
     samples: tuple[FitSamples, FitSamples]
     fit: FitResult
     reduction: Reduction
-    candidates: tuple[Candidate, Candidate, Candidate]
+    candidates: tuple[Candidate, ...]
     identifiability: Identifiability
     consistent: ConsistentFit | None = None
+    informed: FitResult | None = None
+    prior_deviation: float | None = None
     suspicions: tuple[Suspicions, ...] = ()
 
     def __repr__(self) -> str:
@@ -187,6 +200,34 @@ class Identification:
         return self.candidates[2]
 
     @property
+    def recommended(self) -> Candidate:
+        """What to predict and to export with.
+
+        All parameters with the robot file as prior, or the baseline where these are clearly worse
+        on new data; where an estimator was asked for, all parameters by that.
+        """
+        if self.informed is None:
+            return self.candidates[1]
+        return self.candidates[0 if self.candidates[3].loses_to_baseline else 3]
+
+    @property
+    def recommended_fit(self) -> FitResult:
+        """The recommended values with their uncertainty; bodies of the robot file have none."""
+        chosen = self.recommended
+        if self.informed is None or chosen is self.candidates[1]:
+            return self.fit
+        if chosen is self.candidates[3]:
+            return self.informed
+        labels = self.fit.parameters.labels
+        return replace(
+            self.informed,
+            values=chosen.values,
+            covariance=chosen.covariance,
+            quality=chosen.training,
+            assumed=tuple(labels[j] for j in self.force_model.body_columns),
+        )
+
+    @property
     def best(self) -> Candidate:
         """The candidate with the least validation error."""
         return min(self.candidates, key=lambda candidate: candidate.error_ratio[0])
@@ -196,13 +237,13 @@ class Identification:
 def split_recordings(
     recordings: Sequence[Recording], fraction: float = DEFAULT_FRACTION
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """The first part of each recording for training, the rest for validation.
+    """The first part of each recording's moving samples for training, the rest for validation.
 
     Parameters
     ----------
     recordings : sequence of Recording
     fraction : float
-        Of the time of each recording, between 0 and 1.
+        Of the samples of each recording in which a motor moves, between 0 and 1.
 
     Returns
     -------
@@ -312,6 +353,12 @@ def identify(
             f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
             f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
         )
+    for run in validation:
+        if any(np.array_equal(run.force, other.force) for other in training):
+            warn(
+                f"{run.name} is fitted and validates: its errors say nothing of new data",
+                LogWarning,
+            )
     suspected = _suspected(force_model, (*training, *validation, *friction))
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
@@ -346,6 +393,21 @@ def identify(
             raise RankError(found.refusal) if found.unidentifiable else error from None
         if missing:
             fitted = replace(fitted, assumed=found.assumed)
+    informed, deviation = None, None
+    if chosen.name == WeightedLeastSquares.name and force_model.has_masses:
+        joint_deviations = excitation.joint_sizes if missing else None
+        unit = cad_prior(force_model, 1.0, None, joint_deviations)
+        assert fitted.noise is not None
+        deviation = evidence_scale(unit, samples.problem, fitted.noise, DEVIATIONS)
+        bayes = BayesianRidge(cad_prior(force_model, deviation, None, joint_deviations))
+        with warnings.catch_warnings():  # the same as of the first fit
+            warnings.simplefilter("ignore")
+            if friction:
+                informed = fit_in_steps(first, samples, known, bayes)
+            else:
+                informed = quiet_fit(samples, bayes)
+        if missing:
+            informed = replace(informed, assumed=found.assumed)
     if found.unidentifiable:
         warn(found.unidentifiable_message, ExcitationWarning)
     if found.weak:
@@ -354,20 +416,33 @@ def identify(
     start, spread = _baseline(force_model, samples, chosen)
     excited = len(start) - len(found.unidentifiable)
     essential = len(reduction.columns), reduction.values, reduction.covariance
-    candidates = (
+    candidates = [
         judged("robot file", (len(force_model.joint_columns), start, spread), data, start),
         judged("all parameters", (excited, fitted.values, fitted.covariance), data, start),
         judged("essential parameters", essential, data, start),
-    )
+    ]
+    if informed is not None:
+        whole = len(start), informed.values, informed.covariance
+        candidates.append(judged("robot file as prior", whole, data, start))
     bodies = None
     if consistent is not None:
         from loopid.consistency import consistent_fit  # only those who ask for it wait for it
 
         given = samples.problem, fitted, force_model.base, force_model.standard_prior
         bodies = consistent_fit(*given, regularisation=consistent, repair=repair)
-    recordings = tuple(training), tuple(validation)
     return Identification(
-        force_model, *recordings, data, fitted, reduction, candidates, found, bodies, suspected
+        force_model,
+        tuple(training),
+        tuple(validation),
+        data,
+        fitted,
+        reduction,
+        tuple(candidates),
+        found,
+        bodies,
+        informed,
+        deviation,
+        suspected,
     )
 
 

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray, finite
 from loopid.errors import DataError, FeasibilityError, RobotFileError
-from loopid.loading import link_frames
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.pseudo_inertia import (
     body_defect,
@@ -27,7 +26,7 @@ from loopid.pseudo_inertia import (
     pseudo_inertia,
     upper_factor,
 )
-from loopid.robot import Mechanism, tie_matrix
+from loopid.robot import Mechanism, link_frames, tie_matrix
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9

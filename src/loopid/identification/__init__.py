@@ -1,6 +1,6 @@
 """What the parameters are: fit problems, estimators, results with their uncertainty, selection."""
 
-from loopid.identification.bayes import BayesianRidge, Prior
+from loopid.identification.bayes import BayesianRidge, Prior, evidence_scale
 from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
 from loopid.identification.fitting import (
     ESTIMATORS,
@@ -61,6 +61,7 @@ __all__ = [
     "WorkingFit",
     "chosen_estimator",
     "eliminate",
+    "evidence_scale",
     "excited_rank",
     "fit",
     "fit_in_steps",

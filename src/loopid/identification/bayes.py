@@ -29,8 +29,9 @@ from loopid.identification.least_squares import (
     result_of,
     solved,
 )
-from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.result import FitResult, NoiseModel
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.workers import one_blas_thread
 
@@ -38,6 +39,8 @@ from loopid.workers import one_blas_thread
 LEAST_EIGENVALUE = 1e-12
 # Samples that a noise that is given is known as well as from.
 NOISE_SAMPLES = 100.0
+# Factors of a prior's deviations that the evidence is looked at first.
+SCALE_STEPS = 31
 
 
 @checked_fields
@@ -142,6 +145,50 @@ class Prior(ComparedByFields):
         known = np.flatnonzero(np.isfinite(np.diag(self.covariance)))
         size = self.deviations[known]
         return known, self.covariance[np.ix_(known, known)] / np.outer(size, size)
+
+
+@checked
+def evidence_scale(
+    prior: Prior, problem: FitProblem, noise: NoiseModel, bounds: tuple[float, float]
+) -> float:
+    """Factor of a prior's standard deviations under which the data are most likely [MacKay1992].
+
+    Parameters of infinite variance are left to the data. With the others whitened, φ = φ₀ + L x,
+    and the data as the rows y = A x + e of unit errors, y has the covariance I + s² A Aᵀ.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Errors of each actuator, which counts by its effective samples.
+    bounds : tuple of float
+        Least and largest factor.
+    """
+    free = np.flatnonzero(np.isinf(prior.deviations))
+    known, width = np.flatnonzero(np.isfinite(prior.deviations)), len(prior.values)
+    if not len(known):
+        return bounds[0]
+    present = noise.samples > 0
+    sizes = np.maximum(noise.deviation, ROUND_OFF * problem.force_rms)
+    weights = np.zeros(len(sizes))
+    worth = np.sqrt(noise.effective_samples[present] / noise.samples[present])
+    weights[present] = worth / np.maximum(sizes[present], np.finfo(float).tiny)
+    # What the data say of the known ones, whatever the others are.
+    R = problem.weighted(weights)[:, [*free, *known, width]]
+    own = triangular_factor(R)[len(free) : -1, len(free) :]
+    L = np.linalg.cholesky(prior.covariance[np.ix_(known, known)])
+    U, singular, _ = np.linalg.svd(own[:, :-1] @ L)
+    squares = (U.T @ (own[:, -1] - own[:, :-1] @ prior.values[known])) ** 2
+
+    def surprise(logarithm: float) -> float:
+        variance = 1.0 + (np.exp(logarithm) * singular) ** 2
+        return float((np.log(variance) + squares / variance).sum())
+
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    grid = np.log(np.geomspace(*bounds, SCALE_STEPS))
+    best = int(np.argmin([surprise(each) for each in grid]))
+    around = grid[max(best - 1, 0)], grid[min(best + 1, SCALE_STEPS - 1)]
+    return float(np.exp(minimize_scalar(surprise, bounds=around, method="bounded").x))
 
 
 def _without_nan(array: FloatArray, name: str) -> FloatArray:

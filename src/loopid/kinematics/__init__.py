@@ -29,9 +29,11 @@ from loopid.kinematics.measured import (
     platform_motion,
 )
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
+from loopid.kinematics.modes import FOLDED, assembly_modes
 from loopid.kinematics.poses import (
     FrameMotions,
     FramePoses,
+    difference,
     frame_motions,
     frame_poses,
     integrate,
@@ -58,6 +60,7 @@ from loopid.kinematics.sampling import (
 __all__ = [
     "CLOSURE_TOLERANCE",
     "DEFAULT_MARGIN",
+    "FOLDED",
     "NEAR_SINGULARITY",
     "Accuracy",
     "Assembly",
@@ -70,6 +73,7 @@ __all__ = [
     "Mobility",
     "Projection",
     "assemble",
+    "assembly_modes",
     "close_by_continuation",
     "close_loops",
     "closed_motion",
@@ -77,6 +81,7 @@ __all__ = [
     "constraint_drift",
     "constraint_jacobian",
     "constraint_residual",
+    "difference",
     "displaced",
     "frame_motions",
     "frame_poses",

@@ -49,7 +49,7 @@ class Accuracy:
 
 def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
     """What the robot file says of its rounding, or what its numbers and closures show."""
-    if mechanism.rounding:
+    if mechanism.rounding is not None:
         angle = mechanism.rounding / mechanism.length
         return Accuracy(mechanism.rounding, angle, "the rounding that is given")
     numbers: tuple[list[float], list[float]] = ([], [])

@@ -38,6 +38,8 @@ NEWTON_STEPS = 12
 LONGEST_STEP = 0.4  # of the first step of a correction
 # A Newton step this short, the root of the round-off, leaves an error of round-off.
 SHORT = 1e-8
+# A Newton step this short is good enough on the way: the next correction starts from there.
+ROUGH = 1e-3
 # A correction is accepted when each Newton step is at most this fraction of the last. Then, by
 # Kantorovich's theorem, one may expect that the root is unique around the start, hence the one
 # that continues its branch.
@@ -85,16 +87,15 @@ class Assembly:
 
 @dataclass(frozen=True)
 class PathOptions:
-    """How exactly, and with which steps at least, paths are followed; as in ``try_assemble``."""
+    """How exactly paths are followed, with which part of the way at least and steps at most."""
 
     tolerance: float = CLOSURE_TOLERANCE
     shortest_step: float = SHORTEST_PATH_STEP
+    most_steps: float = np.inf
 
     def __post_init__(self) -> None:
         if not 0 <= self.tolerance < np.inf:
             raise OptionError(f"tolerance must be a length from 0 on, not {self.tolerance} m")
-        if not 0 < self.shortest_step <= 1:
-            raise OptionError(f"shortest_step must be in (0, 1], not {self.shortest_step}")
 
 
 @checked
@@ -174,21 +175,20 @@ def try_assemble(
     Parameters
     ----------
     start : FloatArray, optional
-        (nq,), or without a trajectory (N, nq), one a sample.
+        (nq,), or (N, nq) with a configuration for each sample.
     shortest_step : float
         Part of the way below which a sample is given up.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
-    q = samples(
-        q, mechanism.model.nq, "start", 1 if trajectory or len(np.shape(q)) < 2 else len(targets)
-    )
+    one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)
+    q = samples(q, mechanism.model.nq, "start", len(targets) if one_each else 1)
     options = PathOptions(tolerance, shortest_step)
     with one_blas_thread():
         if trajectory:
             return follow_trajectory(measured, q[0], targets, options)
-        starts = np.array(np.broadcast_to(q, (len(targets), q.shape[1])))
+        starts = q if one_each else np.repeat(q, len(targets), axis=0)
         return follow_paths(measured, starts, targets, options)
 
 
@@ -208,17 +208,18 @@ def _follow(
     # The last point on the path, the part of the way done there, and the next part tried.
     reached, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
     jacobian = measured.linearise(start, origin).unknown
-    k = np.arange(len(start))
-    while len(k):
+    k, tried = np.arange(len(start)), 0
+    while len(k) and tried < options.most_steps:
         ahead = np.minimum(done[k] + step[k], 1.0)
-        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k])
+        short = np.where(ahead < 1.0, ROUGH, SHORT)
+        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k], short)
         good = found.accepted.copy()
         good[good] = same_side(jacobian[k[good]], found.jacobian[good])
         arrived = k[good]
         reached[arrived], jacobian[arrived] = found.configurations[good], found.jacobian[good]
         done[arrived] = ahead[good]
         step[k] *= np.where(good, 2.0, 0.5)
-        k = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)]
+        k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
     q = measured.write(reached, targets)
     residual, small = closes(measured, q, targets, options)
     assembled = (done >= 1.0) & small
@@ -247,10 +248,16 @@ class Correction(NamedTuple):
     tangent: FloatArray
 
 
-def correct(measured: MeasuredCoordinates, q: FloatArray, values: FloatArray) -> Correction:
-    """Newton's method from configurations (N, nq) to measured values (N, c)."""
+def correct(
+    measured: MeasuredCoordinates,
+    q: FloatArray,
+    values: FloatArray,
+    short: FloatArray | float = SHORT,
+) -> Correction:
+    """Newton's method from configurations (N, nq) to measured values (N, c), up to a short step."""
     q, accepted = measured.write(q, values), np.ones(len(q), dtype=bool)
     k, longest = np.arange(len(q)), np.full(len(q), LONGEST_STEP)
+    short = np.broadcast_to(short, len(q))
     for iteration in range(NEWTON_STEPS):
         at = measured.linearise(q[k], values[k])
         pull = np.concatenate([at.residual[:, :, None], at.known], axis=2)
@@ -262,19 +269,15 @@ def correct(measured: MeasuredCoordinates, q: FloatArray, values: FloatArray) ->
         else:
             jacobian[k], tangent[k] = at.unknown, slope
         length = np.abs(step).max(axis=1, initial=0.0)
-        good = contracts(length, longest)
+        done = length <= short[k]
+        good = done | (length <= longest)
         accepted[k] = good
-        going = good & (length > SHORT)
+        going = good & ~done
         k, longest = k[going], CONTRACTION * length[going]
         if not len(k):
             break
     accepted[k] = False
     return Correction(q, accepted, jacobian, tangent)
-
-
-def contracts(length: FloatArray, longest: FloatArray) -> BoolArray:
-    """Whether Newton steps are as short as they must be, or have nothing left to correct."""
-    return np.asarray((length <= longest) | (length <= SHORT), dtype=bool)
 
 
 def same_side(before: FloatArray, after: FloatArray) -> BoolArray:

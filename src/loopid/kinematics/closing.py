@@ -134,7 +134,12 @@ def nearby_configurations(
             steps[k] = WALK_STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
         q, residual = close_loops(mechanism, start)
-    return np.concatenate([configuration[None], q[residual <= CLOSED * mechanism.length]])
+    return np.concatenate(
+        [
+            configuration[None],
+            q[residual <= max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)],
+        ]
+    )
 
 
 def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatArray) -> None:
@@ -190,7 +195,8 @@ def _tried(
     columns = jacobian[:, :, movable]
 
     def moved(columns: FloatArray) -> FloatArray:
-        step = -Factorisation.of(columns).solve(open_by[:, :, None], damping)[:, :, 0]
+        factors = Factorisation.of(columns, mechanism.closure_rank_tolerance)
+        step = -factors.solve(open_by[:, :, None], damping)[:, :, 0]
         return _moved(mechanism, q, movable, step)
 
     ahead = moved(columns)

@@ -160,8 +160,13 @@ def largest_residual(mechanism: Mechanism, configurations: FloatArray) -> FloatA
 
 
 def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
-    """Constraint Jacobians (N, rows, nv) in m per unit step."""
-    scaled = jacobian * (mechanism.row_scales[:, None] * mechanism.coordinate_scales)
+    """Constraint Jacobians (N, rows, nv) in m per unit step, as they are where loops are closed.
+
+    What carries both frames of a closure moves them alike. Where a loop is open, it turns the
+    residual without changing its size: steps that close the loop need not know.
+    """
+    scales = mechanism.row_scales[:, None] * mechanism.coordinate_scales
+    scaled = jacobian * (scales * mechanism.moving)
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
     largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
     scaled[largest < ROUND_OFF * mechanism.length] = 0.0

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.parameters import model_kinds
-from loopid.robot import Mechanism, tie_matrix
+from loopid.robot import Mechanism, scratch_data, tie_matrix
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
@@ -101,7 +101,7 @@ def frame_poses(
     jacobians: bool = True,
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
-    model, data = mechanism.model, mechanism.model.createData()
+    model, data = mechanism.model, scratch_data(mechanism.model)
     frames = [data.oMf[k] for k in frame_ids]
     placements = np.empty((len(q), len(frames), 4, 4))
     jacobian = np.empty((len(q), 6 if jacobians else 0, model.nv))
@@ -120,7 +120,7 @@ def frame_motions(
     mechanism: Mechanism, q: FloatArray, v: FloatArray, poses: FramePoses
 ) -> FrameMotions:
     """How frames move at velocities (N, nv) and zero joint acceleration."""
-    model, data = mechanism.model, mechanism.model.createData()
+    model, data = mechanism.model, scratch_data(mechanism.model)
     varying = [
         k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE
     ]
@@ -157,7 +157,7 @@ def torque_regressors(
     FloatArray
         (N, nv or dof, n), columns of ``mechanism.parameters(model)``.
     """
-    tree, data = mechanism.model, mechanism.model.createData()
+    tree, data = mechanism.model, scratch_data(mechanism.model)
     rest = np.zeros((len(q), tree.nv))
     v, a = rest if v is None else v, rest if a is None else a
     identity = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv))

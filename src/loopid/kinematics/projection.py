@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import block_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, samples
@@ -22,49 +25,101 @@ from loopid.robot import RANK_TOLERANCE, Mechanism
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
+LARGE = 400  # entries of a matrix that is worth looking at for blocks
+
+
+class _Block(NamedTuple):
+    """L blocks of one shape of N matrices, with U (N, L, r, k), s (N, L, k) and Vᵀ (N, L, k, c)."""
+
+    rows: IntArray
+    columns: IntArray
+    left: FloatArray
+    values: FloatArray
+    right: FloatArray
 
 
 @dataclass(frozen=True)
 class Factorisation:
     """Singular value decompositions of N matrices (N, m, n), for repeated solves.
 
+    Large matrices fall apart into the blocks of loops that have no coordinates in common.
+
     Attributes
     ----------
-    left, values, right : FloatArray
-        U (N, m, k), singular values (N, k), Vᵀ (N, k, n) with k = min(m, n).
+    blocks : tuple of _Block
+    width : int
+        n.
+    values : FloatArray
+        (N, k), singular values, descending.
     rank : IntArray
         (N,), with singular values relative to the largest of each matrix.
+    least : FloatArray
+        (N,), singular values up to here count as zero.
     """
 
-    left: FloatArray
+    blocks: tuple[_Block, ...]
+    width: int
     values: FloatArray
-    right: FloatArray
     rank: IntArray
+    least: FloatArray
 
     @classmethod
     def of(cls, matrices: FloatArray, tolerance: float = RANK_TOLERANCE) -> Factorisation:
         """Factor a stack of matrices."""
-        if 0 in matrices.shape:
-            count, rows, columns = matrices.shape
-            empty = np.empty((count, rows, 0)), np.empty((count, 0)), np.empty((count, 0, columns))
-            return cls(*empty, np.zeros(count, dtype=np.int64))
-        left, values, right = np.linalg.svd(matrices, full_matrices=False)
-        rank = (values > tolerance * values[:, :1]).sum(axis=1)
-        return cls(left, values, right, rank)
+        parts = []
+        for rows, columns in _independent_blocks(matrices):
+            block = matrices[:, rows[:, :, None], columns[:, None, :]]
+            parts.append(_Block(rows, columns, *np.linalg.svd(block, full_matrices=False)))
+        spectra = [part.values.reshape(len(matrices), -1) for part in parts]
+        values = -np.sort(-np.concatenate([np.empty((len(matrices), 0)), *spectra], axis=1), axis=1)
+        least = tolerance * values[:, :1].max(axis=1, initial=0.0)
+        return cls(
+            tuple(parts), matrices.shape[2], values, (values > least[:, None]).sum(axis=1), least
+        )
 
     def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
         """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
 
         With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
         """
-        values = self.values
-        if damping is None:
-            kept = np.arange(values.shape[1]) < self.rank[:, None]
-            inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-        else:
-            inverse = values / (values**2 + damping[:, None] ** 2)
-        projected = inverse[:, :, None] * (self.left.transpose(0, 2, 1) @ right_hand_sides)
-        return np.asarray(self.right.transpose(0, 2, 1) @ projected, dtype=np.float64)
+        count, _, width = right_hand_sides.shape
+        solutions = np.zeros((count, self.width, width))
+        for rows, columns, left, values, right in self.blocks:
+            values = np.where(values > self.least[:, None, None], values, np.inf)
+            inverse = 1.0 / values
+            if damping is not None:
+                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
+            projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
+            solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
+        return solutions
+
+
+def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]:
+    """Rows (L, r) and columns (L, c) of the blocks that matrices (N, m, n) consist of, by shape."""
+    _, m, n = matrices.shape
+    if 0 in matrices.shape:
+        return []
+    if m * n < LARGE:
+        return [(np.arange(m)[None], np.arange(n)[None])]
+    return _blocks_of((matrices != 0.0).any(axis=0).tobytes(), m, n)
+
+
+@lru_cache(maxsize=64)
+def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
+    """The same of a pattern of zeros, which is that of most calls of a robot."""
+    pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
+    count, group = connected_components(
+        block_array([[None, csr_array(pattern)], [csr_array(pattern.T), None]]), directed=False
+    )
+    shapes: dict[tuple[int, int], list[tuple[IntArray, IntArray]]] = {}
+    for k in range(count):
+        rows, columns = np.flatnonzero(group[:m] == k), np.flatnonzero(group[m:] == k)
+        if len(rows) and len(columns):
+            shapes.setdefault((len(rows), len(columns)), []).append((rows, columns))
+    return [
+        (np.stack([rows for rows, _ in same]), np.stack([columns for _, columns in same]))
+        for same in shapes.values()
+    ]
 
 
 @dataclass(frozen=True)
@@ -132,9 +187,20 @@ def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatAr
     columns = matrix.shape[1]
     if matrix.shape[0] == 0:
         return np.eye(columns)
-    _, values, right = np.linalg.svd(matrix)
-    rank = int((values > tolerance * values.max(initial=0.0)).sum())
-    return np.asarray(right[rank:].T, dtype=np.float64)
+    spaces, most = list[tuple[IntArray, FloatArray, FloatArray]](), 0.0
+    free = np.ones(columns, dtype=bool)
+    for all_rows, all_columns in _independent_blocks(matrix[None]):
+        for rows, own in zip(all_rows, all_columns, strict=True):
+            _, values, right = np.linalg.svd(matrix[np.ix_(rows, own)])
+            spaces.append((own, values, right))
+            free[own], most = False, max(most, values.max(initial=0.0))
+    basis = [np.eye(columns)[:, free]]
+    for own, values, right in spaces:
+        kept = right[int((values > tolerance * most).sum()) :]
+        part = np.zeros((columns, len(kept)))
+        part[own] = kept.T
+        basis.append(part)
+    return np.concatenate(basis, axis=1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -171,7 +237,7 @@ class Projection:
 
         0 where the motors lose control of the motion (type II).
         """
-        return _measure(self.dependent_columns)
+        return least_over_largest(self.dependent_columns)
 
 
 @dataclass(frozen=True, repr=False)
@@ -299,7 +365,7 @@ def singularity_measure(
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(mechanism, independent)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
-    return _measure(jacobian[:, :, dependent])
+    return least_over_largest(jacobian[:, :, dependent])
 
 
 def partition(
@@ -354,12 +420,12 @@ def velocity_map(
     return G, solver
 
 
-def _measure(columns: FloatArray) -> FloatArray:
+def least_over_largest(columns: FloatArray) -> FloatArray:
     """Smallest over largest singular value (N,) of dependent columns (N, rows, n)."""
-    return _measure_of(Factorisation.of(columns), columns.shape[2])
+    return _ratio(Factorisation.of(columns), columns.shape[2])
 
 
-def _measure_of(factors: Factorisation, width: int) -> FloatArray:
+def _ratio(factors: Factorisation, width: int) -> FloatArray:
     count, values = factors.values.shape
     if width == 0:
         return np.ones(count)
@@ -373,7 +439,7 @@ def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -
     """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
     k = np.concatenate([ill_conditioned for ill_conditioned, _ in doubts])
     rank = np.concatenate([factors.rank for _, factors in doubts])
-    measure = np.concatenate([_measure_of(factors, width) for _, factors in doubts])
+    measure = np.concatenate([_ratio(factors, width) for _, factors in doubts])
     lost = np.flatnonzero(rank < width)
     if len(lost):
         raise SingularityError(

@@ -8,23 +8,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
 from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
+from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02
 LEAST_MARGIN = 1e-4
 ATTEMPTS_PER_SAMPLE = 200
 FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
 NARROWER = 0.5  # ... by this factor ...
+MANY_LOOPS = 8  # from which on draws begin nearer
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
-SHORTEST_STEP = 2.0**-6  # part of the way from the reference: another draw is cheaper
+PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
@@ -71,25 +73,37 @@ def random_configurations(
 
 
 def configuration_batches(
-    mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
+    mechanism: Mechanism,
+    count: int,
+    seed: int = 0,
+    margin: float | None = None,
+    spread: float = 1.0,
 ) -> Iterator[FloatArray]:
-    """Yield the rows of ``random_configurations`` a few at a time."""
+    """Yield the rows of ``random_configurations`` a few at a time.
+
+    With a spread below 1 they are drawn from that part of the limits around the reference.
+    """
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     margin = mechanism.margin if margin is None else margin
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    home, lower, upper = _ranges(mechanism)
-    draw = _Draw(1.0, DEFAULT_MARGIN if margin is None else margin)
+    measured = measured_coordinates(mechanism)
+    home, lower, upper = _ranges(measured)
+    start = np.repeat(mechanism.reference[None], BATCH, axis=0)
+    # Of many loops that move on their own one fails in nearly every draw from anywhere.
+    spread *= min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
+    draw = _Draw(spread, DEFAULT_MARGIN if margin is None else margin)
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
         values = home + draw.spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
-        outcome = try_assemble(mechanism, values, shortest_step=SHORTEST_STEP)
+        with one_blas_thread():
+            outcome = follow_paths(measured, start, values, PATHS)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
-        outside = _outside(mechanism, q)
+        outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         regular = q[singularity_measure(mechanism, q) >= draw.margin]
         draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
@@ -99,9 +113,10 @@ def configuration_batches(
             yield regular
 
 
-def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Reference values of the measured joints, and the limits between which they are drawn."""
-    home = measured_coordinates(mechanism).read(mechanism.reference[None])[0]
+    mechanism = measured.mechanism
+    home = measured.read(mechanism.reference[None])[0]
     joints = [mechanism.joint(name) for name in mechanism.measured]
     sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
     width = np.where(sliding, mechanism.length, np.pi)
@@ -153,7 +168,7 @@ class _Draw:
 
 def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Closed configurations inside the limits, with the parts that are held at random."""
-    q = q[~_outside(mechanism, q).any(axis=1)]
+    q = q[~mechanism.outside(q).any(axis=1)]
     if not mechanism.held:
         return q
     chosen, _ = partition(mechanism)
@@ -183,14 +198,3 @@ def random_motions(
     rate = np.sqrt(gravity / mechanism.length)
     velocity, acceleration = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
     return velocity * unit * rate, acceleration * unit * rate**2
-
-
-def _outside(mechanism: Mechanism, q: FloatArray) -> BoolArray:
-    """Which positions (N, nq) are outside the limits."""
-    lower, upper = mechanism.position_limits
-    outside: BoolArray = np.asarray((q < lower - 1e-9) | (q > upper + 1e-9), dtype=bool)
-    # Files often give a mimicking joint limits that its leader does not let it keep.
-    following = {name for coupling in mechanism.couplings for name in coupling.joints}
-    for name in following - {*mechanism.independent}:
-        outside[:, mechanism.joint(name).idx_q] = False
-    return outside

@@ -1,6 +1,5 @@
 """Robot files in, checked mechanisms out."""
 
-from loopid.loading.closures import link_frames
 from loopid.loading.description import (
     bundled_directory,
     bundled_robots,
@@ -9,6 +8,7 @@ from loopid.loading.description import (
 )
 from loopid.loading.load import load_mechanism
 from loopid.loading.regions import collision_regions
+from loopid.loading.rounding import nearly_special
 from loopid.loading.urdf import parse_xml, read_urdf_file
 
 __all__ = [
@@ -17,8 +17,8 @@ __all__ = [
     "collision_regions",
     "find_files",
     "find_motion_file",
-    "link_frames",
     "load_mechanism",
+    "nearly_special",
     "parse_xml",
     "read_urdf_file",
 ]

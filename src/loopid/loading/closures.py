@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from loopid.errors import RobotFileError
-from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure
+from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure, link_frames
 from loopid.yaml_files import Section
 
 COUPLING = JointCoupling.kind
@@ -240,9 +240,3 @@ def frame_named(file: Path, model: pin.Model, name: str) -> int:
         if frame.name == name:
             return frame_id
     raise RobotFileError(f"{file}: unknown frame {name!r}: choose among {', '.join(links)}")
-
-
-def link_frames(model: pin.Model) -> dict[str, int]:
-    """Indices of the frames of all links, by name."""
-    frames = enumerate(model.frames)
-    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}

@@ -79,6 +79,8 @@ class Description(Section):
     reference: dict[str, float | list[float]] = Field(default={})
     limits: dict[str, tuple[float, float] | None] = Field(default={})
     gravity: tuple[Component, Component, Component] | None = None
+    rounding: float | None = Field(default=None, ge=0, le=1e-2)
+    snap: bool = False
     margin: float | None = Field(default=None, ge=0, lt=1)
     rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)

@@ -22,10 +22,10 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
-from loopid.loading.closures import find_closures, find_couplings, frame_named, link_frames
+from loopid.kinematics import mobility
+from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
-from loopid.loading.reference import close_reference
+from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import (
     TreeSource,
     build_tree,
@@ -42,6 +42,8 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
+    link_frames,
+    odd_masses,
     unequal_links,
 )
 
@@ -56,6 +58,8 @@ def load_mechanism(
     floating_base: bool = False,
     free_mimics: bool = False,
     tied: bool = False,
+    rounding: float | None = None,
+    snap: bool = False,
 ) -> Mechanism:
     """Load a robot and check that it is one.
 
@@ -73,11 +77,18 @@ def load_mechanism(
         Whether joints of a URDF that mimic others have motors of their own all the same.
     tied : bool
         Whether links that the file declares ``identical`` share their parameters.
+    rounding : float, optional
+        To what the numbers of the file are rounded, in m and rad; by default what the file's YAML
+        says, else six digits where loops would not close or not move otherwise. Closures are then
+        closed, by moving their frames as little as possible.
+    snap : bool
+        Whether axes that are nearly parallel or square, and lengths that are nearly equal, are
+        made so, within the rounding.
 
     Returns
     -------
     Mechanism
-        Closed at its reference to 1e-10 m, or as far as the rounded numbers of its file allow.
+        Closed at its reference to 1e-10 m.
 
     Raises
     ------
@@ -134,13 +145,20 @@ ModelWarning
             "floating_base": floating_base,
             "free_mimics": free_mimics,
             "tied": tied,
+            "rounding": rounding,
+            "snap": snap,
         },
     )
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
     given = files.given.reference if motors_given else ()
     parts = [part for name in given for part in (name, *tree.replaced.get(name, ()))]
-    mechanism, around = close_reference(mechanism, given=parts)
+    mechanism, around = close_reference(
+        mechanism,
+        parts,
+        description.rounding if rounding is None else rounding,
+        snap or description.snap,
+    )
     mechanism = replace(
         mechanism, joint_values=_joint_values(mechanism, source.model, description, locked)
     )
@@ -329,25 +347,18 @@ def _warn_of_findings(
     impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
         warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+    if odd := odd_masses(mechanism):
+        warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
     for difference in unequal_links(mechanism):
         warn(f"{path}: {difference}", InertiaWarning)
 
 
 def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     """Warn of a singular reference, and where the rank of the closures is not clear."""
-    found, reason = mobility(mechanism, around=around), ""
-    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
-    if found.singular:
-        reason = (
-            f"{found.degrees_of_freedom} degrees of freedom there, "
-            f"{found.generic_degrees_of_freedom} around it"
-        )
-    elif measure < NEAR_SINGULARITY:
-        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
-        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    reason = why_singular(mechanism, around)
     if reason:
-        text = f"the reference is singular (measure {measure:.1e}): {reason}"
-        warn(f"{mechanism.path}: {text}", SingularityWarning)
+        warn(f"{mechanism.path}: the reference is singular {reason}", SingularityWarning)
+    found = mobility(mechanism, around=around)
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
         warn(

@@ -193,7 +193,7 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     finally:
         mujoco.set_mju_user_warning(before)
     finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
-    finite["gravity"] = np.isfinite(compiled.opt.gravity).all()
+    finite["gravity"] = (np.abs(compiled.opt.gravity) < LARGEST).all()
     finite["jnt_range"] = not np.isnan(compiled.jnt_range).any()  # limits may be infinite
     for name, fine in finite.items():
         if not fine:

@@ -8,48 +8,79 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arrays import FloatArray
+from loopid.base_parameters import analyse
 from loopid.errors import (
     ClosureWarning,
+    LoopidError,
     MobilityError,
     ReferenceWarning,
     RobotFileError,
+    SingularityWarning,
     warn,
 )
 from loopid.kinematics import (
     CLOSURE_TOLERANCE,
+    FOLDED,
     NEAR_SINGULARITY,
+    Factorisation,
+    assembly_modes,
     close_by_continuation,
     close_loops,
+    closed_motion,
+    configuration_batches,
+    difference,
+    geometry_accuracy,
     independent_coordinates,
     integrate,
     largest_residual,
+    mobility,
     nearby_configurations,
+    random_motions,
     scaled_constraint,
     singularity_measure,
 )
+from loopid.loading.rounding import (
+    ROUND_OFF,
+    SIX_DIGITS,
+    changes,
+    exact_geometry,
+    largest_gap,
+    rounding_that_closes,
+)
 from loopid.loading.tree import write_joint
-from loopid.robot import Mechanism
+from loopid.observation import Observation
+from loopid.regressors import motion_regressor
+from loopid.robot import AssemblyMode, Mechanism
 from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
 ENOUGH = 24  # closed configurations to choose the best of, where none suits
 LIMIT_TOLERANCE = 1e-6  # rad or m
-# Fractions of the characteristic length. Redundant equations of a file with rounded numbers
-# contradict each other: up to the first the rank of the closures is still clear, up to the second
-# rounding is the likely reason.
-ROUNDING = 1e-9
-LIKELY_ROUNDING = 1e-4
+# Of the characteristic length, up to which rounding is the likely reason that loops stay open.
+LIKELY_ROUNDING = 1e-3
+WIDER = 3.0  # times what loops stay open by around the reference, farther away
+# Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
+# leaves no choice.
+NEAR = 0.2
+# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
+ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
 
-def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedReference:
+def close_reference(
+    mechanism: Mechanism, given: Collection[str], rounding: float | None = None, snap: bool = False
+) -> ClosedReference:
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
-    motors that it leaves out; then several seeded starts of all joints left out are tried, for
-    a regular configuration inside the limits.
+    motors that it leaves out; then several seeded starts of all joints left out are tried. Where
+    that pose is singular or far from the written one, its assembly modes are compared.
+
+    Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
+    has rounded: to the rounding that is given, else to six digits.
 
     Raises
     ------
@@ -61,33 +92,197 @@ def close_reference(mechanism: Mechanism, given: Collection[str]) -> ClosedRefer
     Warns
     -----
     ReferenceWarning
-        When the closed configuration is outside the limits of a joint.
+        When the closed configuration is outside the limits of a joint, or is one of several
+        assembly modes that differ in rank.
+    SingularityWarning
+        When the written one is singular.
     ClosureWarning
-        When it closes only as far as the file's numbers are rounded.
+        When joints or closures were moved, and by how much.
     """
+    near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
+    chosen, reason = None, None
+    if rounding is None and not snap:
+        try:
+            chosen = _closed_reference(mechanism, given, CLOSURE_TOLERANCE, near)
+        except MobilityError as error:
+            reason = error
+    if chosen is None or _hardly_held(*chosen, near):
+        tolerance = max(mechanism.closure_rank_tolerance, near / mechanism.length)
+        loose = replace(mechanism, closure_rank_tolerance=tolerance)
+        try:
+            found = _closed_reference(loose, given, max(near, CLOSURE_TOLERANCE), 0.0)
+        except MobilityError as error:
+            raise reason or error from None
+        if found is None:
+            raise RobotFileError(_open_loops(loose, loose.reference, given))
+        chosen = _exact(mechanism, found[0], rounding, snap)
+    if not given and (excluded := _excluded(mechanism)):
+        warn(
+            f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
+            "the loops were closed from the middle of the limits; give the pose as 'reference'",
+            ReferenceWarning,
+        )
+    outside = _outside(chosen[0])
+    if outside:
+        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
+    return chosen
+
+
+def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
+    """Whether equations that only rounded numbers make independent hold the robot."""
+    accuracy = geometry_accuracy(mechanism)
+    if mechanism.rows == 0 or not (accuracy.length or accuracy.angle):
+        return False
+    ranks = [
+        Factorisation.of(scaled_constraint(mechanism, around)[1], tolerance).rank.max()
+        for tolerance in (mechanism.closure_rank_tolerance, near / mechanism.length)
+    ]
+    return bool(ranks[1] < ranks[0])
+
+
+def _exact(
+    file: Mechanism, loose: Mechanism, rounding: float | None, snap: bool
+) -> ClosedReference:
+    """The mechanism with places corrected within the rounding, so that its loops close."""
+    presumed = SIX_DIGITS if rounding is None else rounding
+    moved = exact_geometry(loose, loose.reference, presumed, snap)
+    near = replace(moved, closure_residual=largest_gap(presumed, moved.length))
+    open_by = float(largest_residual(moved, nearby_configurations(near, near.reference)).max())
+    if open_by <= CLOSURE_TOLERANCE:
+        moved = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
+        open_by = 0.0
+    closed, around = _closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
+    shift, turn = changes(loose, closed)
+    if closed.model is not loose.model:
+        text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
+        if open_by:
+            text += f", and the loops then stay open by up to {open_by:.1e} m"
+            text += "; --snap makes nearly equal lengths equal" * (not snap)
+        warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
+    # What is as it is meant to be is no longer rounded, but to floating-point numbers.
+    left = presumed if open_by or not snap else ROUND_OFF * closed.length
+    return replace(closed, rounding=left), around
+
+
+def _closed_reference(
+    mechanism: Mechanism, given: Collection[str], tolerance: float, near: float
+) -> ClosedReference | None:
+    """The closed configuration that is meant; None where loops hardly miss to close."""
     closed: list[ClosedReference] = []
-    suits = False  # inside the limits, and regular for the motors
-    best = (mechanism.reference, np.inf)
+    chosen, best = None, (mechanism.reference, np.inf)
     for q, gap in _attempts(mechanism, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
-        if gap > max(CLOSURE_TOLERANCE, ROUNDING * mechanism.length):
+        if gap > tolerance:
+            if gap <= near:
+                return None
             continue
-        closed.append(_closed_at(mechanism, q))
-        suits = not _outside(closed[-1][0]) and _measure(closed[-1]) >= NEAR_SINGULARITY
-        if suits or len(closed) == ENOUGH:
+        found, first = _closed_at(mechanism, q), not closed
+        closed.append(found)
+        suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
+        if first and _is_drawn(found, mechanism.reference, given):
+            chosen = found
+        elif first or suits:
+            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first)
+        if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
         raise RobotFileError(_open_loops(mechanism, best[0], given))
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
-    chosen = closed[-1] if suits else max(inside, key=_measure) if inside else closed[0]
-    outside, left = _outside(chosen[0]), chosen[0].closure_residual
-    if outside:
-        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
-    if left:
-        text = f"the loops close to {left:.1e} m only: its numbers are rounded"
-        warn(f"{mechanism.path}: {text}", ClosureWarning)
-    return chosen
+    return chosen or (max(inside, key=_measure) if inside else closed[0])
+
+
+def _excluded(mechanism: Mechanism) -> list[str]:
+    """Joints of loops that stand in the middle of limits which their zero is outside of."""
+    found = []
+    for name in mechanism.joints:
+        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
+        middle = joint.nq == 1 and mechanism.reference[joint.idx_q] == 0.5 * (low + high)
+        if middle and not low <= 0 <= high and mechanism.moving[:, joint.idx_v].any():
+            found.append(name)
+    return found
+
+
+def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
+    """Whether a closed configuration is the one that a drawn one (nq,) means: nothing to choose."""
+    mechanism, measure = closed[0], _measure(closed)
+    if mechanism.rows == 0:
+        return True
+    moved = difference(mechanism, drawn[None], mechanism.reference[None])
+    near = float(np.abs(moved / mechanism.coordinate_scales).max()) <= NEAR
+    open_by = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+    was_closed = largest_residual(mechanism, drawn[None])[0] <= open_by
+    clear = measure >= (NEAR_SINGULARITY if was_closed else FOLDED)
+    return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
+
+
+def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
+    """In which way the reference is singular, with closed configurations (n, nq) around it."""
+    found = mobility(mechanism, around=around)
+    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    if found.singular:
+        reason = (
+            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.generic_degrees_of_freedom} around it"
+        )
+    elif measure < NEAR_SINGULARITY:
+        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        reason = f"{loose or 'passive joints'} can move there while the motors stand still"
+    else:
+        return ""
+    return f"(measure {measure:.1e}): {reason}"
+
+
+def _in_a_mode(
+    closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
+) -> ClosedReference | None:
+    """The mechanism in the best of its assembly modes, warned of where it matters.
+
+    None where none is inside the limits.
+    """
+    modes = assembly_modes(closed[0], drawn)
+    if not modes:
+        return None
+    mechanism, around = _closed_at(closed[0], modes[0].reference)
+    if _outside(mechanism):
+        return None
+    singular = why_singular(*closed) if drawn_is_closed else ""
+    if len(modes) > 1:
+        modes = tuple(replace(mode, rank=_rank(mechanism, mode)) for mode in modes)
+    known = {mode.rank for mode in modes} - {None}
+    text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
+    if singular:
+        text += "; the reference is a regular pose a step of the motors away"
+    if len(modes) > 1:
+        text += f"; {len(modes)} assembly modes were found, mode 1 is used"
+    if len(known) > 1:
+        listed = ", ".join(f"{mode.rank or '?'} in mode {k}" for k, mode in enumerate(modes, 1))
+        text += f", and THEIR NUMBERS OF BASE PARAMETERS DIFFER (full model): {listed}"
+    if len(modes) > 1:
+        text += (
+            "; to choose another, put its 'reference' into the YAML, as 'loopid check "
+            f"{mechanism.path}' prints it"
+        )
+    if len(known) > 1:
+        warn(f"{mechanism.path}: {text}", ReferenceWarning)
+    elif singular:
+        warn(f"{mechanism.path}: {text}", SingularityWarning)
+    return replace(mechanism, modes=modes), around
+
+
+def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
+    """Number of base parameters of the full model in a mode; None where it is not clear."""
+    if len(mechanism.parameters()) > LARGEST:
+        return None
+    robot, _ = _closed_at(mechanism, mode.reference)
+    samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
+    try:
+        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
+        motion = closed_motion(robot, q, *random_motions(robot, samples))
+        W = motion_regressor(robot, motion).reshape(-1, len(robot.parameters()))
+        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+    except LoopidError:
+        return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
@@ -137,6 +332,10 @@ def _scattered(
 def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     """The mechanism with a closed reference and the coordinates that are independent around it."""
     residual = float(largest_residual(mechanism, q[None])[0])
+    residual = max(residual, mechanism.closure_residual)
+    mechanism = replace(
+        mechanism, closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0
+    )
     around = nearby_configurations(mechanism, q)
     try:
         chosen = independent_coordinates(mechanism, around)
@@ -146,7 +345,6 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     closed = replace(
         mechanism,
         reference=q,
-        closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
     )
@@ -174,9 +372,10 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     if residual.max() < LIKELY_ROUNDING * mechanism.length:
+        needed = rounding_that_closes(float(residual.max()), mechanism.length)
         hint = (
-            ": the numbers of the file seem rounded, so that redundant equations contradict each "
-            "other; give more digits, or closures with fewer rows"
+            f": if its numbers are rounded, say so by --rounding {needed:g}, or by "
+            f"'rounding: {needed:g}' in a YAML, and joints and closures are moved within that"
         )
     return (
         f"{mechanism.path}: {origin}: closure {name} stays open by "

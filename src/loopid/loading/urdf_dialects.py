@@ -263,13 +263,16 @@ def _balls(urdf: UrdfFile) -> Iterator[Loop]:
         ball = etree.Element("ball_constraint", type="ball", name=f"ball_constraint_{number}")
         with naming(label(ball)):
             points = list[pin.SE3]()
-            for body, point in (("body_A", "p_AP"), ("body_B", "p_BQ")):
-                for tag, key in ((body, "link"), (point, "xyz")):
+            for side, tags in zip(
+                _sides(ball), (("body_A", "p_AP"), ("body_B", "p_BQ")), strict=True
+            ):
+                end = etree.SubElement(ball, side)
+                for tag, key, attribute in zip(
+                    tags, ("link", "xyz"), ("name", "value"), strict=True
+                ):
                     said = next(_all(element, (f"ball_constraint_{tag}",)), None)
                     if said is None:
                         raise RobotFileError(f"it has no ball_constraint_{tag}")
-                    attribute = {"link": "name", "xyz": "value"}[key]
-                    end = etree.SubElement(ball, _sides(ball)[len(points)])
                     end.set(key, said.get(attribute, ""))
                 points.append(pin.SE3(np.eye(3), np.array(numbers(end, "xyz", 3))))
             yield ball, _ends(ball, urdf), (points[0], points[1])
@@ -447,7 +450,8 @@ def _read_transmission(
     except (ValueError, OverflowError):
         inertia = math.nan
     if len(driven) > 1 or not math.isfinite(inertia):
-        left_out.append(LeftOut(f"{listed} of the transmission of {', '.join(driven)}"))
+        what = f"{listed} of the transmission of {', '.join(driven)}"
+        left_out.append(LeftOut(what, is_force=bool(texts["rotor inertia"])))
         return
     if inertia:
         given[driven[0]]["Ia"] = given[driven[0]].get("Ia", 0.0) + inertia

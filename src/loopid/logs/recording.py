@@ -121,7 +121,9 @@ class Recording:
         return f"<p>{escape(repr(self))}</p>{table}"
 
     def split(self, fraction: float) -> tuple[Recording, Recording]:
-        """The first part of the time, and the rest, for validation.
+        """The first part of the samples in which a motor moves, and the rest, for validation.
+
+        Pauses and gaps count for nothing: a log that stands still at first still has both parts.
 
         Raises
         ------
@@ -132,11 +134,29 @@ class Recording:
         """
         if not 0 < fraction < 1:
             raise OptionError(f"the fraction to split at must be between 0 and 1, not {fraction}")
-        time = self.motion.time
-        early = int(np.searchsorted(time, time[0] + fraction * (time[-1] - time[0]), "right"))
-        if early == len(self):
+        moving = np.cumsum(self.used.any(axis=1))
+        early = 1 + int(np.searchsorted(moving, int(fraction * moving[-1]), "right"))
+        early = early if moving[-1] > 1 else len(self)
+        if early >= len(self):
             raise DataError(f"recording {self.name} has {len(self)} samples: too few to split")
         return self.select(slice(early)), self.select(slice(early, len(self)))
+
+    def between(self, start: float = 0.0, end: float = np.inf) -> Recording:
+        """The samples from one time to another, in s from the start of the log.
+
+        Raises
+        ------
+        LogError
+            When there are none in which a motor moves.
+        """
+        time = self.motion.time
+        part = self.select((time >= start) & (time <= end))
+        if not part.used.any():
+            raise LogError(
+                f"{self.name}: no motor moves between {start:g} and {min(end, time[-1]):g} s; the "
+                f"log has samples from {time[0]:g} to {time[-1]:g} s"
+            )
+        return part
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""

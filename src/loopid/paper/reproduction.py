@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from loopid.paper.structure import (
     compare_base_parameters,
     measured_geometry,
 )
+from loopid.parameters import html_table
 from loopid.seeds import derived_seed
 from loopid.workers import Progress
 
@@ -280,6 +282,15 @@ class PaperReproduction:
             f"found, {len(motions)} trajectories at {rate:g} Hz, Table V from "
             f"{'a simulated stand-in' if self.actual.is_stand_in else logs}"
         )
+
+    def _repr_html_(self) -> str:
+        head = "base parameter", "unit", "robot file", "simulated", "± 95 %", "from logs"
+        estimates, logs = self.simulated.fifteen.estimates, self.actual.informed.values
+        rows = (
+            (e.name, e.unit, float(true), e.value, e.interval[1] - e.value, float(logged))
+            for e, true, logged in zip(estimates, self.simulated.truth, logs, strict=False)
+        )
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
 
 @checked

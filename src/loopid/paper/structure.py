@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -115,13 +116,14 @@ def compare_base_parameters(mechanism: Mechanism) -> BaseComparison:
 def matching_rows(base: BaseParameters) -> tuple[int | None, ...]:
     """For each row of Table II the base parameter that equals it to the printed digits."""
 
-    def equal(terms: dict[str, float], printed: dict[str, float]) -> bool:
+    def equal(terms: Mapping[str, float], printed: dict[str, float]) -> bool:
         return terms.keys() == printed.keys() and all(
             abs(terms[label] - printed[label]) <= PRINTED_DIGITS for label in terms
         )
 
+    found = base.terms
     return tuple(
-        next((j for j, terms in enumerate(base.terms) if equal(terms, printed)), None)
+        next((j for j, terms in enumerate(found) if equal(terms, printed)), None)
         for printed in TABLE_II
     )
 

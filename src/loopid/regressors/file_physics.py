@@ -17,9 +17,8 @@ from loopid.kinematics import (
     random_motions,
     torque_regressors,
 )
-from loopid.loading import link_frames
 from loopid.regressors.joint_terms import OF_FILE, JointTerms, joint_state
-from loopid.robot import JOINT_TERMS, JointState, LeftOut, Mechanism, shortened
+from loopid.robot import JOINT_TERMS, JointState, LeftOut, Mechanism, link_frames, shortened
 
 SAMPLES = 60  # random states that forces are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off

@@ -63,7 +63,8 @@ def structural_observation(
     Returns
     -------
     Observation
-        The same to the bit with any number of BLAS threads.
+        The same to the bit with any number of BLAS threads. Where the motors leave coordinates
+        free, what the motors alone feel is its ``motors_alone``.
 
     Raises
     ------
@@ -77,8 +78,9 @@ def structural_observation(
     100
     """
     parameters = motion_parameters(mechanism, model, joint_terms)
+    driven = len(mechanism.independent) - len(mechanism.free)
     enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.independent))
-    enough = max(LEAST_SAMPLES, enough)
+    enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
     kept = _Motions(enough)
@@ -88,8 +90,19 @@ def structural_observation(
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
     with one_blas_thread():
-        found = Observation.from_parts(parts, parameters, mechanism.length, keep_matrix, natural)
-    return replace(found, geometry=_rounded_geometry(mechanism, model, joint_terms, kept))
+        found = Observation.from_parts(
+            parts,
+            parameters,
+            mechanism.length,
+            keep_matrix,
+            natural,
+            driven=driven if mechanism.free and driven else None,
+        )
+    rounded = partial(_rounded_geometry, mechanism, model, joint_terms, kept)
+    order = mechanism.coordinate_order
+    if alone := found.motors_alone:
+        alone = replace(alone, order=order, geometry=rounded(driven))
+    return replace(found, order=order, geometry=rounded(None), motors_alone=alone)
 
 
 def _random_regressors(
@@ -136,7 +149,11 @@ class _Motions:
 
 
 def _rounded_geometry(
-    mechanism: Mechanism, model: str, joint_terms: JointTerms | None, motions: _Motions
+    mechanism: Mechanism,
+    model: str,
+    joint_terms: JointTerms | None,
+    motions: _Motions,
+    driven: int | None,
 ) -> RoundedGeometry | None:
     accuracy = geometry_accuracy(mechanism)
     known_to = max(accuracy.length, accuracy.angle * mechanism.length)
@@ -151,7 +168,7 @@ def _rounded_geometry(
     ):
         loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
         places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))
-    factors = partial(_factors_within, mechanism, model, joint_terms, accuracy, motions)
+    factors = partial(_factors_within, mechanism, model, joint_terms, motions, driven, accuracy)
     return RoundedGeometry(
         known_to,
         known_to / mechanism.length,
@@ -167,18 +184,20 @@ def _factors_within(
     mechanism: Mechanism,
     model: str,
     joint_terms: JointTerms | None,
-    accuracy: Accuracy,
     motions: _Motions,
+    driven: int | None,
+    accuracy: Accuracy,
     count: int,
 ) -> FloatArray:
-    """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy."""
+    """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
+
+    Of the first ``driven`` rows of each sample, or of all.
+    """
     generator, parameters = random_generator(0), motion_parameters(mechanism, model, joint_terms)
     others = (within_accuracy(mechanism, accuracy, generator) for _ in range(count))
     found = []
     for other in (mechanism, *others):
-        parts = (
-            motion_regressor(other, same_motion(mechanism, other, *batch), model, joint_terms)
-            for batch in motions.batches
-        )
+        moved = (same_motion(mechanism, other, *batch) for batch in motions.batches)
+        parts = (motion_regressor(other, one, model, joint_terms)[:, :driven] for one in moved)
         found.append(Observation.from_parts(parts, parameters, mechanism.length).factor)
     return np.stack(found)

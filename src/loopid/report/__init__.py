@@ -1,5 +1,6 @@
 """What people and machines read: tables for the terminal, records for JSON, pages and figures."""
 
+from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -16,6 +17,7 @@ from loopid.report.identify import (
     identification_record,
     identification_tables,
 )
+from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
 from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
 from loopid.report.structure import (
     base_record,
@@ -38,6 +40,11 @@ __all__ = [
     "check_record",
     "check_tables",
     "drawing",
+    "excitation_files",
+    "excitation_record",
+    "excitation_tables",
+    "gains_record",
+    "gains_tables",
     "identification_files",
     "identification_record",
     "identification_tables",
@@ -45,6 +52,8 @@ __all__ = [
     "markdown_table",
     "motions_record",
     "motions_tables",
+    "payload_record",
+    "payload_tables",
     "plain_table",
     "prediction_files",
     "prediction_record",

@@ -14,7 +14,7 @@ from loopid.arrays import IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 # From the palette of Okabe and Ito.
@@ -110,10 +110,10 @@ def thinned(count: int) -> IntArray:
     return spread_rows(count, MOST_POINTS)
 
 
-def plain_log_labels(axes: Axes, subdivisions: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
+def plain_log_labels(axis: Axis, subdivisions: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
     """Label a logarithmic axis with 1, 2, 5, 10, or others, in plain text."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    axes.yaxis.set_major_locator(LogLocator(subs=subdivisions))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(LogLocator(subs=subdivisions))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())

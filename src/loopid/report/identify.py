@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Suspicions,
         WeakDirection,
     )
+    from loopid.identification import FitResult
     from loopid.logs import Recording
 
 CAPTIONS = {
@@ -35,7 +36,10 @@ CAPTIONS = {
 
 
 # Beside the figures; a fit only where there is one.
-RESULTS = "report.md", "identification.json", "parameters.yaml", "standard_parameters.yaml"
+RESULTS = (
+    *("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml"),
+    "standard_parameters.yaml",
+)
 
 
 def identification_record(found: Identification) -> dict[str, Any]:
@@ -52,6 +56,9 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "expressions": list(model.base.expressions),
         "robot_file": json_value(model.prior),
         "fit": SavedFit.of(model, found.fit).record(),
+        "recommended": found.recommended.name,
+        "recommended_fit": SavedFit.of(model, found.recommended_fit).record(),
+        "prior_deviation": json_value(found.prior_deviation),
         "identifiability": {
             **_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
@@ -138,6 +145,7 @@ def findings(found: Identification) -> list[str]:
     if found.consistent is not None:
         said += _consistent_findings(found.consistent)
     said += [_verdict(candidate) for candidate in found.candidates[1:]]
+    said.append(_recommendation(found))
     insignificant = found.fit.insignificant()
     if insignificant or not found.candidates[1].beats_baseline:
         said.append(
@@ -150,6 +158,21 @@ def findings(found: Identification) -> list[str]:
         "it gives no value of are zero."
     )
     return said
+
+
+def _recommendation(found: Identification) -> str:
+    said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
+    if found.recommended is found.candidates[0]:
+        return (
+            f"{said} with fitted joint terms, as all parameters are clearly worse on new data even "
+            "with the robot file as prior."
+        )
+    if found.prior_deviation is None:
+        return f"{said} by {found.fit.estimator}."
+    return (
+        f"{said}; its parameters count as known to {100 * found.prior_deviation:.2g} % of their "
+        "sizes, as the data say."
+    )
 
 
 def _verdict(candidate: Candidate) -> str:
@@ -195,15 +218,25 @@ def identification_tables(found: Identification) -> list[Table]:
         _noise_table(found),
         _gains_table(found),
         _dropped_table(found),
+        *([] if found.recommended_fit is found.fit else [_recommended_table(found)]),
         said,
     ]
 
 
 def _parameter_table(found: Identification) -> Table:
-    title = f"{found.force_model.mechanism.name}: all parameters by {found.fit.estimator}"
+    name = found.force_model.mechanism.name
+    return _estimates_table(f"{name}: all parameters by {found.fit.estimator}", found.fit)
+
+
+def _recommended_table(found: Identification) -> Table:
+    title = f"recommended: {found.recommended.name}"
+    return _estimates_table(title, found.recommended_fit)
+
+
+def _estimates_table(title: str, fit: FitResult) -> Table:
     columns = ("leading parameter", ">value", ">± std", ">std %", ">95 % interval", "unit")
     table = plain_table(title, *columns)
-    for estimate in found.fit.estimates:
+    for estimate in fit.estimates:
         table.add_row(
             estimate.name,
             f"{estimate.value:.4g}",
@@ -307,7 +340,9 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
     parts += [markdown_table(table) for table in identification_tables(found)]
     parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
     page, data, *names = RESULTS
-    fits = dict(zip(names, (found.fit, found.consistent), strict=True))
+    chosen = found.recommended_fit
+    other = None if chosen is found.fit else found.fit
+    fits = dict(zip(names, (chosen, other, found.consistent), strict=True))
     return {
         page: "\n".join(parts),
         data: json_text(record) + "\n",

@@ -83,7 +83,7 @@ def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
         names = [name for name, drawn in zip(labels, there, strict=True) if drawn]
         ax.set(yscale="log", xlabel="combination of parameters", ylabel="effect on forces (%)")
         ax.set_title("singular spectrum: one size of each combination")
-        plain_log_labels(ax, (1.0,))
+        plain_log_labels(ax.yaxis, (1.0,))
         figure.legend(handles, names, loc="outside lower center", ncols=2)
         return rendered(figure, "spectrum")
 
@@ -123,6 +123,6 @@ def draw_reduction(found: Identification) -> dict[str, bytes]:
         ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
         ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
         ax.set(title="how many parameters are essential", yscale="log")
-        plain_log_labels(ax)
+        plain_log_labels(ax.yaxis)
         ax.legend()
         return rendered(figure, "reduction")

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import BaseParameters, equations, expression, name_coefficients
+from loopid.base_parameters import (
+    BaseParameters,
+    CoefficientName,
+    equations,
+    expression,
+    name_coefficients,
+)
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     Factorisation,
@@ -18,10 +24,17 @@ from loopid.kinematics import (
     scaled_constraint,
     singularity_measure,
 )
-from loopid.parameters import NamedLength
 from loopid.regressors import OF_FILE, FileForce, file_forces
 from loopid.report.tables import json_value, plain_table
-from loopid.robot import JointCoupling, LoopClosure, Mechanism, inertia_defects, unequal_links
+from loopid.robot import (
+    JointCoupling,
+    LoopClosure,
+    Mechanism,
+    inertia_defects,
+    named_lengths,
+    odd_masses,
+    unequal_links,
+)
 
 if TYPE_CHECKING:
     from loopid.trajectories import MotionReview
@@ -64,7 +77,9 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "characteristic_length": mechanism.length,
         "identical": {group.name: list(group.links) for group in mechanism.identical},
         "unequal_links": list(unequal_links(mechanism)),
+        "odd_masses": list(odd_masses(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
+        "assembly_modes": _mode_records(mechanism),
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
     }
 
@@ -96,6 +111,22 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
         "lower": json_value(lower[q]),
         "upper": json_value(upper[q]),
     }
+
+
+def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
+    """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
+    return [
+        {
+            "mode": k,
+            "used": k == 1,
+            "rank": mode.rank,
+            "distance": mode.distance,
+            "meets_drawn_pose": mode.continues,
+            "parallel_pairs": mode.parallel,
+            "reference": mechanism.reference_values(mode.reference),
+        }
+        for k, mode in enumerate(mechanism.modes, start=1)
+    ]
 
 
 def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
@@ -141,7 +172,25 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
         closures.add_row(name, closure["type"], *numbers)
     tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
-    return tables + ([_left_out_table(record)] if record["in_file_not_in_model"] else [])
+    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
+    return tables + _mode_tables(record["assembly_modes"])
+
+
+def _mode_tables(modes: list[dict[str, Any]]) -> list[Table]:
+    """Assembly modes, and the reference of each as a YAML takes it, lines broken anywhere."""
+    if not modes:
+        return []
+    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
+    found = plain_table("assembly modes of the drawn pose; the first is used", *columns)
+    tables: list[Table] = [found]
+    for mode in modes:
+        meets = "yes" if mode["meets_drawn_pose"] else "no"
+        rank = "-" if mode["rank"] is None else mode["rank"]
+        found.add_row(mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"])
+        values = ", ".join(f"{name}: {value}" for name, value in mode["reference"].items())
+        tables.append(plain_table(f"to choose mode {mode['mode']}, put this into the YAML", ""))
+        tables[-1].add_row(f"reference: {{{values}}}")
+    return tables
 
 
 def _left_out_table(record: dict[str, Any]) -> Table:
@@ -181,6 +230,8 @@ def _summary_table(record: dict[str, Any]) -> Table:
     }
     if record["unequal_links"]:
         rows["not identical in the file"] = "; ".join(record["unequal_links"])
+    if record["odd_masses"]:
+        rows["odd masses"] = "; ".join(record["odd_masses"])
     rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
     for row in rows.items():
         table.add_row(*row)
@@ -191,40 +242,31 @@ def _summary_table(record: dict[str, Any]) -> Table:
 
 
 def base_record(
-    mechanism: str, model: str, base: BaseParameters, lengths: Sequence[NamedLength] = ()
+    mechanism: Mechanism,
+    model: str,
+    base: BaseParameters,
+    motors_alone: BaseParameters | None = None,
 ) -> dict[str, Any]:
-    """Base parameters and their search, ready for JSON.
+    """Base parameters and their search, ready for JSON, with records of the assembly modes.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven.
-    Coefficients that are made of the lengths are named; the lengths in these names are listed.
+    Coefficients that are made of the robot's lengths are named; those lengths are listed. Where
+    coordinates are free, ``motors_alone`` is what is felt without their rows "= 0".
     """
-    names, search = name_coefficients(base, lengths), base.search
-    used = {length for found in names for name in found.values() for length in name.lengths}
+    lengths = named_lengths(mechanism)
+    found = [base] if motors_alone is None else [base, motors_alone]
+    named = [name_coefficients(one, lengths) for one in found]
+    used = {x for names in named for own in names for name in own.values() for x in name.lengths}
+    records = [_choice(one, names) for one, names in zip(found, named, strict=True)]
     return {
-        "mechanism": mechanism,
+        "mechanism": mechanism.name,
         "model": model,
         "standard_parameters": len(base.parameters),
-        "nonzero_parameters": len(base.structure.columns),
-        "rank": base.structure.rank,
-        "rank_gap": base.structure.rank_gap,
-        "rank_noise": base.structure.noise,
-        "rank_noise_source": base.structure.noise_source,
-        "condition_number": json_value(base.condition_number),
-        "nullspace_condition_number": json_value(base.nullspace_condition_number),
-        "search": {name: json_value(getattr(search, name)) for name in SEARCH},
-        "base_parameters": [
-            {
-                "name": name,
-                "terms": terms,
-                "coefficients": {
-                    label: found[label].text if label in found else None for label in terms
-                },
-                "expression": expression(terms, names=found),
-                "where": equations(terms, found),
-            }
-            for name, terms, found in zip(base.names, base.terms, names, strict=True)
-        ],
+        **records[0],
+        "assembly_modes": _mode_records(mechanism),
+        "undetermined": list(mechanism.free),
+        "motors_alone": None if motors_alone is None else records[1],
         "lengths": [
             {
                 "symbol": length.symbol,
@@ -240,19 +282,52 @@ def base_record(
     }
 
 
+def _choice(base: BaseParameters, names: Sequence[Mapping[str, CoefficientName]]) -> dict[str, Any]:
+    """Rank, search and parameters."""
+    return {
+        "nonzero_parameters": len(base.structure.columns),
+        "rank": base.structure.rank,
+        "rank_gap": base.structure.rank_gap,
+        "rank_noise": base.structure.noise,
+        "rank_noise_source": base.structure.noise_source,
+        "condition_number": json_value(base.condition_number),
+        "nullspace_condition_number": json_value(base.nullspace_condition_number),
+        "search": {name: json_value(getattr(base.search, name)) for name in SEARCH},
+        "base_parameters": [
+            {
+                "name": name,
+                "terms": dict(terms),
+                "coefficients": {
+                    label: found[label].text if label in found else None for label in terms
+                },
+                "expression": expression(terms, names=found),
+                "where": equations(terms, found),
+            }
+            for name, terms, found in zip(base.names, base.terms, names, strict=True)
+        ],
+    }
+
+
 def base_tables(record: dict[str, Any]) -> list[Table]:
     """The record as tables: the parameters, the lengths in them, then the findings."""
     title = f"{record['mechanism']}: base parameters, {record['model']} model"
-    parameters = plain_table(title, ">", "base parameter")
-    for number, parameter in enumerate(record["base_parameters"], start=1):
-        # The sum, and below it what its coefficients are, each on a line of its own.
-        where = "\n        ".join(parameter["where"])
-        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
-        parameters.add_row(number, text)
+    tables = [_parameters(title, record)]
+    if alone := record["motors_alone"]:
+        tables.append(_parameters("what the motors alone feel", alone))
     lengths = plain_table("lengths", "", ">", "")
     for length in record["lengths"]:
         lengths.add_row(length["symbol"], f"{length['value']:.4g} m", length["meaning"])
-    return [parameters, *([lengths] if record["lengths"] else []), _findings(record)]
+    return [*tables, *([lengths] if record["lengths"] else []), _findings(record)]
+
+
+def _parameters(title: str, choice: dict[str, Any]) -> Table:
+    table = plain_table(title, ">", "base parameter")
+    for number, parameter in enumerate(choice["base_parameters"], start=1):
+        # The sum, and below it what its coefficients are, each on a line of its own.
+        where = "\n        ".join(parameter["where"])
+        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
+        table.add_row(number, text)
+    return table
 
 
 def _findings(record: dict[str, Any]) -> Table:
@@ -275,6 +350,12 @@ def _findings(record: dict[str, Any]) -> Table:
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
+    if alone := record["motors_alone"]:
+        free = ", ".join(record["undetermined"])
+        rows["felt by the motors alone"] = (
+            f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
+            f"{certificate(alone['search'])}"
+        )
     table = plain_table("findings", "", "")
     for row in rows.items():
         table.add_row(*row)

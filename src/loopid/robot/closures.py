@@ -28,6 +28,7 @@ from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 
 Axis = tuple[float, float, float]
+UNIT = 1e-9  # by which the length of a unit vector may be off
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
@@ -377,6 +378,9 @@ class LoopClosure:
     def __post_init__(self) -> None:
         if self.kind not in CLOSURE_KINDS:
             raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS)
+        for axis in self.axes:
+            if not abs(np.linalg.norm(axis) - 1) <= UNIT:
+                raise OptionError(f"closure {self.name}: axis {axis} must be a unit vector")
 
     @cached_property
     def equations(self) -> tuple[Equations, ...]:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
-from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
 from loopid.robot.joint_terms import LeftOut
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -36,6 +40,8 @@ ROTATIONS = ("rx", "ry", "rz")
 # Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
 ROUNDED = 1e-6
 ALIKE = 1e-4
+# Masses that only keep a simulator running: part of the heaviest body, and in kg.
+PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 
 
 @dataclass(frozen=True)
@@ -184,6 +190,52 @@ class Platform:
 
 
 @dataclass(frozen=True, repr=False)
+class AssemblyMode:
+    """One way of assembling a robot whose drawn pose leaves a choice.
+
+    Attributes
+    ----------
+    reference : FloatArray
+        (nq,), a closed, regular configuration inside the limits, read-only.
+    distance : float
+        How far the passive coordinates are from where they are drawn, in rad and characteristic
+        lengths.
+    continues : bool
+        Whether regular poses lead from there to the drawn one, which is then singular.
+    parallel : int
+        Pairs of links of a loop that do not turn against each other.
+    rank : int or None
+        Number of base parameters of the full model; None where it was not found.
+    """
+
+    reference: FloatArray
+    distance: float
+    continues: bool
+    parallel: int
+    rank: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reference", frozen(self.reference))
+
+
+class Loop(NamedTuple):
+    """Closures that share passive joints: they open and close together.
+
+    Attributes
+    ----------
+    rows : IntArray
+        Of the closure equations.
+    columns : IntArray
+        Velocity indices of the coordinates that move the closures' frames against each other.
+    closures : tuple of LoopClosure
+    """
+
+    rows: IntArray
+    columns: IntArray
+    closures: tuple[LoopClosure, ...]
+
+
+@dataclass(frozen=True, repr=False)
 class Mechanism:
     """A robot with or without closed loops.
 
@@ -213,8 +265,12 @@ class Mechanism:
         Whether links declared alike share their parameters.
     closure_residual : float
         Residual in m that is left at the reference, where the file's numbers are rounded.
-    rounding : float
-        How far in m closures may be from where the file has them; 0 where they are exact.
+    modes : tuple of AssemblyMode
+        Where the drawn pose is singular or open: the assembly modes that were found, the robot's
+        own first. Otherwise there is nothing to choose, and none is listed.
+    rounding : float or None
+        To what the numbers of its geometry are rounded, in m and rad; 0 where they are exact, None
+        where only they themselves tell.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
     rank_tolerance : float or None
@@ -251,7 +307,8 @@ class Mechanism:
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
-    rounding: float = 0.0
+    modes: tuple[AssemblyMode, ...] = ()
+    rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
     rank_tolerance: float | None = None
     margin: float | None = None
@@ -262,6 +319,21 @@ class Mechanism:
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
 
+        for name in {*self.actuated}:
+            if self.actuated.count(name) > 1:
+                raise OptionError(f"{self.name}: joint {name} is listed twice among the actuated")
+        frames = [self.model.frames[k] for closure in self.closures for k in closure.frame_ids]
+        placed = [(frame.name, frame.placement.rotation) for frame in frames]
+        placed += zip(
+            self.joints, [M.rotation for M in list(self.model.jointPlacements)[1:]], strict=True
+        )
+        for name, R in placed:
+            if not (np.abs(R @ R.T - np.eye(3)).max() <= UNIT and np.linalg.det(R) > 0):
+                raise OptionError(
+                    f"{self.name}: the axes of frame {name} must be right-handed unit vectors at "
+                    f"right angles (tolerance {UNIT:g})"
+                )
+
     def __repr__(self) -> str:
         return (
             f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
@@ -269,6 +341,18 @@ class Mechanism:
             f"  actuated: {shortened(self.actuated)}\n"
             f"  independent: {shortened(self.independent)}"
         )
+
+    def _repr_html_(self) -> str:
+        lower, upper = self.position_limits
+        rows = []
+        for name in self.joints:
+            joint = self.joint(name)
+            q = slice(joint.idx_q, joint.idx_q + joint.nq)
+            numbers = (self.reference[q], lower[q], upper[q])
+            cells = (" ".join(f"{x:.4g}" for x in part) for part in numbers)
+            rows.append((name, "actuated" if name in self.actuated else "passive", *cells))
+        head = "joint (m, rad)", "", "reference", "lower limit", "upper limit"
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     # Joints and their coordinates.
 
@@ -346,6 +430,18 @@ class Mechanism:
         )
         return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
 
+    def reference_values(self, q: FloatArray) -> dict[str, float | list[float]]:
+        """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
+        values: dict[str, float | list[float]] = {}
+        for name in self.joints:
+            joint = self.joint(name)
+            part = q[joint.idx_q : joint.idx_q + joint.nq]
+            if joint.nv == 1 and joint.nq == 2:  # the cosine and sine of an angle
+                part = np.arctan2(part[1:], part[:1])
+            rounded = [round(float(value), 6) + 0.0 for value in part]
+            values[name] = rounded[0] if len(rounded) == 1 else rounded
+        return values
+
     @cached_property
     def position_limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper limits (nq,) of all joints, infinite where there are none."""
@@ -355,6 +451,16 @@ class Mechanism:
                 q = self.joint(name).idx_q
                 lower[q], upper[q] = self.limits(name)
         return frozen(lower), frozen(upper)
+
+    def outside(self, q: FloatArray, slack: float = 1e-9) -> BoolArray:
+        """Which positions (N, nq) are outside the limits by more than a slack."""
+        lower, upper = self.position_limits
+        outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
+        # Files often give a mimicking joint limits that its leader does not let it keep.
+        following = {name for coupling in self.couplings for name in coupling.joints}
+        for name in following - {*self.independent}:
+            outside[:, self.joint(name).idx_q] = False
+        return outside
 
     @property
     def floating(self) -> tuple[str, ...]:
@@ -406,11 +512,11 @@ class Mechanism:
         moved = []
         for frame_id in frame_ids:
             path = set(self.model.supports[self.model.frames[frame_id].parentJoint])
-            moved.append([joint in path for joint in self._joint_ids])
+            moved.append([joint in path for joint in self.joint_ids])
         return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
 
     @cached_property
-    def _joint_ids(self) -> list[int]:
+    def joint_ids(self) -> list[int]:
         """Index of the joint that each velocity coordinate belongs to."""
         joints = list(self.model.joints)[1:]
         return [k for k, joint in enumerate(joints, start=1) for _ in range(joint.nv)]
@@ -422,9 +528,38 @@ class Mechanism:
         return ids, self.supports(ids)
 
     @cached_property
+    def moving(self) -> BoolArray:
+        """Which coordinates (rows, nv) move the frames of each row's closure against each other."""
+        moving = np.zeros((self.rows, self.model.nv), dtype=bool)
+        owner = self.row_closures
+        _, supports = self.closure_frames
+        moving[: len(owner)] = (supports[::2] != supports[1::2])[owner]
+        for row, coupling in enumerate(self.couplings, len(owner)):
+            moving[row, list(coupling.v_indices)] = True
+        return moving
+
+    @property
+    def row_closures(self) -> IntArray:
+        """Which closure each row belongs to; those of couplings are left out."""
+        return np.repeat(np.arange(len(self.closures)), [c.rows for c in self.closures])
+
+    @cached_property
+    def loops(self) -> tuple[Loop, ...]:
+        """Closures and couplings, in groups that share no dependent coordinate."""
+        owner, shared = self.row_closures, self.moving.copy()
+        shared[:, self.velocity_indices(self.independent)] = False
+        count, group = connected_components(csr_array(shared @ shared.T), directed=False)
+        loops = []
+        for k in range(count):
+            rows = np.flatnonzero(group == k)
+            closures = dict.fromkeys(self.closures[j] for j in owner[rows[rows < len(owner)]])
+            loops.append(Loop(rows, np.flatnonzero(self.moving[rows].any(axis=0)), tuple(closures)))
+        return tuple(loops)
+
+    @cached_property
     def length(self) -> float:
         """Characteristic length in m: the widest distance between joints at the reference."""
-        data = self.model.createData()
+        data = scratch_data(self.model)
         pin.forwardKinematics(self.model, data, self.reference)
         points = np.array([placement.translation for placement in list(data.oMi)[1:]])
         spread = np.linalg.norm(points[:, None] - points[None], axis=2)
@@ -470,6 +605,33 @@ class Mechanism:
         names = dict.fromkeys(in_groups(self.links, self.ties))
         return ParameterSet.of_links(names, model_kinds(model))
 
+    @cached_property
+    def joint_ranks(self) -> dict[str, int]:
+        """Rank of each joint in an order that neither names nor the order of a file decide.
+
+        Joints follow their parents, and siblings one another by where and how they move.
+        """
+        paths: list[tuple[Any, ...]] = [()]
+        for k in range(1, self.model.njoints):
+            joint, place = self.model.joints[k], self.model.jointPlacements[k]
+            data, neutral = joint.createData(), pin.neutral(self.model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            inertia = self.model.inertias[k].toDynamicParameters()
+            parts = (place.translation, place.rotation, data.S, inertia)
+            own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
+            paths.append((*paths[self.model.parents[k]], (*own, joint.shortname())))
+        order = sorted(range(1, len(paths)), key=lambda k: paths[k])
+        return {self.joints[k - 1]: rank for rank, k in enumerate(order)}
+
+    @cached_property
+    def coordinate_order(self) -> tuple[str, ...]:
+        """Links of bodies, then coordinates, in the order of ``joint_ranks``."""
+        carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
+        links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
+        joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
+        names = (*in_groups(links, self.ties), *self.coordinates_of(joints))
+        return tuple(dict.fromkeys(names))
+
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
 
@@ -487,6 +649,23 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
+
+
+_thread = threading.local()
+
+
+def scratch_data(model: pin.Model) -> pin.Data:
+    """Pinocchio's data of the model that a thread asked for last: large ones take long to make."""
+    if getattr(_thread, "model", None) is not model:
+        _thread.model, _thread.data = model, model.createData()
+    data: pin.Data = _thread.data
+    return data
+
+
+def link_frames(model: pin.Model) -> dict[str, int]:
+    """Indices of the frames of all links, by name."""
+    frames = enumerate(model.frames)
+    return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
 
 
 def lock_options(mechanism: Mechanism) -> str:
@@ -535,6 +714,34 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
         if reason := body_defect(P, tolerance=ROUNDED):
             impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
             found.append(InertiaDefect(body.link, impossible, reason))
+    return tuple(found)
+
+
+@checked
+def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
+    model, found = mechanism.model, []
+    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
+    least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
+    light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
+    if light:
+        found.append(
+            f"masses that look like placeholders, below {least:.3g} kg where the heaviest body has "
+            f"{max(masses.values()):.3g} kg: {shortened(light)}"
+        )
+    heavy = {
+        body.joint_id
+        for body in mechanism.bodies
+        if model.inertias[body.joint_id].toDynamicParameters().any()
+    }
+    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    idle = [
+        joint
+        for k, joint in enumerate(mechanism.joints, start=1)
+        if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
+    ]
+    if idle:
+        found.append(f"joints that move nothing with mass: {shortened(idle)}")
     return tuple(found)
 
 

@@ -1,5 +1,6 @@
 """How the robot moves: waypoints, motion files, Fourier series, and what all joints do then."""
 
+from loopid.trajectories.curves import Curve, FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.joint_motion import (
     JointMotion,
@@ -18,6 +19,8 @@ from loopid.trajectories.motion_files import (
 
 __all__ = [
     "Arc",
+    "Curve",
+    "FourierCurve",
     "FourierSeries",
     "JointMotion",
     "JointRange",
@@ -26,6 +29,7 @@ __all__ = [
     "MotionProgram",
     "MotionReview",
     "PlannedMotion",
+    "SplineCurve",
     "Waypoint",
     "differentiate",
     "joint_motion",

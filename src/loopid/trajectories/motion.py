@@ -10,6 +10,7 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
+from loopid.trajectories.curves import Curve
 
 # Of a sampled motion: a slip of the pen should not fill the memory.
 MOST_SAMPLES = 10_000_000
@@ -121,6 +122,8 @@ class Waypoint:
     seconds : float
         Time of the way there; for the same position as before, a hold.
     arcs : tuple of Arc
+    curve : Curve, optional
+        A detour of all coordinates, zero at both ends, that takes the same time.
 
     Examples
     --------
@@ -132,6 +135,7 @@ class Waypoint:
     position: FloatArray
     seconds: float
     arcs: tuple[Arc, ...] = ()
+    curve: Curve | None = None
 
     def __post_init__(self) -> None:
         position = finite(self.position, "waypoint")
@@ -188,6 +192,8 @@ def point_to_point(
     for waypoint in waypoints:
         if not 0 < waypoint.seconds < np.inf:
             raise DataError(f"a way must take a positive time, not {waypoint.seconds} s")
+        if waypoint.curve is not None and waypoint.curve.shape.shape[1] != len(names):
+            raise DataError(f"a curve must have a shape (functions, {len(names)})")
         for arc in waypoint.arcs:
             if arc.coordinate not in names:
                 valid = ", ".join(names)
@@ -214,6 +220,8 @@ def point_to_point(
         # By the chain rule.
         acceleration = slope * dds[:, None] + curvature * ds[:, None] ** 2
         motion[:, here] = position, slope * ds[:, None], acceleration
+        if waypoint.curve is not None:
+            motion[:, here] += waypoint.curve.detour(t * waypoint.seconds, waypoint.seconds)
     return Motion(tuple(names), time, *motion)
 
 

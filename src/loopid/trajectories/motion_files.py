@@ -16,9 +16,10 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen, number
-from loopid.errors import LogError, MissingFileError, OptionError, RobotFileError
+from loopid.errors import DataError, LogError, MissingFileError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading import find_motion_file
+from loopid.trajectories.curves import FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.motion import MOST_SAMPLES, Arc, Motion, Waypoint, point_to_point
 from loopid.yaml_files import Section, read_yaml
@@ -78,7 +79,28 @@ class ThereAndBackStep(Section):
     between: Steps | None = None
 
 
-KINDS = ("hold", "to", "repeat", "there_and_back")
+class HarmonicsDescription(Section):
+    """Sines and cosines of one coordinate, see ``FourierCurve``."""
+
+    sine: list[float]
+    cosine: list[float]
+
+
+class FourierStep(Section):
+    """One period of Fourier series, from rest to rest."""
+
+    fourier: Annotated[dict[str, HarmonicsDescription], Field(min_length=1)]
+    seconds: Positive
+
+
+class SplineStep(Section):
+    """A spline through poses at equal times and back, from rest to rest."""
+
+    spline: Annotated[list[Pose], Field(min_length=1)]
+    seconds: Positive
+
+
+KINDS = ("hold", "to", "repeat", "there_and_back", "fourier", "spline")
 
 
 def _kind(content: Any) -> str | None:
@@ -91,7 +113,9 @@ Step = Annotated[
     Annotated[HoldStep, Tag("<hold>")]
     | Annotated[MoveStep, Tag("<to>")]
     | Annotated[RepeatStep, Tag("<repeat>")]
-    | Annotated[ThereAndBackStep, Tag("<there_and_back>")],
+    | Annotated[ThereAndBackStep, Tag("<there_and_back>")]
+    | Annotated[FourierStep, Tag("<fourier>")]
+    | Annotated[SplineStep, Tag("<spline>")],
     Discriminator(
         _kind,
         custom_error_type="step",
@@ -291,6 +315,11 @@ class _StepReader:
                 if seconds is None:
                     seconds = self._seconds(step.speed, end - here, place)
                 return [Waypoint(end, seconds, arcs)]
+            case FourierStep():
+                return [Waypoint(here, step.seconds, curve=self._series(step, place))]
+            case SplineStep():
+                through = [self._pose(pose, here, f"{place}.spline") for pose in step.spline]
+                return [Waypoint(here, step.seconds, curve=SplineCurve(np.array(through) - here))]
             case RepeatStep():
                 # Each round starts where the one before ended, which need not be its start.
                 found = self._ways(step.steps, here, f"{place}.steps")
@@ -310,8 +339,27 @@ class _StepReader:
                     )
                 # The same paths and times from end to start: arcs are symmetric.
                 starts = [here, *(way.position for way in there[:-1])]
-                back = [replace(w, position=s) for w, s in zip(there, starts, strict=True)]
+                back = [
+                    replace(w, position=s, curve=w.curve and w.curve.backwards())
+                    for w, s in zip(there, starts, strict=True)
+                ]
                 return [*there, *between, *reversed(back)]
+
+    def _series(self, step: FourierStep, place: str) -> FourierCurve:
+        self.check(step.fourier, f"{place}.fourier")
+        series = step.fourier.values()
+        counts = {len(terms) for each in series for terms in (each.sine, each.cosine)}
+        if counts == {0} or len(counts) > 1:
+            raise RobotFileError(
+                f"{place}.fourier: needs equally many sines and cosines everywhere"
+            )
+        shape = np.zeros((2 * counts.pop(), len(self.coordinates)))
+        for name, each in step.fourier.items():
+            shape[:, self.coordinates.index(name)] = [*each.sine, *each.cosine]
+        try:
+            return FourierCurve(shape)
+        except DataError as error:
+            raise RobotFileError(f"{place}.fourier: {error}") from None
 
     def _seconds(self, speed: float | None, change: FloatArray, place: str) -> float:
         """Time for a change (c,) at the speed of its only coordinate, or at those of the file."""

@@ -10,6 +10,7 @@ from loopid.base_parameters.structure import base_columns
 
 # Remaining norms that differ by less than this fraction are equal: the first vector is taken.
 EQUAL_NORMS = 1e-6
+LEFT = 1e-6  # of a squared norm, from which on subtracting leaves it inexact
 
 
 class PivotedQR(SearchStrategy):
@@ -34,13 +35,21 @@ class PivotedQR(SearchStrategy):
 
 def pivots(vectors: FloatArray, count: int) -> IntArray:
     """Rows (count,) of vectors (n, m) in the order of pivoted QR; round-off decides no pivot."""
-    rest, chosen = np.array(vectors), np.empty(0, dtype=np.int64)
-    for _ in range(count):
-        norms = np.linalg.norm(rest, axis=1)
-        norms[chosen] = -1.0
-        pivot = int(np.argmax(norms >= norms.max() * (1 - EQUAL_NORMS)))
-        chosen = np.append(chosen, pivot)
-        direction = rest[pivot] / (norms[pivot] or 1.0)
+    basis, along = np.empty((count, vectors.shape[1])), np.empty((len(vectors), count))
+    squares = np.einsum("ij,ij->i", vectors, vectors)  # of what is left of each vector
+    exact, chosen = squares.copy(), np.empty(count, dtype=np.int64)
+    for k in range(count):
+        norms = np.sqrt(np.maximum(squares, 0.0))
+        norms[chosen[:k]] = -1.0
+        chosen[k] = pivot = int(np.argmax(norms >= norms.max() * (1 - EQUAL_NORMS)))
+        rest = vectors[pivot].copy()
         for _ in range(2):  # once more for what round-off left
-            rest -= np.outer(rest @ direction, direction)
+            rest -= (basis[:k] @ rest) @ basis[:k]
+        basis[k] = rest / (np.linalg.norm(rest) or 1.0)
+        along[:, k] = vectors @ basis[k]
+        squares -= along[:, k] ** 2
+        # What is left of a vector after much was taken away is round-off: it is found anew.
+        if len(lost := np.flatnonzero(squares < LEFT * exact)):
+            left = vectors[lost] - along[lost, : k + 1] @ basis[: k + 1]
+            squares[lost] = exact[lost] = np.einsum("ij,ij->i", left, left)
     return chosen

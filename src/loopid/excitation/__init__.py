@@ -1,0 +1,17 @@
+"""Which motion to run: excitation designed within what the robot can do."""
+
+from loopid.excitation.check import Check
+from loopid.excitation.criteria import CRITERIA, Criteria
+from loopid.excitation.design import ExcitationDesign, design_excitation
+from loopid.excitation.limits import MotionLimits
+from loopid.excitation.shapes import SHAPES
+
+__all__ = [
+    "CRITERIA",
+    "SHAPES",
+    "Check",
+    "Criteria",
+    "ExcitationDesign",
+    "MotionLimits",
+    "design_excitation",
+]

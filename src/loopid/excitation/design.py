@@ -1,0 +1,500 @@
+"""The design of an exciting motion: the best one found in a time, checked on a finer grid."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from time import monotonic
+
+import numpy as np
+import scipy.linalg
+
+from loopid.arguments import checked
+from loopid.arrays import FloatArray, frozen
+from loopid.errors import OptionError, SingularityWarning
+from loopid.excitation.check import Check, check_motion
+from loopid.excitation.collisions import Collisions
+from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
+from loopid.excitation.limits import Bounds, MotionLimits
+from loopid.excitation.problem import Coordinates, Problem
+from loopid.excitation.search import DesignProgress, searched
+from loopid.excitation.shapes import SHAPES, Shape
+from loopid.excitation.solvers import SOLVERS
+from loopid.excitation.start import Poses, find_poses, random_margin
+from loopid.experiment import ForceModel, find_force_model
+from loopid.identification import FitProblem, FitSamples
+from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
+from loopid.logs import Recording
+from loopid.observation import triangular_factor
+from loopid.parameters import ParameterSet
+from loopid.regressors import JointTerms
+from loopid.robot import Mechanism, lock_options
+from loopid.scratch import row_blocks
+from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
+from loopid.workers import one_blas_thread
+
+# Seconds of a motion where nothing else is said.
+DURATIONS = {"gravity": 20.0, "full": 10.0}
+TIME_LIMIT = 60.0
+RATE = 100.0
+STARTS = 4
+# Random poses, by which margins, reaches and pairs of links are told.
+POSES = 128
+# Parts of the motion's size that are left where the finer grid shows a broken bound.
+SHRINKS = (
+    1.0,
+    *(1 - 0.5 * 0.7**k for k in range(16, -1, -1)),
+    *(0.5 * 0.6**k for k in range(1, 20)),
+)
+# Relative singular values of a payload's columns that count as zero.
+DEPENDENT = 1e-9
+# Relative singular values of an observation that count as zero, and the part of a parameter that
+# may lie there.
+UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
+# Samples whose regressor of all standard parameters is in memory at a time.
+CHUNK = 2048
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExcitationDesign:
+    """A motion that excites, with what it promises and keeps.
+
+    Attributes
+    ----------
+    force_model : ForceModel
+    parameters : ParameterSet
+        The z parameters that it is to determine.
+    limits : MotionLimits
+    motion : Motion
+        Of the designed coordinates, at the rate of the run.
+    joint_motion : JointMotion
+        The same, of all joints.
+    motors : Motion
+        The same, of the actuated joints.
+    forces : FloatArray
+        (N, motors) in N or N m, by the robot file.
+    start, waypoints : FloatArray and tuple of Waypoint
+        The motion as a motion file writes it.
+    criterion : str
+        What was optimised.
+    criteria : Criteria
+        Of a run of the motion, with what there was before.
+    standard_errors, errors_before : FloatArray
+        (z,) of the parameters, from independent errors of the noise's size; infinite where nothing
+        tells a parameter. Before: of the logs that there were, or of the motion that the search
+        started from.
+    spectrum, spectrum_before : FloatArray
+        (z,), singular values of the weighted observation, columns scaled to length 1.
+    noise : FloatArray
+        (motors,) in N or N m.
+    checks : tuple of Check
+        All bounds, on a grid ten times finer than that of the design.
+    seconds : float
+        Time spent.
+    solver : str
+    evaluations : int
+    stopped : bool
+        Whether the time was up, or somebody stopped it, before it converged.
+    """
+
+    force_model: ForceModel
+    parameters: ParameterSet
+    limits: MotionLimits
+    motion: Motion
+    joint_motion: JointMotion
+    motors: Motion
+    forces: FloatArray
+    start: FloatArray
+    waypoints: tuple[Waypoint, ...]
+    criterion: str
+    criteria: Criteria
+    standard_errors: FloatArray
+    errors_before: FloatArray
+    spectrum: FloatArray
+    spectrum_before: FloatArray
+    noise: FloatArray
+    checks: tuple[Check, ...]
+    after_logs: bool
+    seconds: float
+    solver: str
+    evaluations: int
+    stopped: bool
+
+    def __repr__(self) -> str:
+        return (
+            f"<ExcitationDesign of {self.force_model.mechanism.name}: {self.motion.duration:g} s, "
+            f"condition number {self.criteria.condition_number:.4g}, log det "
+            f"{self.criteria.log_det:.4g}, {self.violations} violations>"
+        )
+
+    @property
+    def violations(self) -> int:
+        """Samples of the finer grid at which a bound is broken, over all bounds."""
+        return sum(check.violations for check in self.checks)
+
+    @property
+    def min_singularity_measure(self) -> float:
+        """Least singularity measure on the finer grid; 1 for a robot without loops."""
+        found = [check.lowest for check in self.checks if check.name == "singularity measure"]
+        return found[0] if found else 1.0
+
+
+@checked
+def design_excitation(
+    robot: Mechanism | ForceModel,
+    model: str = "gravity",
+    joint_terms: JointTerms | None = None,
+    limits: MotionLimits | None = None,
+    criterion: str = "D",
+    shape: str = "fourier",
+    duration: float | None = None,
+    size: int | None = None,
+    coordinates: str = "joints",
+    noise: float | Mapping[str, float] | None = None,
+    after: Sequence[Recording] = (),
+    parameters: Sequence[str] = (),
+    payload: str | None = None,
+    rate: float = RATE,
+    time_limit: float = TIME_LIMIT,
+    starts: int = STARTS,
+    iterations: int | None = None,
+    seed: int = 0,
+    n_jobs: int = 1,
+    solver: str | None = None,
+    progress: DesignProgress | None = None,
+) -> ExcitationDesign:
+    """Design a motion of a robot that excites the parameters of its force model.
+
+    Parameters
+    ----------
+    robot : Mechanism or ForceModel
+    model, joint_terms
+        Of the force model, as in ``find_force_model``, for a mechanism.
+    limits : MotionLimits, optional
+        By default those of the robot file.
+    criterion : str
+        ``"D"``, ``"A"``, ``"E"`` or ``"condition"`` (``Criteria``).
+    shape : str
+        ``"fourier"``, ``"spline"``, or ``"poses"`` to stand in, for a gravity model.
+    duration : float, optional
+        In s; by default 20 for a gravity model, 10 for a full one.
+    size : int, optional
+        Harmonics, waypoints or poses.
+    coordinates : str
+        ``"joints"``, or ``"platform"`` for the platform coordinates.
+    noise : float or mapping, optional
+        Standard deviation of each motor's force in N or N m, one for all or by joint (``"all"``:
+        the others); by default that of the logs, or 1.
+    after : sequence of Recording
+        What there is already: the motion adds to it.
+    parameters : sequence of str
+        Leading labels of the combinations to light up; all by default.
+    payload : str, optional
+        The link whose parameters alone are unknown, all others being known.
+    rate : float
+        Samples per second of the run.
+    time_limit : float
+        In s.
+    starts : int
+        Random motions to begin with, one after the other; the best result counts.
+    iterations : int, optional
+        Evaluations of each start: with it, and enough time, the result does not hang on the clock.
+    seed : int
+    n_jobs : int
+        Processes, each with starts of its own.
+    solver : str, optional
+        ``"ipopt"`` or ``"slsqp"``; by default IPOPT where it is installed.
+    progress : callable, optional
+        Called with the seconds spent, those in all, and the best criterion so far.
+
+    Returns
+    -------
+    ExcitationDesign
+        Without violations; Ctrl-C returns the best one so far.
+
+    Raises
+    ------
+    OptionError
+        When an option is unknown, or the motors leave coordinates free.
+    AssemblyError
+        Naming the bound that no pose of the robot keeps.
+    MissingExtraError
+        When IPOPT is asked for and not installed.
+
+    Notes
+    -----
+    Optimal experiments for robots are due to [Gautier1992] and [Swevers1997]; here all
+    functions are those of the closed loops.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("parallelogram")
+    >>> design = loopid.design_excitation(robot, duration=6.0, starts=1, iterations=10)
+    >>> design.violations
+    0
+    """
+    begun = monotonic()
+    limits = limits or MotionLimits()
+    force_model = (
+        robot if isinstance(robot, ForceModel) else find_force_model(robot, model, joint_terms)
+    )
+    mechanism = force_model.mechanism
+    _refuse(force_model, criterion, shape, coordinates, solver, parameters, time_limit, starts)
+    duration = DURATIONS[force_model.model] if duration is None else duration
+    with one_blas_thread(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", SingularityWarning)  # of motions that are tried
+        basis, unknown = _unknown(force_model, payload)
+        deviations, prior = _known(force_model, after, noise, basis)
+        configurations = random_configurations(mechanism, POSES, seed, margin=0.0)
+        least = limits.singularity
+        if least is None:
+            least = random_margin(mechanism, configurations, DEFAULT_MARGIN)
+        collisions = Collisions(mechanism, configurations) if limits.collisions else None
+        slow = force_model.model == "gravity"
+        names = None if coordinates == "joints" else mechanism.platform.names  # type: ignore[union-attr]
+        made = _shape(shape, duration, size, len(unknown), len(mechanism.independent))
+        problem = Problem(
+            force_model=force_model,
+            coordinates=Coordinates(force_model, names),
+            shape=made,
+            bounds=Bounds(mechanism, limits, least, slow, collisions),
+            criterion=_criterion(criterion, parameters, unknown, force_model),
+            noise=deviations,
+            basis=basis,
+            prior=prior,
+            samples=round(duration * rate),
+        )
+        poses = find_poses(problem, configurations, seed)
+        solver = solver or ("ipopt" if find_spec("ipyopt") else "slsqp")
+        clock = begun, begun + time_limit
+        found = list(
+            searched(problem, poses, solver, clock, starts, iterations, seed, n_jobs, progress)
+        )
+        best = min(found, key=lambda each: each.criterion)
+        X, checks = _repaired(problem, poses, problem.variables(best.best))
+        motion = made.motion(problem.coordinates.names, X, rate)
+        followed, motors, forces, factor = _run(problem, motion)
+        criteria = Criteria.of(factor)
+        old = _root(prior)
+        if not after:
+            first = problem.variables(best.start)
+            old = _run(problem, made.motion(problem.coordinates.names, first, rate))[-1]
+        scales = np.where((size_of := np.linalg.norm(factor, axis=0)) > 0, size_of, 1.0)
+        start, waypoints = made.waypoints(X)
+        return ExcitationDesign(
+            force_model=force_model,
+            parameters=unknown,
+            limits=limits,
+            motion=motion,
+            joint_motion=followed,
+            motors=motors,
+            forces=frozen(forces),
+            start=frozen(start),
+            waypoints=tuple(waypoints),
+            criterion=criterion,
+            criteria=criteria,
+            standard_errors=frozen(standard_errors(factor)),
+            errors_before=frozen(standard_errors(old)),
+            spectrum=frozen(np.linalg.svd(factor / scales, compute_uv=False)),
+            spectrum_before=frozen(np.linalg.svd(old / scales, compute_uv=False)),
+            noise=frozen(deviations),
+            checks=checks,
+            after_logs=bool(after),
+            seconds=monotonic() - begun,
+            solver=solver,
+            evaluations=sum(each.evaluations for each in found),
+            stopped=any(each.stopped for each in found),
+        )
+
+
+def _root(information: FloatArray) -> FloatArray:
+    """A square root R of M = Rᵀ R."""
+    values, vectors = np.linalg.eigh(information)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+
+def _run(problem: Problem, motion: Motion) -> tuple[JointMotion, Motion, FloatArray, FloatArray]:
+    """All joints in a motion, the motors, their forces, the triangular factor of what it tells."""
+    model, space = problem.force_model, problem.coordinates
+    mechanism = model.mechanism
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    followed, factor, parts = joint_motion(mechanism, motion), _root(problem.prior), []
+    counts = problem.shape.counts(motion.time)
+    for rows in row_blocks(len(motion), CHUNK):
+        state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
+        whole = space.whole(*state)
+        v, a = whole.velocities[:, motors], whole.accelerations[:, motors]
+        parts.append((v, a, problem.forces(whole)))
+        told = problem.rows(whole, model.joint_terms)[counts[rows]]
+        stacked = np.concatenate([factor, told.reshape(-1, factor.shape[1])])
+        factor = triangular_factor(stacked)
+    v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
+    read = JointCoordinates(mechanism, mechanism.actuated)
+    x = read.read(followed.configurations.copy())
+    x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
+    return followed, Motion(mechanism.actuated, motion.time, x, v, a), forces, factor
+
+
+def standard_errors(factor: FloatArray) -> FloatArray:
+    """Standard errors (z,) by a triangular factor of the weighted observation."""
+    scale = np.linalg.norm(factor, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    _, values, right = np.linalg.svd(factor / scale)
+    excited = values > UNEXCITED * values[0]
+    spread = np.sqrt(((right[excited] / values[excited, None]) ** 2).sum(axis=0)) / scale
+    unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
+    return np.asarray(np.where(unexcited, np.inf, spread))
+
+
+def _refuse(
+    force_model: ForceModel,
+    criterion: str,
+    shape: str,
+    coordinates: str,
+    solver: str | None,
+    parameters: Sequence[str],
+    time_limit: float,
+    starts: int,
+) -> None:
+    mechanism = force_model.mechanism
+    for what, given, valid in (
+        ("criterion", criterion, CRITERIA),
+        ("shape", shape, SHAPES),
+        ("coordinates", coordinates, ("joints", "platform")),
+        ("solver", solver or "slsqp", SOLVERS),
+    ):
+        if given not in valid:
+            raise OptionError.unknown(what, given, valid)
+    if mechanism.free:
+        raise OptionError(
+            f"no motion of the motors tells what {', '.join(mechanism.free)} of {mechanism.name} "
+            f"do, which they leave free: lock them ({lock_options(mechanism)})"
+        )
+    if coordinates == "platform" and mechanism.platform is None:
+        raise OptionError(f"{mechanism.name} declares no platform coordinates: use 'joints'")
+    if shape == "poses" and (force_model.model != "gravity" or force_model.joint_terms):
+        raise OptionError("standing in poses tells the gravity model without joint terms only")
+    if parameters and criterion != "D":
+        raise OptionError(f"chosen parameters have the criterion D, not {criterion}")
+    if not time_limit > 0:
+        raise OptionError(f"time_limit must be above 0 s, not {time_limit}")
+    if starts < 1:
+        raise OptionError(f"there must be 1 start at least, not {starts}")
+
+
+def _unknown(force_model: ForceModel, payload: str | None) -> tuple[FloatArray, ParameterSet]:
+    """Basis (n, z) of what is unknown, and the names of its combinations."""
+    if payload is None:
+        return np.eye(len(force_model.parameters)), force_model.parameters
+    all_parameters, M = force_model.base.parameters, force_model.base.matrix
+    columns = [j for j, each in enumerate(all_parameters) if each.link == payload]
+    if not columns:
+        links = dict.fromkeys(each.link for each in all_parameters)
+        raise OptionError.unknown("link", payload, links)
+    # Its base parameters: columns that are independent of those before.
+    scaled = M[:, columns] / np.maximum(np.linalg.norm(M, axis=1, keepdims=True), 1e-300)
+    R, order = scipy.linalg.qr(scaled, mode="r", pivoting=True)[-2:]
+    sizes = np.abs(np.diag(R))
+    rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+    if not rank:
+        raise OptionError(f"no force depends on the parameters of {payload}: it cannot be found")
+    kept = np.array(columns)[np.sort(order[:rank])]
+    return M[:, kept], all_parameters.select(kept)
+
+
+def _known(
+    force_model: ForceModel,
+    after: Sequence[Recording],
+    noise: float | Mapping[str, float] | None,
+    basis: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Noise (motors,) of the forces, and the information (z, z) of the logs."""
+    mechanism = force_model.mechanism
+    problem = None
+    if after:
+        problem = FitSamples.combined([force_model.samples(each) for each in after]).problem
+    deviations = dict.fromkeys(mechanism.actuated, 1.0)
+    if problem is not None:
+        found = _residual_deviations(problem)
+        deviations |= {
+            name: found[k]
+            for k, name in enumerate(mechanism.independent)
+            if name in deviations and found[k] > 0
+        }
+    if isinstance(noise, Mapping):
+        for name in noise:
+            if name not in deviations and name != "all":
+                raise OptionError.unknown("motor", name, deviations)
+        deviations = {name: noise.get(name, noise.get("all", x)) for name, x in deviations.items()}
+    elif noise is not None:
+        deviations = dict.fromkeys(deviations, noise)
+    for name, deviation in deviations.items():
+        if not deviation > 0:
+            raise OptionError(f"the noise of {name} must be above 0, not {deviation}")
+    sigma = np.array([deviations[name] for name in mechanism.actuated])
+    prior = np.zeros((basis.shape[1], basis.shape[1]))
+    if problem is not None:
+        n = len(problem.parameters)
+        for k, name in enumerate(mechanism.independent):
+            rows = problem.factors[k, :, :n] @ basis / deviations[name]
+            prior += rows.T @ rows
+    return sigma, prior
+
+
+def _residual_deviations(problem: FitProblem) -> list[float]:
+    """Standard deviations of each actuator's forces about the best fit, excited or not."""
+    R = problem.weighted(1.0 / np.maximum(problem.force_rms, 1e-300))
+    n = len(problem.parameters)
+    values = np.asarray(np.linalg.lstsq(R[:n, :n], R[:n, n], rcond=UNEXCITED)[0], dtype=np.float64)
+    freedom = np.maximum(problem.samples - n / max(len(problem.actuators), 1), 1)
+    return [float(x) for x in np.sqrt(problem.residual_squares(values) / freedom)]
+
+
+def _shape(kind: str, seconds: float, size: int | None, unknown: int, dof: int) -> Shape:
+    """The kind of motion, with variables enough by default."""
+    if not 0 < seconds < np.inf:
+        raise OptionError(f"duration must be a time above 0 s, not {seconds}")
+    default = {"fourier": 6, "spline": 10, "poses": max(8, -(-2 * unknown // dof))}[kind]
+    made: Shape = SHAPES[kind](seconds, default if size is None else size)
+    return made
+
+
+def _criterion(
+    name: str, wanted: Sequence[str], unknown: ParameterSet, force_model: ForceModel
+) -> Criterion:
+    """The criterion, of all parameters or of those wanted."""
+    if not wanted:
+        return CRITERIA[name]
+    labels, base, rows = unknown.labels, force_model.base, set[int]()
+    for parameter in wanted:
+        if parameter in labels:
+            rows.add(labels.index(parameter))
+            continue
+        # A parameter that is part of combinations stands for all of these.
+        known = base.parameters.labels
+        inside = base.matrix[:, known.index(parameter)] if parameter in known else np.zeros(0)
+        found = {base.names[int(j)] for j in np.flatnonzero(inside)} & set(labels)
+        if not found:
+            raise OptionError.unknown("identifiable parameter", parameter, labels)
+        rows |= {labels.index(name) for name in found}
+    return OfCombinations(np.eye(len(labels))[sorted(rows)])
+
+
+def _repaired(
+    problem: Problem, poses: Poses, X: FloatArray
+) -> tuple[FloatArray, tuple[Check, ...]]:
+    """The motion, shrunk around a regular pose until the finer grid shows no broken bound."""
+    middle = (problem.functions[0] @ X).mean(axis=0)
+    homes = [middle, *(pose.position for pose in poses.poses[:1])]
+    for part in SHRINKS:
+        for home in homes[: 1 if part == 1 else None]:
+            centre = np.outer(problem.shape.still(), home)
+            tried = centre + part * (X - centre)
+            checks = check_motion(problem, tried)
+            if checks and not any(check.violations for check in checks):
+                return tried, checks
+    centre = np.outer(problem.shape.still(), homes[-1])
+    return centre, check_motion(problem, centre)

@@ -1,0 +1,320 @@
+"""What a motion must keep: joints, speeds, accelerations, forces, singularities, workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from loopid.arguments import checked_fields
+from loopid.arrays import FloatArray
+from loopid.errors import OptionError
+from loopid.excitation.collisions import FAR, Collisions
+from loopid.kinematics import (
+    NEAR_SINGULARITY,
+    ClosedMotion,
+    frame_poses,
+    partition,
+    platform_coordinates,
+    scaled_constraint,
+)
+from loopid.robot import ROTATIONS, Mechanism
+
+# Turns, or characteristic lengths, beyond which a limit of the robot file is none.
+UNLIMITED = 1e3
+# Largest speeds and accelerations of slow motions, where nothing else is said, in those of a fall
+# over the robot's length: inertial forces are some percent of gravity's.
+SLOW_SPEED, SLOW_ACCELERATION = 0.1, 0.03
+# Of the robot's length: what links must keep from each other.
+CLEARANCE = 1e-3
+
+Range = tuple[float, float]
+
+
+@checked_fields
+@dataclass(frozen=True)
+class MotionLimits:
+    """What a motion must keep, beside the limits of the robot file.
+
+    Attributes
+    ----------
+    share : float
+        Part of each limit of the robot file that may be used: of ranges about their middle.
+    positions : mapping
+        Ranges (low, high) of joints in m or rad, in place of those of the robot file.
+    speeds, accelerations, forces : mapping
+        Largest ones of joints, per s and s², in N or N m, in place of the robot file's; under the
+        name ``"all"`` of every actuated joint.
+    workspace : mapping
+        Ranges (low, high) of platform coordinates.
+    singularity : float, optional
+        Least singularity measure (``Projection.singularity``); by default 0.02, or half of the
+        median at random poses where that is less.
+    collisions : bool
+        Whether links must not touch each other, by the collision geometry of a URDF.
+
+    Raises
+    ------
+    OptionError
+        When a range is empty, or a number not positive.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.MotionLimits(share=0.9, speeds={"all": 0.3}).speeds
+    {'all': 0.3}
+    """
+
+    share: float = 1.0
+    positions: Mapping[str, Range] = field(default_factory=dict)
+    speeds: Mapping[str, float] = field(default_factory=dict)
+    accelerations: Mapping[str, float] = field(default_factory=dict)
+    forces: Mapping[str, float] = field(default_factory=dict)
+    workspace: Mapping[str, Range] = field(default_factory=dict)
+    singularity: float | None = None
+    collisions: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0 < self.share <= 1:
+            raise OptionError(f"share must be a part above 0 and up to 1, not {self.share}")
+        if self.singularity is not None and not 0 <= self.singularity <= 1:
+            raise OptionError(f"singularity must be a measure in [0, 1], not {self.singularity}")
+        for what, ranges in (("position", self.positions), ("workspace", self.workspace)):
+            for name, (low, high) in ranges.items():
+                if not low < high:
+                    raise OptionError(
+                        f"the {what} limits of {name} are empty: {low:g} ... {high:g}"
+                    )
+        for what in ("speeds", "accelerations", "forces"):
+            for name, largest in getattr(self, what).items():
+                if not largest > 0:
+                    raise OptionError(f"{what} of {name} must be above 0, not {largest:g}")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """One quantity that must stay in a range all the time.
+
+    Attributes
+    ----------
+    kind, name, unit : str
+    lower, upper : float
+        Infinite where there is none.
+    size : float, optional
+        What counts as 1.
+    """
+
+    kind: str
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    size: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper:
+            raise OptionError(
+                f"the limits of the {self.text} are empty: {self.lower:g} ... {self.upper:g}"
+            )
+
+    @property
+    def text(self) -> str:
+        """``speed of elbow``."""
+        between = "" if self.kind == "platform coordinate" else "of "
+        return f"{self.kind} {between}{self.name}" if self.name else self.kind
+
+    @property
+    def scale(self) -> float:
+        """What counts as 1: the size, the width of the range, or its only end."""
+        if self.size is not None:
+            return self.size
+        both = np.isfinite([self.lower, self.upper])
+        if both.all():
+            return self.upper - self.lower
+        return abs(self.lower if both[0] else self.upper) or 1.0
+
+
+class Bounds:
+    """All that a mechanism must keep, and its values in motion.
+
+    Parameters
+    ----------
+    slow : bool
+        Whether speeds and accelerations are to be so small that the forces are those of gravity.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        limits: MotionLimits,
+        singularity: float,
+        slow: bool,
+        collisions: Collisions | None,
+    ) -> None:
+        self.mechanism = mechanism
+        self.all: list[Bound] = []
+        model, share = mechanism.model, limits.share
+        names = {name: mechanism.joint(name) for name in mechanism.joints}
+        for ranges in (limits.positions, limits.speeds, limits.accelerations, limits.forces):
+            for name in ranges:
+                if name not in names and (ranges is limits.positions or name != "all"):
+                    raise OptionError.unknown("joint", name, names)
+        single = {name: joint for name, joint in names.items() if joint.nv == 1}
+        indices = {name: joint.idx_v for name, joint in single.items()}
+        sliding = {name: indices[name] in mechanism.prismatic for name in single}
+        # Files often give a mimicking joint limits that its leader does not let it keep.
+        following = {name for coupling in mechanism.couplings for name in coupling.joints}
+        following -= {*mechanism.independent, *limits.positions}
+
+        def largest(given: Mapping[str, float], name: str, file: float, share: float) -> float:
+            own = given.get(name, given.get("all") if name in mechanism.actuated else None)
+            return float(own) if own is not None else share * file if file > 0 else np.inf
+
+        # Speeds and accelerations: those of a fall where nothing else bounds them.
+        gravity = float(np.linalg.norm(model.gravity.linear)) or 1.0
+        rate = np.sqrt(gravity / mechanism.length)
+        fall = {n: rate * (mechanism.length if sliding[n] else 1.0) for n in single}
+        effort = model.effortLimit
+        force = {
+            name: largest(limits.forces, name, float(effort[index]), share)
+            for name, index in indices.items()
+        }
+        bounded = all(np.isfinite(force.get(name, np.inf)) for name in mechanism.actuated)
+        self._v: list[int] = []
+        self._a: list[int] = []
+        self._f: list[int] = []
+        for name, index in indices.items():
+            unit, driven = "m" if sliding[name] else "rad", name in mechanism.independent
+            speed = largest(limits.speeds, name, float(model.velocityLimit[index]), share)
+            if driven and slow and not limits.speeds.keys() & {name, "all"}:
+                speed = min(speed, SLOW_SPEED * fall[name])
+            elif driven and speed > UNLIMITED * fall[name]:
+                speed = fall[name]
+            if speed < UNLIMITED * fall[name] and name not in following:
+                self._add("speed", name, f"{unit}/s", -speed, speed)
+                self._v.append(index)
+        for name, index in indices.items():
+            most = largest(limits.accelerations, name, 0.0, share)
+            if name in mechanism.independent and not np.isfinite(most) and (slow or not bounded):
+                most = fall[name] * rate * (SLOW_ACCELERATION if slow else 1.0)
+            if np.isfinite(most):
+                unit = "m/s²" if sliding[name] else "rad/s²"
+                self._add("acceleration", name, unit, -most, most)
+                self._a.append(index)
+        for k, name in enumerate(mechanism.actuated):
+            if np.isfinite(force.get(name, np.inf)):
+                unit = "N" if sliding[name] else "N m"
+                self._add("force", name, unit, -force[name], force[name])
+                self._f.append(k)
+        self.moving = len(self.all)
+        self._q: list[int] = []
+        for name, joint in single.items():
+            low, high = mechanism.limits(name)
+            width = mechanism.length if sliding[name] else np.pi
+            low, high = (
+                x if abs(x) < UNLIMITED * width else np.sign(x) * np.inf for x in (low, high)
+            )
+            if np.isfinite([low, high]).all():
+                middle, half = (low + high) / 2, share * (high - low) / 2
+                low, high = middle - half, middle + half
+            low, high = limits.positions.get(name, (low, high))
+            if name not in following and np.isfinite([low, high]).any() and joint.nq == 1:
+                self._add("position", name, "m" if sliding[name] else "rad", low, high)
+                self._q.append(joint.idx_q)
+        self._x: list[int] = []
+        coordinates = () if mechanism.platform is None else mechanism.platform.names
+        for name, (low, high) in limits.workspace.items():
+            if name not in coordinates:
+                raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
+            at = coordinates.index(name)
+            turns = mechanism.platform.motions[at] in ROTATIONS  # type: ignore[union-attr]
+            self._add("platform coordinate", name, "rad" if turns else "m", low, high)
+            self._x.append(at)
+        self.loops = bool(mechanism.closures)  # couplings alone have no singularities
+        self.collisions = collisions if collisions is not None and collisions.pairs else None
+        if self.collisions is not None:
+            size = FAR * mechanism.length
+            self._add("distance between links", "", "m", CLEARANCE * mechanism.length, np.inf, size)
+        if self.loops:
+            self._add("singularity measure", "", "", singularity, np.inf)
+            for kind in ("inverse", "constraint"):
+                least = min(NEAR_SINGULARITY, singularity)
+                self._add(f"{kind} singularity measure", "", "", least, np.inf)
+        self.lower = np.array([bound.lower for bound in self.all])
+        self.upper = np.array([bound.upper for bound in self.all])
+        self.scale = np.array([bound.scale for bound in self.all])
+
+    def _add(
+        self,
+        kind: str,
+        name: str,
+        unit: str,
+        low: float,
+        high: float,
+        size: float | None = None,
+    ) -> None:
+        self.all.append(Bound(kind, name, unit, float(low), float(high), size))
+
+    @property
+    def needs_forces(self) -> bool:
+        """Whether forces of motors are among the values."""
+        return bool(self._f)
+
+    @property
+    def designed(self) -> int:
+        """How many of the bounds a design looks at.
+
+        The last one, against constraint singularities, follows from the singularity measure but
+        for a factor: more columns only raise the least singular value.
+        """
+        return len(self.all) - self.loops
+
+    def in_motion(self, motion: ClosedMotion, forces: FloatArray | None) -> FloatArray:
+        """The first bounded quantities (N, moving): speeds, accelerations, forces (N, motors)."""
+        parts = [motion.velocities[:, self._v], motion.accelerations[:, self._a]]
+        if forces is not None:
+            parts.append(forces[:, self._f])
+        return np.concatenate(parts, axis=1)
+
+    def in_poses(self, motion: ClosedMotion, count: int, all_bounds: bool) -> FloatArray:
+        """The other bounded quantities, of the poses alone, at the first samples (count, ...)."""
+        mechanism, q = self.mechanism, motion.configurations[:count]
+        parts = [q[:, self._q]]
+        if self._x:
+            parts.append(platform_coordinates(mechanism, q)[:, self._x])
+        if self.collisions is not None:
+            parts.append(self.collisions.least(q)[:, None])
+        if self.loops:
+            G, columns = motion.projection.G[:count], motion.projection.dependent_columns[:count]
+            parts += [_ratio(columns, columns.shape[2]), self._inverse(q, G)]
+            if all_bounds:
+                whole = scaled_constraint(mechanism, q)[1]
+                parts.append(_ratio(whole, G.shape[1] - G.shape[2]))
+        return np.concatenate(parts, axis=1)
+
+    def _inverse(self, q: FloatArray, G: FloatArray) -> FloatArray:
+        """How near (N, 1) the motors are to moving nothing: the platform, or the closed frames."""
+        mechanism = self.mechanism
+        units = mechanism.coordinate_scales[partition(mechanism)[0]]
+        if mechanism.platform is not None:
+            frame = frame_poses(mechanism, q, [mechanism.platform.frame_id])
+            twist = np.concatenate([frame.linear[:, 0], mechanism.length * frame.angular[:, 0]], 1)
+        else:
+            ids, supports = mechanism.closure_frames
+            frame = frame_poses(mechanism, q, ids, supports)
+            twist = frame.linear.reshape(len(q), -1, G.shape[1])
+        return _ratio(twist @ G * units, G.shape[2])
+
+    def slack(self, values: FloatArray) -> FloatArray:
+        """What is left to the nearer end (..., k), in scales; negative outside."""
+        return np.asarray(np.minimum(values - self.lower, self.upper - values) / self.scale)
+
+
+def _ratio(matrices: FloatArray, rank: int) -> FloatArray:
+    """Singular value of number ``rank`` over the largest one, (N, 1) of matrices (N, m, n)."""
+    values = np.linalg.svd(matrices, compute_uv=False)
+    if rank == 0 or values.shape[1] < rank:
+        return np.full((len(matrices), 1), float(rank == 0))
+    largest = np.maximum(values[:, :1], np.finfo(float).tiny)
+    return np.asarray(values[:, rank - 1 : rank] / largest)

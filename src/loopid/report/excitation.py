@@ -1,0 +1,282 @@
+"""The report of ``loopid excite``: record, tables, check list, figures, and the motion itself."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from ruamel.yaml import YAML
+
+from loopid.arrays import FloatArray
+from loopid.excitation import Check, ExcitationDesign
+from loopid.report.figures import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    drawing,
+    drawn,
+    plain_log_labels,
+    rendered,
+    thinned,
+)
+from loopid.report.tables import (
+    json_text,
+    json_value,
+    markdown_table,
+    markdown_text,
+    plain_table,
+)
+from loopid.trajectories import FourierCurve, SplineCurve, Waypoint
+
+NAME = "excitation"  # of the motion in its file
+MOST_BARS = 40  # parameters whose standard errors are drawn
+CAPTIONS = {
+    "motion": "Motors: position (line), its limits (dashed), and force by the robot file.",
+    "singularity": "Distance to singularities over time, and what it must keep.",
+    "errors": "Predicted standard errors of the parameters, before and after.",
+    "spectrum": "Singular values of the observation, its columns scaled to 1, before and after.",
+}
+
+
+def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
+    """All findings of a design, ready for JSON."""
+    criteria, mechanism = found.criteria, found.force_model.mechanism
+    return {
+        "mechanism": mechanism.name,
+        "model": found.force_model.model,
+        "criterion": found.criterion,
+        "condition_number": json_value(criteria.condition_number),
+        "log_det": json_value(criteria.log_det),
+        "trace": json_value(criteria.trace),
+        "least_eigenvalue": json_value(criteria.least_eigenvalue),
+        "violations": found.violations,
+        "min_singularity_measure": json_value(found.min_singularity_measure),
+        "duration": found.motion.duration,
+        "seconds": found.seconds,
+        "solver": found.solver,
+        "evaluations": found.evaluations,
+        "stopped": found.stopped,
+        "coordinates": list(found.motion.names),
+        "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
+        "parameters": list(found.parameters.labels),
+        "standard_errors": json_value(found.standard_errors.tolist()),
+        "errors_before": [json_value(x) for x in found.errors_before.tolist()],
+        "checks": [_check(check) for check in found.checks],
+    }
+
+
+def _check(check: Check) -> dict[str, Any]:
+    names = "name", "unit", "lowest", "highest", "lower", "upper", "time", "violations"
+    return {name: json_value(getattr(check, name)) for name in names}
+
+
+def excitation_tables(found: ExcitationDesign) -> list[Table]:
+    """What the motion tells, standard errors, check list."""
+    return [_summary(found), _errors(found), _checks(found)]
+
+
+def _summary(found: ExcitationDesign) -> Table:
+    criteria, force_model = found.criteria, found.force_model
+    title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
+    table = plain_table(f"{title} for the {force_model.model} model", "", ">")
+    rows = (
+        ("criterion that was optimised", found.criterion),
+        ("condition number of the weighted observation", f"{criteria.condition_number:.4g}"),
+        ("log det of the information (D)", f"{criteria.log_det:.4g}"),
+        ("trace of its inverse (A)", f"{criteria.trace:.4g}"),
+        ("its least eigenvalue (E)", f"{criteria.least_eigenvalue:.4g}"),
+        ("violations on the fine grid", str(found.violations)),
+        ("least singularity measure", f"{found.min_singularity_measure:.4g}"),
+        ("solver", f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s"),
+        ("converged", "no: more time may find a better motion" if found.stopped else "yes"),
+    )
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _errors(found: ExcitationDesign) -> Table:
+    before = "logs" if found.after_logs else "first motion"
+    columns = ("leading parameter", ">± std", f">by the {before}", "unit")
+    table = plain_table("predicted standard errors", *columns)
+    rows = zip(found.parameters, found.standard_errors, found.errors_before, strict=True)
+    for parameter, after, earlier in rows:
+        table.add_row(parameter.label, f"{after:.3g}", f"{earlier:.3g}", parameter.unit)
+    return table
+
+
+def _checks(found: ExcitationDesign) -> Table:
+    title = "check list, on a grid ten times finer than the design's"
+    table = plain_table(title, "", ">motion", ">limits", ">broken")
+    for check in found.checks:
+        limits = f"{check.lower:.4g} ... {check.upper:.4g}"
+        if not np.isfinite(check.upper):
+            limits = f"from {check.lower:.4g}"
+        elif not np.isfinite(check.lower):
+            limits = f"up to {check.upper:.4g}"
+        name = f"{check.name} ({check.unit})" if check.unit else check.name
+        motion = f"{check.lowest:.4g} ... {check.highest:.4g}"
+        table.add_row(name, motion, limits, str(check.violations))
+    return table
+
+
+def excitation_files(found: ExcitationDesign) -> dict[str, bytes | str]:
+    """Motion, report, record and figures, by file name."""
+    mechanism = found.force_model.mechanism
+    parts = [f"# Excitation of {markdown_text(mechanism.name)}", ""]
+    parts += [markdown_table(table) for table in excitation_tables(found)]
+    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
+    return {
+        "motion.csv": motion_table(found),
+        "motion.yaml": motion_file(found),
+        "report.md": "\n".join(parts),
+        "excitation.json": json_text(excitation_record(found)) + "\n",
+        **_draw_motion(found),
+        **_draw_singularity(found),
+        **_draw_errors(found),
+        **_draw_spectrum(found),
+    }
+
+
+def motion_table(found: ExcitationDesign) -> str:
+    """Position, velocity and acceleration of every motor over time, as CSV."""
+    motors = found.motors
+    names = [
+        f"{motor}.{what}"
+        for what in ("position", "velocity", "acceleration")
+        for motor in motors.names
+    ]
+    rows = np.column_stack([motors.time, motors.position, motors.velocity, motors.acceleration])
+    text = io.StringIO()
+    text.write(",".join(["time", *(f'"{n}"' if "," in n else n for n in names)]) + "\n")
+    np.savetxt(text, rows, fmt="%.12g", delimiter=",")
+    return text.getvalue()
+
+
+def motion_file(found: ExcitationDesign) -> str:
+    """The motion file that ``read_motion_program`` reads."""
+    names, here, steps = found.motion.names, found.start, list[dict[str, Any]]()
+    for waypoint in found.waypoints:
+        steps.append(_step(names, here, waypoint))
+        here = waypoint.position
+    duration = len(found.motion) - 1
+    content = {
+        "coordinates": list(names),
+        "rate": float(duration / found.motion.duration),
+        "motions": {
+            NAME: {
+                "description": f"excites the {found.force_model.model} model, {found.criterion}",
+                "start": _pose(names, found.start),
+                "steps": steps,
+            }
+        },
+    }
+    yaml, text = YAML(typ="safe", pure=True), io.StringIO()
+    yaml.allow_unicode = True
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.default_flow_style = None
+    yaml.dump(content, text)
+    return text.getvalue()
+
+
+def _pose(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[str, Any]:
+    curve, seconds = waypoint.curve, float(waypoint.seconds)
+    if isinstance(curve, FourierCurve):
+        sine, cosine = np.split(curve.shape, 2)
+        terms = {
+            name: {"sine": sine[:, k].tolist(), "cosine": cosine[:, k].tolist()}
+            for k, name in enumerate(names)
+        }
+        return {"fourier": terms, "seconds": seconds}
+    if isinstance(curve, SplineCurve):
+        return {"spline": [_pose(names, here + x) for x in curve.shape], "seconds": seconds}
+    if (waypoint.position == here).all():
+        return {"hold": seconds}
+    return {"to": _pose(names, waypoint.position), "seconds": seconds}
+
+
+def _draw_motion(found: ExcitationDesign) -> dict[str, bytes]:
+    """Position of each motor with its limits, and its force."""
+    motors, rows = found.motors, thinned(len(found.motors))
+    mechanism = found.force_model.mechanism
+    limits = {check.name: (check.lower, check.upper) for check in found.checks}
+    with drawing(len(motors.names), height=1.2) as (figure, axes):
+        for k, (ax, name) in enumerate(zip(axes[:, 0], motors.names, strict=True)):
+            slides = mechanism.velocity_indices([name])[0] in mechanism.prismatic
+            position = ax.plot(motors.time[rows], motors.position[rows, k], color=BLUE)
+            for end in limits.get(f"position of {name}", ()):
+                if np.isfinite(end):
+                    ax.axhline(end, color=BLUE, linestyle="--", linewidth=0.7)
+            side = ax.twinx()
+            force = side.plot(motors.time[rows], found.forces[rows, k], color=ORANGE, linewidth=0.7)
+            side.grid(visible=False)
+            side.spines["right"].set_visible(True)
+            ax.set(title=drawn(name), ylabel="m" if slides else "rad")
+            side.set_ylabel("N" if slides else "N m", color=ORANGE)
+        axes[-1, 0].set_xlabel("time (s)")
+        handles = [*position, *force]
+        figure.legend(handles, ["position", "force"], loc="outside lower center", ncols=2)
+        return rendered(figure, "motion")
+
+
+def _draw_singularity(found: ExcitationDesign) -> dict[str, bytes]:
+    """The singularity measure over time, and what it must keep."""
+    motion, rows = found.joint_motion, thinned(len(found.joint_motion))
+    least = [check.lower for check in found.checks if check.name == "singularity measure"]
+    with drawing(height=1.8) as (figure, axes):
+        ax = axes[0, 0]
+        ax.plot(motion.time[rows], motion.singularity[rows], color=BLUE)
+        for end in least:
+            ax.axhline(end, color=RED, linestyle="--", label="what it must keep")
+            ax.legend()
+        ax.set(title="distance to singularities", xlabel="time (s)", ylabel="singularity measure")
+        ax.set_ylim(bottom=0)
+        return rendered(figure, "singularity")
+
+
+def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
+    """Standard errors as bars, before and after."""
+    count = min(len(found.parameters), MOST_BARS)
+    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:count])
+    place = np.arange(count)
+    with drawing(height=max(1.8, 0.14 * count + 0.8)) as (figure, axes):
+        ax = axes[0, 0]
+        before, after = found.errors_before[worst], found.standard_errors[worst]
+        finite = np.isfinite(before)
+        label = "after the logs" if found.after_logs else "first motion"
+        ax.barh(place[finite] - 0.2, before[finite], 0.4, color=GREY, label=label)
+        ax.barh(place + 0.2, after, 0.4, color=BLUE, label="with this motion")
+        for k in place[~finite]:
+            ax.text(after[k], k - 0.2, " unidentifiable before", va="center", color=RED, size=5)
+        ax.set_yticks(place, [drawn(found.parameters.labels[j]) for j in worst], fontsize=5)
+        ax.invert_yaxis()
+        ax.set(xscale="log", xlabel="standard error (kg, kg m, kg m², ...)")
+        ax.set(title="predicted standard errors")
+        plain_log_labels(ax.xaxis, (1.0,))
+        figure.legend(loc="outside lower center", ncols=2)
+        return rendered(figure, "errors")
+
+
+def _draw_spectrum(found: ExcitationDesign) -> dict[str, bytes]:
+    """Singular values of the observation, before and after."""
+    with drawing(height=1.8) as (figure, axes):
+        ax = axes[0, 0]
+        number = np.arange(1, len(found.spectrum) + 1)
+        before = found.spectrum_before
+        known = before > before.max(initial=0.0) * 1e-12
+        label = "logs" if found.after_logs else "first motion"
+        ax.plot(number[known], before[known], "o-", color=GREY, markersize=2, label=label)
+        ax.plot(number, found.spectrum, "o-", color=BLUE, markersize=2, label="with this motion")
+        ax.set(yscale="log", xlabel="combination of parameters", ylabel="singular value")
+        ax.set(title="information spectrum")
+        plain_log_labels(ax.yaxis, (1.0,))
+        ax.xaxis.get_major_locator().set_params(integer=True)
+        ax.legend()
+        return rendered(figure, "spectrum")

@@ -1,0 +1,83 @@
+import json
+
+import numpy as np
+
+import loopid
+
+QUICK = ("--starts", "1", "--iterations", "12", "--time-limit", "120", "--solver", "slsqp")
+KEYS = {
+    "criterion",
+    "condition_number",
+    "log_det",
+    "violations",
+    "min_singularity_measure",
+    "duration",
+    "seconds",
+}
+
+
+def test_files_say_what_the_record_says(run, tmp_path):
+    done = run("excite", "five_bar", "--out", tmp_path, "--json", "--duration", "6", *QUICK)
+    assert done.code == 0
+    record = json.loads(done.out)
+    assert record.keys() >= KEYS
+    assert record["violations"] == 0
+    assert record["duration"] == 6.0
+    assert {file.name for file in tmp_path.iterdir()} >= {
+        "motion.csv",
+        "motion.yaml",
+        "report.md",
+        "excitation.json",
+        "motion.png",
+        "singularity.svg",
+        "errors.svg",
+        "spectrum.svg",
+    }
+    # The motion file is the motion of the CSV, and tells what the record says.
+    robot = loopid.load_mechanism("five_bar")
+    motion = loopid.read_motion_program(tmp_path / "motion.yaml").motion("excitation")
+    table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["time"], motion.time, atol=1e-9)
+    columns = [table[name] for name in table.dtype.names[1:]]
+    whole = np.concatenate([motion.position, motion.velocity, motion.acceleration], axis=1)
+    np.testing.assert_allclose(np.transpose(columns), whole, atol=1e-9)
+    followed = loopid.joint_motion(robot, motion)
+    model = loopid.find_force_model(robot)
+    W = model.regressor(followed).reshape(-1, len(model.parameters))
+    assert np.isclose(np.linalg.cond(W), record["condition_number"], rtol=1e-6)
+    assert np.isclose(np.linalg.slogdet(W.T @ W)[1], record["log_det"])
+    assert loopid.review_motion(robot, followed).problems == ()
+
+
+def test_motions_command_reads_every_shape(run, tmp_path):
+    for shape in ("spline", "poses"):
+        out = tmp_path / shape
+        assert run("excite", "five_bar", "--out", out, "--shape", shape, *QUICK).code == 0
+        done = run("motions", "five_bar", out / "motion.yaml", "--json")
+        assert done.code == 0
+        assert json.loads(done.out)["motions"][0]["problems"] == []
+
+
+def test_options_become_limits(run):
+    done = run(
+        "excite", "five_bar", "--json", "--max-speed", "0.3", "--max-speed",
+        "left_crank_joint=0.2", "--limit", "left_crank_joint=1.5:2.5", *QUICK,
+    )  # fmt: skip
+    checks = {check["name"]: check for check in json.loads(done.out)["checks"]}
+    assert checks["speed of left_crank_joint"]["upper"] == 0.2
+    assert checks["speed of right_crank_joint"]["upper"] == 0.3
+    assert checks["position of left_crank_joint"]["lower"] == 1.5
+
+
+def test_what_cannot_be_done_is_one_line(run):
+    for words in (
+        ("--margin", "0.95"),
+        ("--limit", "left_crank_joint"),
+        ("--limit", "left_crank_joint=2:1"),
+        ("--max-speed", "fast"),
+        ("--for", "nothing.m"),
+    ):
+        done = run("excite", "five_bar", *words, *QUICK)
+        assert done.code == 2
+        assert done.err.startswith("loopid: error: ")
+        assert done.err.count("\n") == 1

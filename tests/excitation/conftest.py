@@ -1,0 +1,21 @@
+import numpy as np
+import pytest
+
+from loopid import Noise, joint_motion, load_mechanism, point_to_point, simulate_measurement
+from loopid.logs import Recording
+from loopid.trajectories import Waypoint
+
+
+@pytest.fixture(scope="session")
+def five_bar():
+    return load_mechanism("five_bar")
+
+
+@pytest.fixture(scope="session")
+def one_crank(five_bar):
+    """A run in which only one crank moves."""
+    there = Waypoint(np.array([2.1, 0.7]), seconds=2.0)
+    way = point_to_point(five_bar.actuated, np.array([1.7, 0.7]), [there], rate=20.0)
+    motion = joint_motion(five_bar, way)
+    force = simulate_measurement(five_bar, motion, Noise(gaussian=0.01)).force
+    return Recording.of_motion("one_crank", five_bar.actuated, motion, force)

@@ -1,0 +1,209 @@
+import numpy as np
+import pytest
+
+import loopid
+from closure_robots import Y, body, joint, urdf
+from loopid import MotionLimits, design_excitation
+from loopid.errors import AssemblyError, MissingExtraError, OptionError
+from loopid.kinematics import closed_motion
+
+QUICK = {"starts": 1, "iterations": 20, "time_limit": 120.0, "solver": "slsqp"}
+
+
+@pytest.fixture(scope="module")
+def design(five_bar):
+    return design_excitation(five_bar, "full", noise=0.01, **QUICK)
+
+
+def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
+    assert design.violations == 0
+    motion, model = design.joint_motion, five_bar.model
+    whole = closed_motion(five_bar, motion.configurations, motion.velocities, motion.accelerations)
+    lower, upper = five_bar.position_limits
+    assert (motion.configurations >= lower).all()
+    assert (motion.configurations <= upper).all()
+    assert (np.abs(whole.velocities) <= model.velocityLimit).all()
+    forces = (
+        loopid.dynamic_regressor(
+            five_bar, motion.configurations, motion.velocities, motion.accelerations
+        )
+        @ five_bar.standard_parameters()
+    )
+    np.testing.assert_allclose(forces, design.forces, atol=1e-9)
+    assert (np.abs(forces) <= model.effortLimit[five_bar.velocity_indices(five_bar.actuated)]).all()
+    assert motion.singularity.min() >= 0.02
+    for values in (design.motion.velocity, design.motion.acceleration):
+        np.testing.assert_allclose(values[[0, -1]], 0.0, atol=1e-9)
+
+
+def test_the_promise_is_what_a_fit_of_the_motion_gives(five_bar, design):
+    model = design.force_model
+    noise = loopid.Noise(gaussian=0.01)
+    force = loopid.simulate_measurement(five_bar, design.joint_motion, noise, seed=1).force
+    run = loopid.logs.Recording.of_motion("run", five_bar.actuated, design.joint_motion, force)
+    fit = loopid.fit(model.samples(run))
+    np.testing.assert_allclose(fit.standard_errors, design.standard_errors, rtol=0.1)
+    assert fit.condition_number == pytest.approx(design.criteria.condition_number, rel=0.1)
+
+
+def test_it_is_better_than_where_it_started(design):
+    assert (design.standard_errors < design.errors_before).all()
+
+
+def test_the_same_seed_gives_the_same_motion(five_bar, design):
+    again = design_excitation(five_bar, "full", noise=0.01, **QUICK)
+    np.testing.assert_array_equal(again.motion.position, design.motion.position)
+
+
+def test_each_criterion_wins_by_its_own_measure(five_bar):
+    found = {
+        name: design_excitation(five_bar, criterion=name, **(QUICK | {"iterations": 60})).criteria
+        for name in ("D", "A", "E", "condition")
+    }
+    assert max(found, key=lambda name: found[name].log_det) == "D"
+    assert found["A"].trace < found["D"].trace
+    assert found["E"].least_eigenvalue > found["D"].least_eigenvalue
+    assert found["condition"].condition_number < found["D"].condition_number
+
+
+@pytest.mark.parametrize("shape", ["spline", "poses"])
+def test_other_shapes_keep_the_limits_too(five_bar, shape):
+    found = design_excitation(five_bar, shape=shape, **QUICK)
+    assert found.violations == 0
+    assert np.isfinite(found.standard_errors).all()
+
+
+def test_platform_coordinates():
+    robot = loopid.load_mechanism("3ups_rpu")
+    limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
+    quick = QUICK | {"iterations": 4}
+    found = design_excitation(robot, limits=limits, coordinates="platform", size=2, **quick)
+    assert found.violations == 0
+    assert found.motion.names == robot.platform.names
+    x = loopid.platform_coordinates(robot, found.joint_motion.configurations)
+    assert np.abs(x[:, 0]).max() <= 0.1
+    assert found.joint_motion.singularity.min() >= 0.05
+
+
+def test_a_log_and_the_motion_together_tell_what_the_log_does_not(five_bar, one_crank):
+    model = loopid.find_force_model(five_bar, "full")
+    told = loopid.identifiability(model, [one_crank])
+    leads = [next(iter(each.terms)) for each in told.unidentifiable]
+    assert all(f"--for {lead}" in told.refusal for lead in leads)
+    found = design_excitation(model, after=[one_crank], parameters=leads, **QUICK)
+    unknown = [model.parameters.labels.index(lead) for lead in leads]
+    assert (found.errors_before[unknown] > 1e3).all()
+    assert (found.standard_errors < 1.0).all()
+    # The noise is that of the log.
+    np.testing.assert_allclose(found.noise, 0.01, rtol=0.4)
+    everything = design_excitation(model, after=[one_crank], **QUICK)
+    chosen = found.standard_errors[unknown].prod()
+    assert chosen <= everything.standard_errors[unknown].prod() * 1.2
+
+
+def test_a_payload_alone_is_known_better_than_with_all_others(five_bar, design):
+    found = design_excitation(five_bar, "full", payload="left_coupler", noise=0.01, **QUICK)
+    assert {name.partition(".")[0] for name in found.parameters.labels} == {"left_coupler"}
+    errors = dict(zip(design.parameters.labels, design.standard_errors, strict=True))
+    for name, error in zip(found.parameters.labels, found.standard_errors, strict=True):
+        assert error < errors.get(name, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("limits", "name"),
+    [
+        ({"singularity": 0.95}, "singularity measure"),
+        ({"positions": {"left_crank_joint": (10.0, 12.0)}}, "position of left_crank_joint"),
+        ({"forces": {"all": 1e-3}}, "force"),
+    ],
+)
+def test_what_cannot_be_met_is_named(five_bar, limits, name):
+    with pytest.raises(AssemblyError, match=name):
+        design_excitation(five_bar, limits=MotionLimits(**limits), **QUICK)
+
+
+def test_advice_on_what_cannot_be_met_works(five_bar):
+    with pytest.raises(AssemblyError, match="misses it by") as refused:
+        design_excitation(five_bar, limits=MotionLimits(singularity=0.95), **QUICK)
+    missing = float(str(refused.value).partition("misses it by ")[2].split(",")[0])
+    limits = MotionLimits(singularity=0.95 - 1.2 * missing - 0.01)
+    assert design_excitation(five_bar, limits=limits, **QUICK).violations == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"criterion": "Q"},
+        {"shape": "steps"},
+        {"coordinates": "platform"},
+        {"parameters": ["nothing.m"]},
+        {"payload": "nothing"},
+        {"noise": {"nothing": 1.0}},
+        {"noise": 0.0},
+        {"duration": 0.0},
+        {"starts": 0},
+        {"time_limit": 0.0},
+        {"model": "full", "shape": "poses"},
+        {"limits": MotionLimits(positions={"nothing": (0.0, 1.0)})},
+        {"limits": MotionLimits(workspace={"x": (0.0, 1.0)})},
+    ],
+    ids=str,
+)
+def test_bad_options_are_refused(five_bar, options):
+    with pytest.raises(OptionError):
+        design_excitation(five_bar, **(QUICK | options))
+
+
+def test_empty_limits_are_refused():
+    with pytest.raises(OptionError, match="empty"):
+        MotionLimits(positions={"a": (1.0, 0.5)})
+
+
+def test_ipopt_keeps_the_limits_and_is_named_where_it_is_missing(five_bar):
+    try:
+        found = design_excitation(five_bar, **(QUICK | {"solver": "ipopt"}))
+    except MissingExtraError as error:
+        assert "excite" in str(error)  # noqa: PT017
+    else:
+        assert found.violations == 0
+
+
+def test_no_time_gives_a_motion_all_the_same(five_bar):
+    found = design_excitation(five_bar, time_limit=1e-3)
+    assert found.stopped
+    assert found.violations == 0
+
+
+def test_the_first_interrupt_keeps_the_best(five_bar):
+    import os
+    import signal
+
+    def interrupt(spent, total, best):
+        if np.isfinite(best):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    found = design_excitation(five_bar, solver="slsqp", progress=interrupt)
+    assert found.stopped
+    assert found.violations == 0
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
+    followed = joint("second", "first", "gripper", (0.5, 0, 0)).replace(
+        "</joint>", '<mimic joint="turn" multiplier="0.5"/></joint>'
+    )
+    file = tmp_path / "gripper.urdf"
+    file.write_text(
+        urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
+    )
+    found = design_excitation(loopid.load_mechanism(file), **QUICK)
+    assert found.violations == 0
+    assert found.min_singularity_measure == 1.0
+
+
+@pytest.mark.validate
+def test_processes_change_nothing_but_the_time(five_bar):
+    options = QUICK | {"starts": 2, "time_limit": 600.0}
+    alone, shared = (design_excitation(five_bar, n_jobs=n, **options) for n in (1, 2))
+    np.testing.assert_array_equal(alone.motion.position, shared.motion.position)

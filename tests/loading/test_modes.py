@@ -1,0 +1,113 @@
+"""Assembly modes: a robot that is drawn folded, or open, is assembled as it is meant."""
+
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+import yaml
+
+import folded_robots
+from closure_robots import files
+from linkages import five_bar
+from loopid import load_mechanism, random_configurations, structural_observation
+from loopid.base_parameters import analyse
+from loopid.errors import ReferenceWarning
+
+# Of each robot its joints that stay parallel, and the drawn pose with its motors turned by 0.5 rad
+# and all parallelograms open: what the folded file must be read as.
+TURNED = {
+    "folded_four_bar": {"bar_crank_joint": 0.5, "bar_coupler_joint": -0.5, "bar_rocker_joint": 0.5},
+    "folded_row": {"crank_joint": 0.5, "coupler_joint": -0.5, "rocker_joint": 0.5},
+    "folded_leg": {"hip": 0.2, "knee": 0.5, "motor": 0.7, "rod_joint": -0.5},
+    "folded_branches": {
+        f"{name}_{joint}_joint": angle
+        for name in ("first", "left", "right")
+        for joint, angle in (("crank", 0.5), ("coupler", -0.5), ("rocker", 0.5))
+    },
+}
+MODES = dict.fromkeys(TURNED, 2) | {"folded_branches": 8}
+
+
+def rank(robot, seed=0):
+    return analyse(structural_observation(robot, "full", seed=seed)).rank
+
+
+def quietly(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_mechanism(path)
+
+
+@pytest.fixture(scope="module")
+def path(write_files):
+    @cache
+    def write(name, **more):
+        parts, description = getattr(folded_robots, name)()
+        return write_files(*files(parts, description | more))
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def folded(path):
+    return cache(lambda name: quietly(path(name)))
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_folded_parallelograms_stay_parallel(name, folded, write_files):
+    parts, description = getattr(folded_robots, name)()
+    turned = load_mechanism(write_files(*files(parts, description | {"reference": TURNED[name]})))
+    assert turned.modes == ()  # as drawn: nothing to choose
+    robot = folded(name)
+    chosen, *others = robot.modes
+    assert len(robot.modes) == MODES[name]
+    assert chosen.continues
+    assert chosen.rank == rank(turned) == rank(robot)
+    assert all(chosen.rank < other.rank for other in others)
+    assert all(chosen.parallel > other.parallel for other in others)
+    np.testing.assert_array_equal(robot.reference, chosen.reference)
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_random_poses_stay_in_the_mode(seed, folded):
+    robot = folded("folded_four_bar")
+    assert rank(robot, seed) == 3
+    crank, coupler, rocker = random_configurations(robot, 50, seed=seed).T
+    np.testing.assert_allclose(coupler, -crank, atol=1e-9)
+    np.testing.assert_allclose(rocker, crank, atol=1e-9)
+
+
+def test_a_difference_of_ranks_is_warned_of(path):
+    with pytest.warns(ReferenceWarning, match=r"DIFFER .*: 3 in mode 1, 8 in mode 2") as told:
+        load_mechanism(path("folded_four_bar"))
+    assert "singular" in str(told[0].message)
+
+
+def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
+    pytest.importorskip("mujoco")
+    (tmp_path / "folded.xml").write_text(folded_robots.FOLDED_MJCF)
+    robot = quietly(tmp_path / "folded.xml")
+    assert [mode.rank for mode in robot.modes] == [3, 8]
+    other = robot.reference_values(robot.modes[1].reference)
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump({"mjcf": "folded.xml", "reference": other}))
+    assert rank(load_mechanism(tmp_path / "other.yaml")) == 8
+
+
+def test_of_open_drawings_the_nearest_mode_is_used(load_files):
+    parts, description = five_bar()
+    wide = [part.replace('"-3"', '"-9"').replace('"3"', '"9"') for part in parts]
+    robot = load_files(wide, description)  # motors alone are given
+    motors, passive = (robot.velocity_indices(some) for some in (robot.actuated, robot.passive))
+    assert len(robot.modes) == 2
+    assert len({mode.rank for mode in robot.modes}) == 1
+    away = [np.linalg.norm(mode.reference[passive]) for mode in robot.modes]
+    np.testing.assert_allclose(away, [mode.distance for mode in robot.modes], rtol=1e-9)
+    assert away[0] < away[1]
+    given = list(description["reference"].values())
+    for mode in robot.modes:
+        np.testing.assert_array_equal(mode.reference[motors], given)
+
+
+def test_ordinary_robots_have_nothing_to_choose(mechanism):
+    assert mechanism.modes == ()

@@ -1,0 +1,114 @@
+"""Files of six digits: loops that hardly miss are closed, and what is nearly special is named."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+from cad_export import cad_export
+from closure_robots import files
+from linkages import four_bar
+from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
+from loopid.errors import AccuracyWarning, ClosureWarning, RobotFileError
+from loopid.kinematics import largest_residual
+from loopid.loading import nearly_special
+
+# Independent equations and base parameters of the full model: loops that only special geometry
+# lets move.
+COUNTS = {
+    "3d four-bar": (2, 8),
+    "6d four-bar": (3, 8),
+    "hinge four-bar": (2, 8),
+    "five-bar": (2, 11),
+    "prismatic slider-crank": (2, 6),
+}
+BENNETT = (2, 7)
+
+
+def count(robot):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AccuracyWarning)
+        return len(find_base_parameters(structural_observation(robot, "full"), "qr"))
+
+
+@pytest.mark.parametrize("name", COUNTS)
+def test_six_digits_leave_rank_and_count_as_they_are(name, linkage, write_files):
+    file = write_files(*cad_export(linkage(name)))
+    with pytest.warns(ClosureWarning, match=r"numbers are rounded: .* moved by up to .* rad$"):
+        robot = load_mechanism(file)
+    found = mobility(robot)
+    assert (found.rank, found.degrees_of_freedom) == (COUNTS[name][0], len(robot.actuated))
+    assert found.rank_gap > 1e12
+    assert robot.closure_residual == 0
+    assert robot.rounding == 1e-6
+    assert count(robot) == COUNTS[name][1]
+
+
+def test_what_no_directions_repair_is_closed_as_far_as_it_goes(linkage, write_files):
+    """Lengths and twists of Bennett's linkage are to fit each other."""
+    with pytest.warns(ClosureWarning, match="then stay open by"):
+        robot = load_mechanism(write_files(*cad_export(linkage("bennett"))))
+    assert mobility(robot).rank == BENNETT[0]
+    assert 0 < robot.closure_residual < 1e-5
+    assert count(robot) == BENNETT[1]
+
+
+@pytest.mark.parametrize("gap", [7e-9, 7e-5])
+def test_a_plane_that_is_missed_is_met(gap, write_files):
+    """The last pin lies beside the plane of the linkage, whose redundant equation says so."""
+    parts, description = four_bar("3d")
+    parts = [part.replace('xyz="0.5 0.0 0.0"', f'xyz="0.5 0.0 {gap}"') for part in parts]
+    file, options = write_files(*files(parts, description)), {}
+    if gap > 1e-5:
+        with pytest.raises(RobotFileError, match="say so by --rounding 3e-06"):
+            load_mechanism(file)
+        options = {"rounding": 3e-6}
+    with pytest.warns(ClosureWarning, match=f"moved by up to {gap:.1e} m"):
+        robot = load_mechanism(file, **options)
+    assert largest_residual(robot, robot.reference[None])[0] < 1e-12
+    assert count(robot) == 8
+    with pytest.raises(RobotFileError, match="stays open"):
+        load_mechanism(file, rounding=0.0)
+    # In the YAML as well.
+    content = json.loads(file.read_text())
+    file.write_text(json.dumps(content | {"rounding": options.get("rounding", 1e-6)}))
+    with pytest.warns(ClosureWarning, match="moved"):
+        assert load_mechanism(file).rounding == options.get("rounding", 1e-6)
+
+
+SQUARE = {"crank_joint": 1.0, "coupler_joint": -1.0, "rocker_joint": 1.0 - np.pi}
+
+
+@pytest.fixture
+def nearly(write_files):
+    """File of a parallelogram whose lengths differ by millionths."""
+    bars = {"crank": 0.200001, "coupler": 0.45, "rocker": 0.2, "ground": 0.449998}
+    parts, description = four_bar("3d", bars)
+    return write_files(*files(parts, description | {"reference": SQUARE}))
+
+
+def test_nearly_equal_lengths_are_made_equal_when_the_user_agrees(nearly):
+    robot = load_mechanism(nearly)
+    other, moved = nearly_special(robot)
+    assert count(other) == 3
+    assert "moved by up to 1." in moved
+    with pytest.warns(ClosureWarning, match=r"moved by up to 1\.\de-06 m"):
+        snapped = load_mechanism(nearly, snap=True)
+    assert count(snapped) == 3
+    assert nearly_special(snapped) is None
+    content = json.loads(nearly.read_text())
+    nearly.write_text(json.dumps(content | {"snap": True}))
+    with pytest.warns(ClosureWarning, match="moved"):
+        assert count(load_mechanism(nearly)) == 3
+
+
+@pytest.mark.parametrize("name", ["3ups_rpu", "delta", "four_bar", "parallelogram"])
+def test_geometry_that_is_exact_stays_as_it_is(name, load_once):
+    assert nearly_special(load_once(name)) is None
+    robot = load_mechanism(name, rounding=1e-6, snap=True)
+    np.testing.assert_array_equal(robot.reference, load_once(name).reference)
+    for one, other in zip(
+        robot.model.jointPlacements, load_once(name).model.jointPlacements, strict=True
+    ):
+        assert one == other
