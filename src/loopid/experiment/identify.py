@@ -24,7 +24,6 @@ from loopid.experiment.identifiability import (
     fit_excited,
     identifiability,
 )
-from loopid.experiment.suspicions import Suspicions, suspicions
 from loopid.identification import (
     BayesianRidge,
     Estimator,
@@ -147,8 +146,6 @@ class Identification:
         What the training data tell of the parameters that were fitted to them.
     consistent : ConsistentFit or None
         Physically consistent parameters, where they were asked for.
-    suspicions : tuple of Suspicions
-        What each recording makes suspect, those for training first.
     """
 
     force_model: ForceModel
@@ -162,7 +159,6 @@ class Identification:
     consistent: ConsistentFit | None = None
     informed: FitResult | None = None
     prior_deviation: float | None = None
-    suspicions: tuple[Suspicions, ...] = ()
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -323,8 +319,6 @@ def identify(
     ExcitationWarning
         Of unidentifiable combinations that the robot file's values are kept for, and of weakly
         identifiable ones.
-    LogWarning
-        Of mistakes that would explain the forces of a recording clearly better (``suspicions``).
 
     Examples
     --------
@@ -359,7 +353,6 @@ def identify(
                 f"{run.name} is fitted and validates: its errors say nothing of new data",
                 LogWarning,
             )
-    suspected = _suspected(force_model, (*training, *validation, *friction))
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
@@ -442,20 +435,7 @@ def identify(
         bodies,
         informed,
         deviation,
-        suspected,
     )
-
-
-def _suspected(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Suspicions, ...]:
-    """What is suspected of each log, by the first recording of it; warns of all of it."""
-    first = {recording.name: recording for recording in reversed(recordings)}
-    found = tuple(
-        suspicions(force_model, first[name]) for name in dict.fromkeys(r.name for r in recordings)
-    )
-    for one in found:
-        for sentence in one.sentences:
-            warn(f"{one.recording}: {sentence}", LogWarning)
-    return found
 
 
 def _gathered(

@@ -51,6 +51,7 @@ CONVERGED = 1e-3  # relative, of a gain
 CLOSING = 0.9
 INTERVAL = 1.96  # standard deviations
 TINY = 1e-12
+SILENT = 1e-9  # part of the force that a column without effect has
 
 
 @dataclass(frozen=True)
@@ -220,7 +221,9 @@ class _Evidence:
         size = np.maximum(np.sqrt(_mean(force**2, used)), TINY)
         gain, sigma, errors = mistakes.gain, 0.1 * size, np.zeros(len(size))
         unit = np.sqrt((whole[:, :, p:] ** 2).mean(axis=0)) * np.abs(gain / size)[:, None]
-        scale = np.append(self.known, FLAT / np.maximum(unit.max(axis=0), TINY))
+        unit = unit.max(axis=0)
+        felt = unit > SILENT
+        scale = np.append(self.known, np.where(felt, FLAT / np.where(felt, unit, 1.0), 0.0))
         motors = [k for k in self.present if used[:, k].sum() >= LEAST_SAMPLES]
         data = {}
         for k in motors:
