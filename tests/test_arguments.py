@@ -1,16 +1,20 @@
 """Arguments of public functions against their annotations: one case a type."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from typing import Literal
 
 import numpy as np
 import pytest
 
-from loopid.arguments import checked, checked_fields
+from loopid import random_configurations, structural_observation
+from loopid.arguments import affordable, checked, checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError
+from loopid.kinematics import random_motions
 
 
 @dataclass(frozen=True)
@@ -94,3 +98,30 @@ def test_fields_are_checked_however_they_are_set():
             Filter(**wrong)
     with pytest.raises(OptionError, match="order must be a valid integer"):
         replace(Filter(1.0), order="x")
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda robot: structural_observation(robot, samples=10**8), "samples must be at most"),
+        (lambda robot: random_configurations(robot, 10**10), "count must be at most"),
+        (lambda robot: random_motions(robot, 10**10), "count must be at most"),
+        (
+            lambda robot: structural_observation(robot, samples=3 * 10**6, keep_matrix=True),
+            "samples with keep_matrix must be at most",
+        ),
+    ],
+)
+def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, words):
+    start = perf_counter()
+    with pytest.raises(OptionError, match=words) as caught:
+        ask(knee)
+    assert re.search("hours|GiB of memory", str(caught.value))
+    assert perf_counter() - start < 1.0
+
+
+def test_an_affordable_number_is_named_and_taken():
+    with pytest.raises(OptionError) as caught:
+        affordable("samples", 10**9, seconds_each=1e-3, bytes_each=100.0)
+    most = int(re.search(r"at most ([\d,]+)", str(caught.value))[1].replace(",", ""))
+    affordable("samples", most, seconds_each=1e-3, bytes_each=100.0)

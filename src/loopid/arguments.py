@@ -16,6 +16,30 @@ R = TypeVar("R")
 Class = TypeVar("Class", bound=type)
 
 
+# What one call may take, by an estimate before it begins.
+MOST_SECONDS, MOST_BYTES = 900.0, 2**32
+
+
+def affordable(name: str, count: int, seconds_each: float = 0.0, bytes_each: float = 0.0) -> None:
+    """Refuse a number whose work would take far longer, or more memory, than it can be worth.
+
+    Raises
+    ------
+    OptionError
+        With the estimate and the number that is affordable.
+    """
+    found = [MOST_SECONDS / seconds_each] if seconds_each else []
+    found += [MOST_BYTES / bytes_each] if bytes_each else []
+    most = int(min(found))
+    if count > most:
+        hours, gigabytes = count * seconds_each / 3600, count * bytes_each / 2**30
+        needs = [f"some {hours:,.1f} hours"] if seconds_each else []
+        needs += [f"{gigabytes:,.1f} GiB of memory"] if bytes_each else []
+        raise OptionError(
+            f"{name} must be at most {most:,}, not {count:,}, which would take {', '.join(needs)}"
+        )
+
+
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 

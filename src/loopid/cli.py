@@ -132,7 +132,8 @@ def base(
     from loopid.report import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
+    with progress_bar("robot"):
+        mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
     warn_of_omitted(mechanism, joint_terms)
     with progress_bar("poses") as report:
@@ -147,7 +148,8 @@ def base(
             if search == ExactSearch.name:
                 strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
             alone = find_base_parameters(observation.motors_alone, strategy, criterion)
-    record = base_record(mechanism, model, found, alone)
+    with progress_bar("names"):
+        record = base_record(mechanism, model, found, alone)
     special = None if snap else nearly_special(mechanism)
     if special is not None:
         other, moved = special
@@ -320,6 +322,8 @@ def excite(
         str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
     ] = None,
     lock: Lock = None,
+    rounding: Rounding = None,
+    snap: Snap = False,
     floating_base: Floating = False,
     free_mimics: FreeMimics = False,
     tied: Tied = False,
@@ -345,7 +349,7 @@ def excite(
         margin,
         collisions,
     )
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied)
+    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     recordings = []
     for path in after or ():
         log = read_log(path, mechanism, mapping)

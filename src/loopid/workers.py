@@ -29,8 +29,21 @@ Result = TypeVar("Result")
 
 # Items that wait for each worker: enough to keep it busy, few enough for a small memory.
 WAITING = 2
+LEAST_MOST = 16  # processes that any machine may be asked for
 
 _function: Callable[[Any], Any]
+
+
+def require_processes(count: int, name: str) -> None:
+    """Refuse what is no number of processes, or more than a machine with such cores can use.
+
+    Raises
+    ------
+    OptionError
+    """
+    most = max(LEAST_MOST, 4 * (os.cpu_count() or 1))
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
+        raise OptionError(f"{name} must be a number of processes from 1 to {most}, not {count!r}")
 
 
 def ordered_map(
@@ -47,8 +60,7 @@ def ordered_map(
         When the number of processes is not a whole number from 1 on, or a worker could not be
         started.
     """
-    if isinstance(n_jobs, bool) or not isinstance(n_jobs, int) or n_jobs < 1:
-        raise OptionError(f"n_jobs must be a whole number of processes from 1 on, not {n_jobs!r}")
+    require_processes(n_jobs, "n_jobs")
     if n_jobs == 1:
         return (_on_one_thread(function, item) for item in items)
     return _in_workers(function, iter(items), n_jobs)

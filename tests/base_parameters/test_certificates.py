@@ -36,6 +36,10 @@ def test_brute_force_finds_nothing_better(kind, criterion):
     assert sum(one.certified for one in found) > 0.7 * SMALL_SEEDS
 
 
+def test_a_walk_that_round_off_would_lead_astray_ends():
+    assert_true(small_problem("graded", 502, "regressor"))
+
+
 @pytest.mark.validate
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("kind", KINDS)

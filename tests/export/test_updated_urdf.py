@@ -307,5 +307,5 @@ def test_what_would_be_read_otherwise_is_refused(tmp_path):
     entity = "<!DOCTYPE robot [<!ENTITY n 'arm'>]><robot"
     text = path.read_text().replace(alien, "").replace("<robot", entity)
     path.write_text(text.replace('<link name="arm"', '<link name="&n;"'))
-    with pytest.raises(RobotFileError, match=r"link arm .* not where they should be"):
-        updated_robot_file(load_mechanism(path), changed(mechanism))
+    with pytest.raises(RobotFileError, match="XML entities are not read"):
+        load_mechanism(path)

@@ -205,3 +205,11 @@ def test_a_serial_robot_has_a_row_for_each_of_its_motors(monkeypatch, tmp_path):
     axes = axes_of(monkeypatch, identify_figures, draw_forces, identify(model, *runs))
     assert [ax.get_title() for ax in axes] == ["shoulder", "elbow"]
     assert {ax.get_ylabel() for ax in axes} == {"force (N m)"}
+
+
+def test_names_are_drawn_as_they_are_but_not_too_long():
+    with figures.drawing() as (figure, axes):
+        axes[0, 0].set(title=figures.drawn("a$_$b \\nope 腕" + "x" * 300))
+        assert figures.rendered(figure, "odd").keys() == {"odd.svg", "odd.png"}
+        assert axes[0, 0].get_title().startswith("a$_$b \\nope 腕")
+        assert len(axes[0, 0].get_title()) < 60

@@ -42,12 +42,11 @@ RATE = 100.0
 STARTS = 4
 # Random poses, by which margins, reaches and pairs of links are told.
 POSES = 128
-# Parts of the motion's size that are left where the finer grid shows a broken bound.
-SHRINKS = (
-    1.0,
-    *(1 - 0.5 * 0.7**k for k in range(16, -1, -1)),
-    *(0.5 * 0.6**k for k in range(1, 20)),
-)
+# Where the finer grid shows a broken bound: parts of the motion's size that are left, of which the
+# first are tried at once, and steps back to where the search came from.
+SHRINKS = (1.0, *(1 - 0.5 * 0.6**k for k in range(12, -1, -1)), *(0.5**k for k in range(2, 16)))
+FIRST = 6
+BACK = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89)
 # Relative singular values of a payload's columns that count as zero.
 DEPENDENT = 1e-9
 # Relative singular values of an observation that count as zero, and the part of a parameter that
@@ -274,7 +273,7 @@ def design_excitation(
             searched(problem, poses, solver, clock, starts, iterations, seed, n_jobs, progress)
         )
         best = min(found, key=lambda each: each.criterion)
-        X, checks = _repaired(problem, poses, problem.variables(best.best))
+        X, checks = _repaired(problem, poses, best.trail)
         motion = made.motion(problem.coordinates.names, X, rate)
         followed, motors, forces, factor = _run(problem, motion)
         criteria = Criteria.of(factor)
@@ -484,17 +483,20 @@ def _criterion(
 
 
 def _repaired(
-    problem: Problem, poses: Poses, X: FloatArray
+    problem: Problem, poses: Poses, trail: Sequence[FloatArray]
 ) -> tuple[FloatArray, tuple[Check, ...]]:
-    """The motion, shrunk around a regular pose until the finer grid shows no broken bound."""
-    middle = (problem.functions[0] @ X).mean(axis=0)
-    homes = [middle, *(pose.position for pose in poses.poses[:1])]
-    for part in SHRINKS:
-        for home in homes[: 1 if part == 1 else None]:
-            centre = np.outer(problem.shape.still(), home)
-            tried = centre + part * (X - centre)
-            checks = check_motion(problem, tried)
-            if checks and not any(check.violations for check in checks):
-                return tried, checks
-    centre = np.outer(problem.shape.still(), homes[-1])
-    return centre, check_motion(problem, centre)
+    """The best motion that keeps all bounds on the finer grid.
+
+    Of the trail of ever better ones, at first a little and at last a lot shrunk around a pose.
+    """
+    still, best = problem.shape.still(), problem.variables(trail[-1])
+    home = np.outer(still, poses.poses[0].position)
+    middle = np.outer(still, (problem.functions[0] @ best).mean(axis=0))
+    earlier = [problem.variables(trail[-1 - k]) for k in BACK if k < len(trail)]
+    near = [middle + part * (best - middle) for part in SHRINKS[:FIRST]]
+    far = [centre + part * (best - centre) for part in SHRINKS[FIRST:] for centre in (middle, home)]
+    for X in (*near, *earlier, *far):
+        checks = check_motion(problem, X)
+        if checks and not any(check.violations for check in checks):
+            return X, checks
+    return home, check_motion(problem, home)

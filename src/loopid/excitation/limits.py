@@ -26,6 +26,8 @@ UNLIMITED = 1e3
 # Largest speeds and accelerations of slow motions, where nothing else is said, in those of a fall
 # over the robot's length: inertial forces are some percent of gravity's.
 SLOW_SPEED, SLOW_ACCELERATION = 0.1, 0.03
+# Singularity measures change fast between samples: they count in so many times what they must keep.
+STEEP = 10.0
 # Of the robot's length: what links must keep from each other.
 CLEARANCE = 1e-3
 
@@ -237,7 +239,8 @@ class Bounds:
             size = FAR * mechanism.length
             self._add("distance between links", "", "m", CLEARANCE * mechanism.length, np.inf, size)
         if self.loops:
-            self._add("singularity measure", "", "", singularity, np.inf)
+            steep = min(STEEP * singularity, 0.5) or None
+            self._add("singularity measure", "", "", singularity, np.inf, steep)
             for kind in ("inverse", "constraint"):
                 least = min(NEAR_SINGULARITY, singularity)
                 self._add(f"{kind} singularity measure", "", "", least, np.inf)

@@ -27,10 +27,10 @@ DesignProgress = Callable[[float, float, float], None]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What one start led to."""
+    """What one start led to, through which points that keep all bounds on the grid."""
 
     start: FloatArray
-    best: FloatArray
+    trail: tuple[FloatArray, ...]
     criterion: float
     evaluations: int
     stopped: bool
@@ -98,7 +98,8 @@ def _one_start(
         start, near = feasible_start(problem, poses, seed, number)
         search = Search(problem, enough, start, near, most=iterations)
         stopped = search.run(SOLVERS[solver])
-    return Found(start, search.best, search.criterion, search.evaluations, stopped)
+    trail = tuple(search.trail) or (start,)
+    return Found(start, trail, search.criterion, search.evaluations, stopped)
 
 
 @contextmanager

@@ -55,6 +55,7 @@ class Search:
     evaluations: int = 0
     most: int | None = None
     watched: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    trail: list[FloatArray] = field(default_factory=list)
     _missed: int = 0
     _at: dict[bytes, Value | None] = field(default_factory=dict)
 
@@ -74,6 +75,7 @@ class Search:
         self.near = found.q
         if found.f < self.criterion and self.problem.violation(found) <= 0:
             self.best, self.criterion = y.copy(), found.f
+            self.trail.append(self.best)
         self._look_at(found)
         return found
 

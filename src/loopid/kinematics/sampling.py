@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked
+from loopid.arguments import affordable, checked
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
@@ -28,6 +28,7 @@ LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
 PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
+SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
@@ -69,6 +70,7 @@ def random_configurations(
     >>> loopid.random_configurations(robot, 10, seed=1).shape
     (10, 4)
     """
+    affordable("count", count, bytes_each=2 * 8 * mechanism.model.nq)
     return np.concatenate(list(configuration_batches(mechanism, count, seed, margin)))
 
 
@@ -85,6 +87,7 @@ def configuration_batches(
     """
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
+    affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     margin = mechanism.margin if margin is None else margin
@@ -190,6 +193,7 @@ def random_motions(
     """
     if count < 0:
         raise OptionError(f"count must be a number of samples from 0 on, not {count}")
+    affordable("count", count, bytes_each=3 * 16 * len(mechanism.independent))
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))

@@ -26,6 +26,7 @@ from loopid.kinematics import mobility
 from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
 from loopid.loading.reference import close_reference, why_singular
+from loopid.loading.rounding import rounding_that_closes
 from loopid.loading.tree import (
     TreeSource,
     build_tree,
@@ -361,9 +362,10 @@ def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     found = mobility(mechanism, around=around)
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
+        rounding = rounding_that_closes(found.least * mechanism.length, mechanism.length)
         warn(
             f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
-            f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): are "
-            "angles or points rounded?",
+            f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): where "
+            f"numbers are rounded, --rounding {rounding:g} lets it count as zero",
             ClosureWarning,
         )

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import checked
+from loopid.arguments import affordable, checked
 from loopid.arrays import FloatArray
 from loopid.kinematics import (
     Accuracy,
@@ -83,6 +83,9 @@ def structural_observation(
     enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
+    if keep_matrix:
+        width = len(parameters) * len(mechanism.independent)
+        affordable("samples with keep_matrix", samples, bytes_each=2 * 8 * width)
     kept = _Motions(enough)
     regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin, kept)
     parts = regressors if progress is None else _reported(regressors, samples, progress)

@@ -36,7 +36,7 @@ MOST_BARS = 40  # parameters whose standard errors are drawn
 CAPTIONS = {
     "motion": "Motors: position (line), its limits (dashed), and force by the robot file.",
     "singularity": "Distance to singularities over time, and what it must keep.",
-    "errors": "Predicted standard errors of the parameters, before and after.",
+    "errors": "Predicted standard errors, of the largest ones, before and after.",
     "spectrum": "Singular values of the observation, its columns scaled to 1, before and after.",
 }
 

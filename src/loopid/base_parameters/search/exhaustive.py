@@ -31,8 +31,8 @@ from loopid.base_parameters.search.problem import (
     most_readable,
     readabilities,
 )
-from loopid.errors import OptionError, SearchError
-from loopid.workers import Progress, one_blas_thread
+from loopid.errors import SearchError
+from loopid.workers import Progress, one_blas_thread, require_processes
 
 MOST_CANDIDATES = 2_000_000_000
 CHUNK = 1 << 14  # combinations whose matrices are in memory together
@@ -82,8 +82,8 @@ class ExhaustiveSearch(SearchStrategy):
 
     @checked
     def __init__(self, workers: int | None = None, progress: Progress | None = None) -> None:
-        if workers is not None and workers < 1:
-            raise OptionError(f"workers must be positive, not {workers}")
+        if workers is not None:
+            require_processes(workers, "workers")
         self.workers = workers
         self.progress = progress
 

@@ -129,7 +129,8 @@ def _at_rest(
         changes = np.sum([weight * it.changes(chosen, rest) for weight, it in barriers], axis=0)
         place, other = np.unravel_index(changes.argmin(), changes.shape)
         potential = sum(weight * barrier.potential for weight, barrier in barriers)
-        if not changes[place, other] < -LEAST_GAIN * potential:
+        # A potential is the trace of a positive matrix: to fall below zero takes round-off.
+        if not -potential < changes[place, other] < -LEAST_GAIN * potential:
             break
         out, into = int(chosen[place]), int(rest[other])
         barriers = [(weight, barrier.swapped(out, into)) for weight, barrier in barriers]
