@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.kinematics import Factorisation
-from loopid.kinematics.projection import Solver
+from loopid.kinematics.projection import Solver, null_space
 
 sizes = st.integers(1, 6)
 seeds = st.integers(0, 2**32 - 1)
@@ -70,3 +70,24 @@ def test_an_exactly_singular_matrix_spoils_no_other():
     matrices = np.stack([np.eye(2), np.zeros((2, 2)), 2 * np.eye(2)])
     found = Solver.of(matrices, 1e-3).solve(np.ones((3, 2, 1)))
     np.testing.assert_allclose(found[:, 0, 0], [1.0, 0.0, 0.5])
+
+
+def test_blocks_are_solved_as_the_whole_matrix_is():
+    generator = np.random.default_rng(4)
+    matrices, rows, columns = np.zeros((3, 31, 23)), generator.permutation(31), np.arange(23)
+    shapes = ((3, 2), (3, 2), (9, 6), (3, 2), (4, 5), (6, 5))
+    r = c = 0
+    for m, n in shapes:  # the last rows have no columns, the last column no rows
+        matrices[:, rows[r : r + m, None], columns[c : c + n]] = generator.normal(size=(3, m, n))
+        r, c = r + m, c + n
+    matrices[:, rows[2]] = matrices[:, rows[1]]  # redundant
+    b = generator.normal(size=(3, 31, 2))
+    found = Factorisation.of(matrices)
+    assert len(found.blocks) > 1
+    np.testing.assert_allclose(found.solve(b), np.linalg.pinv(matrices) @ b, atol=1e-12)
+    values = np.linalg.svd(matrices, compute_uv=False)
+    np.testing.assert_allclose(found.values[:, :21], values[:, :21], rtol=1e-12)
+    np.testing.assert_array_equal(found.rank, np.linalg.matrix_rank(matrices))
+    space = null_space(matrices[0])
+    np.testing.assert_allclose(space.T @ space, np.eye(23 - found.rank[0]), atol=1e-12)
+    np.testing.assert_allclose(matrices[0] @ space, 0, atol=1e-12)

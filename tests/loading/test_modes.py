@@ -111,3 +111,9 @@ def test_of_open_drawings_the_nearest_mode_is_used(load_files):
 
 def test_ordinary_robots_have_nothing_to_choose(mechanism):
     assert mechanism.modes == ()
+
+
+def test_a_chain_of_many_loops_knows_two_parameters_a_parallelogram(load_files):
+    robot = load_files(*folded_robots.parallelogram_chain(9))
+    assert len(robot.loops) == 9
+    assert analyse(structural_observation(robot, "gravity")).rank == 2 * 9 + 2
