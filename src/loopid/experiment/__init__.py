@@ -26,6 +26,7 @@ from loopid.experiment.identify import (
     split_recordings,
 )
 from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
+from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
 
 __all__ = [
     "DEFAULT_FRACTION",
@@ -37,7 +38,9 @@ __all__ = [
     "GainFit",
     "Identifiability",
     "Identification",
+    "MotorGain",
     "PayloadFit",
+    "Suspicions",
     "WeakDirection",
     "cad_prior",
     "distributed_problem",
@@ -52,4 +55,5 @@ __all__ = [
     "prediction_reach",
     "reference_instruments",
     "split_recordings",
+    "suspicions",
 ]

@@ -2,10 +2,11 @@
 
 from loopid.logs.log import Log, read_log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.recording import Recording, default_lowpass, prepare_recording
+from loopid.logs.recording import SINGULARITY_MARGIN, Recording, default_lowpass, prepare_recording
 from loopid.logs.streams import Dropped
 
 __all__ = [
+    "SINGULARITY_MARGIN",
     "Dropped",
     "Log",
     "LogMapping",

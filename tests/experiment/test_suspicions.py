@@ -1,0 +1,122 @@
+"""Mistakes in logs are named, motor by motor, whatever the masses of the robot file."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, Noise, find_force_model, prepare_recording, simulate_measurement
+from loopid.experiment import suspicions
+from loopid.logs import Log
+from made_runs import friction, quietly, wander
+
+FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
+
+
+@pytest.fixture(scope="module")
+def runs(load_once):
+    """Logs of a robot, and its force model; bodies up to half as heavy again as in its file."""
+
+    def run(name, seed):
+        robot = load_once(name)
+        size = (0.06, 0.04, 0.2, 0.2) if name == "3ups_rpu" else (0.5, 0.5)
+        motion = wander(robot, seed, seconds=30.0, rate=50.0, size=size)
+        terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
+        terms = friction(robot) if name == "3ups_rpu" else terms
+        bodies = robot.standard_parameters().reshape(-1, 10)
+        factors = np.random.default_rng(seed).uniform(0.5, 1.5, size=(len(bodies), 1))
+        exact = simulate_measurement(robot, motion, None, seed, (factors * bodies).ravel(), *terms)
+        noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
+        return robot, simulate_measurement(
+            robot, motion, noise, seed, (factors * bodies).ravel(), *terms
+        )
+
+    models = {}
+
+    def suspected(name, seed, spoil=lambda position, force: None):
+        robot, found = run(name, seed)
+        position, force = found.position.copy(), found.force.copy()
+        spoil(position, force)
+        log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
+        if name not in models:
+            models[name] = find_force_model(robot, "gravity", JointTerms(robot.actuated))
+        return suspicions(models[name], quietly(prepare_recording, robot, log))
+
+    return suspected
+
+
+def times(factor, column=0):
+    def spoil(position, force):
+        force[:, column] *= factor
+
+    return spoil
+
+
+def exchanged(positions, forces):
+    def spoil(position, force):
+        for values, flag in ((position, positions), (force, forces)):
+            if flag:
+                values[:, :2] = values[:, [1, 0]]
+
+    return spoil
+
+
+def offset(value):
+    def spoil(position, force):
+        force[:, 0] += value
+
+    return spoil
+
+
+def moved(scale, shift, columns=slice(None)):
+    def spoil(position, force):
+        position[:, columns] = scale * position[:, columns] + shift
+
+    return spoil
+
+
+# The five-bar is symmetric: with positions and forces exchanged it is another like it.
+CASES = [
+    ("five_bar", times(1e-3), "force of {0} is 0.00", "force_scale"),
+    ("five_bar", times(0.02, 1), "force of {1} is 0.0", "force_scale"),
+    ("five_bar", times(-1.0), "force of {0} is -", "sign"),
+    ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
+    ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
+    ("five_bar", exchanged(False, True), "forces of {0} and {1} look exchanged", ""),
+    ("five_bar", moved(1.0, 0.05, 0), "positions of {0} look shifted", "position_offset"),
+    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted", "1.0"),
+    ("3ups_rpu", times(1e-3), "force of {0} is 0.00", "force_scale"),
+    ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
+    ("3ups_rpu", offset(50.0), "force of {0} seems to have an offset of ", "Fo"),
+    ("3ups_rpu", exchanged(True, True), "columns of {0} and {1}, positions and forces", ""),
+    ("3ups_rpu", moved(1.0, 0.05), "positions of {0}, {1}, {2}, {3} look shifted", "0.05"),
+]
+
+
+@pytest.mark.parametrize(("name", "spoil", "words", "advice"), CASES)
+def test_a_mistake_is_named(runs, name, spoil, words, advice):
+    found = runs(name, 0, spoil)
+    motors = FIVE_BAR if name == "five_bar" else KNEE
+    assert words.format(*motors) in found.sentences[0]
+    assert advice in found.sentences[0]
+    assert len(found.sentences) == 1
+
+
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+def test_nothing_is_suspected_of_what_is_right(runs, name):
+    found = runs(name, 1)
+    assert found.sentences == ()
+    assert [one.joint for one in found.gains] == list(FIVE_BAR if name == "five_bar" else KNEE)
+    for one in found.gains:
+        assert one.interval[0] < 1.05
+        assert one.interval[1] > 0.95
+        assert one.interval[1] - one.interval[0] < 0.3
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, name):
+    motors, random = FIVE_BAR if name == "five_bar" else KNEE, np.random.default_rng(0)
+    for seed in range(100):
+        assert runs(name, seed).sentences == (), seed
+        column, factor = random.integers(len(motors)), 10.0 ** random.uniform(-3, -1)
+        (said,) = runs(name, seed, times(factor, column)).sentences
+        assert said.startswith(f"the force of {motors[column]} is 0."), (seed, said)
