@@ -154,12 +154,16 @@ def base(
     if special is not None:
         other, moved = special
         W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
-        record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
-        warn(
-            f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as it is, "
-            f"{record['base_parameters_if_snapped']} with --snap, {moved}",
-            AccuracyWarning,
-        )
+        try:
+            record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
+        except LoopidError:  # hardly special: nothing to compare
+            record["base_parameters_if_snapped"] = None
+        if count := record["base_parameters_if_snapped"]:
+            warn(
+                f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as "
+                f"it is, {count} with --snap, {moved}",
+                AccuracyWarning,
+            )
     show(record, base_tables(record), as_json)
 
 

@@ -22,7 +22,6 @@ from loopid.robot import Mechanism
 # more than the last have all the digits there are.
 LEAST_DECIMALS, SURE_DECIMALS, MOST_DECIMALS = 5, 6, 12
 DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few decimals
-EXACT = 1e-12  # of the characteristic length, up to which a rounding is round-off
 SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
 NEARLY = 20  # times the accuracy, by which lengths differ that may be meant to be equal
 CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
@@ -51,8 +50,8 @@ class Accuracy:
 def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
     """What the robot file says of its rounding, or what its numbers and closures show."""
     if mechanism.rounding is not None:
-        length = mechanism.rounding if mechanism.rounding > EXACT * mechanism.length else 0.0
-        return Accuracy(length, length / mechanism.length, "the rounding that is given")
+        angle = mechanism.rounding / mechanism.length
+        return Accuracy(mechanism.rounding, angle, "the rounding that is given")
     numbers: tuple[list[float], list[float]] = ([], [])
     for place in _placements(mechanism.model):
         numbers[0].extend(place.translation)

@@ -107,7 +107,8 @@ def build_tree(
     for name in locked:
         joint, _, turn = name.rpartition(".")
         model = source.model
-        if model.existJointName(name) or not model.existJointName(joint):
+        names = list(model.names)  # of texts that Pinocchio could not take, too
+        if name in names or joint not in names:
             # What has taken the place of a joint is locked with it.
             whole += source.replaced.get(name, (name,))
             continue
