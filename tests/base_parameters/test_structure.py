@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from loopid.base_parameters import STRATEGIES, analyse, find_base_parameters
+from loopid.errors import AccuracyWarning
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 from loopid.regressors import Observation
 
@@ -121,3 +122,18 @@ def test_a_single_column():
     links = ParameterSet.of_links(["bob"], GRAVITY_KINDS).select([1])
     found = find_base_parameters(Observation.from_matrix(np.ones((3, 1)), links))
     assert found.expressions == ("bob.mx",)
+
+
+@pytest.mark.parametrize(("least", "faint"), [(2e-8, True), (1e-6, False)])
+def test_singular_values_that_rounded_geometry_could_make_are_warned_of(least, faint):
+    """No gap above the tiny ones tells that they are noise."""
+    rng = np.random.default_rng(0)
+    left, right = (np.linalg.qr(rng.normal(size=(n, 10)))[0] for n in (30, 10))
+    W = left * [1.0, 0.8, 0.5, 0.1, 1e-3, 1e-5, least, 0.8 * least, 0.0, 0.0] @ right.T
+    observation = Observation.from_matrix(W, parameters(10))
+    if faint:
+        with pytest.warns(AccuracyWarning, match="2 of the 8 .* and then the rank is at most 6"):
+            found = analyse(observation)
+    else:
+        found = analyse(observation)
+    assert found.rank == 8

@@ -40,6 +40,9 @@ CLEAR_OF_NOISE = 100.0  # how many times what counts exceeds the noise
 NEAR_INVERSE = (
     10.0  # condition numbers within this factor of the inverse of the accuracy are warned of
 )
+# Forces hardly depend on combinations with a smaller relative singular value: the least of robots
+# whose numbers are exact is some 5e-6 (a floating biped).
+FAINT = 1e-7
 NAMED, DIGITS = 4, 6  # values, parameters and lengths in a message; digits that weights have
 # Relative singular values of the combinations that an ambiguous rank is about.
 LEAST_UNCLEAR, MOST_UNCLEAR = 1e-14, 1e-4
@@ -115,7 +118,8 @@ def analyse(observation: Observation) -> Structure:
     Warns
     -----
     AccuracyWarning
-        When singular values that are not round-off do not count, as the geometry is rounded.
+        When singular values that are not round-off do not count, as the geometry is rounded, or
+        count although they are tiny.
     """
     with one_blas_thread():
         noise = _geometry_noise(observation)
@@ -134,6 +138,16 @@ def analyse(observation: Observation) -> Structure:
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
             f"needed to tell how many of the {len(columns)} parameters are independent"
+        )
+    faint = slice(int((values >= FAINT * values[0]).sum()), rank)
+    if noise is None and faint.start < rank:
+        least, most = values[rank - 1] / values[0], faint.start
+        warn(
+            f"{rank - most} of the {rank} singular values that count are below {FAINT:g} of the "
+            f"largest, down to {least:.1e}: rounded or nearly special geometry makes "
+            f"such values, and then the rank is at most {most}; "
+            f"{_concerned(observation, columns, right[faint])}",
+            AccuracyWarning,
         )
     precision = UNTOUCHED if noise is None else max(UNTOUCHED, 1 / gap)
     return Structure(
