@@ -143,6 +143,7 @@ def test_a_rod_without_inertia_does_not_spin_faster(flying, load_files):
     assert 1 < np.abs(motion.accelerations).max() < 1e4
 
 
+@pytest.mark.filterwarnings("ignore:.*joints that move nothing with mass")
 def test_a_force_that_no_mass_resists_is_refused(load_files):
     robot = load_files(*without_mass("rack and pinion", "arm"))
     with pytest.raises(SingularityError, match=r"sample 0: a force acts on arm_joint.*4 such"):

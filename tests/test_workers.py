@@ -17,7 +17,8 @@ from loopid.workers import one_blas_thread, ordered_map
 
 # Prints the numbers of its workers, for ever.
 PARENT = """
-import os, sys, time
+import os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background of a shell
 from loopid.workers import ordered_map
 
 def number(_):

@@ -239,8 +239,10 @@ def test_a_result_is_printed_though_nobody_hears_warnings(stream, arm_files):
 
 @pytest.mark.parametrize("when", ["imported", "working"])
 def test_ctrl_c_is_answered_by_one_line(when):
-    # Python's own start is not ours: the signal comes from inside.
-    stop = "import os, signal, sys; kill = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)"
+    # Python's own start is not ours: the signal comes from inside. Tests in the background of a
+    # shell inherit that Ctrl-C is ignored.
+    stop = "import os, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    stop += "; kill = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)"
     places = {
         "imported": "sys.meta_path.insert(0, type('', (), {'find_spec': kill}))",
         "working": "import loopid.loading; loopid.loading.load_mechanism = kill",

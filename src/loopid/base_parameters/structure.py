@@ -208,7 +208,8 @@ def _geometry_noise(observation: Observation) -> _Noise | None:
         change = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
         noisy = change > least * spectra[0]
         if not noisy.any():
-            if written[counted - 1] < NEAR_INVERSE * geometry.relative:
+            near = written[counted - 1] < NEAR_INVERSE * geometry.relative
+            if near and not geometry.presumed:
                 text = (
                     f"the condition number {1 / written[counted - 1]:.1e}, columns in common units,"
                 )

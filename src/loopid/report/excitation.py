@@ -150,10 +150,9 @@ def motion_table(found: ExcitationDesign) -> str:
         for motor in motors.names
     ]
     rows = np.column_stack([motors.time, motors.position, motors.velocity, motors.acceleration])
-    text = io.StringIO()
-    text.write(",".join(["time", *(f'"{n}"' if "," in n else n for n in names)]) + "\n")
-    np.savetxt(text, rows, fmt="%.12g", delimiter=",")
-    return text.getvalue()
+    head = ",".join(["time", *(f'"{n}"' if "," in n else n for n in names)])
+    lines = (",".join(f"{value:.12g}" for value in row) for row in rows)
+    return "\n".join([head, *lines]) + "\n"
 
 
 def motion_file(found: ExcitationDesign) -> str:
