@@ -2,21 +2,26 @@
 
 import re
 import tomllib
+import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def fenced(language: str) -> str:
-    return re.search(rf"```{language}\n(.*?)```", README, re.DOTALL).group(1)
+def fenced(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
-def test_the_example_prints_what_the_readme_shows(capsys):
-    example = fenced("python")
-    assert len(example.splitlines()) <= 15
-    exec(compile(example, "README.md", "exec"), {})
-    assert capsys.readouterr().out == fenced("text")
+def test_the_examples_print_what_the_readme_shows(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    for example, shown in zip(fenced("python"), fenced("text"), strict=True):
+        assert len(example.splitlines()) <= 15
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            exec(compile(example, "README.md", "exec"), names)
+        assert capsys.readouterr().out == shown
 
 
 def test_make_targets_of_the_readme_exist():
