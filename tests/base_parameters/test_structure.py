@@ -133,7 +133,7 @@ def test_singular_values_that_rounded_geometry_could_make_are_warned_of(least, f
     observation = Observation.from_matrix(W, parameters(10))
     if faint:
         with pytest.warns(AccuracyWarning, match="2 of the 8 .* and then the rank is at most 6"):
-            found = analyse(observation)
+            found = find_base_parameters(observation, "qr")
     else:
-        found = analyse(observation)
-    assert found.rank == 8
+        found = find_base_parameters(observation, "qr")
+    assert len(found) == 8

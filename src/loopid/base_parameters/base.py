@@ -13,7 +13,13 @@ import numpy as np
 from loopid.arrays import FloatArray, IntArray, finite, frozen
 from loopid.base_parameters.naming import expression
 from loopid.base_parameters.search import ChoiceProblem, SearchResult, SearchStrategy, make_strategy
-from loopid.base_parameters.structure import Structure, analyse, base_columns, regrouping_matrix
+from loopid.base_parameters.structure import (
+    Structure,
+    analyse,
+    base_columns,
+    regrouping_matrix,
+    warn_of_faint,
+)
 from loopid.errors import DataError, SearchError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
@@ -178,6 +184,7 @@ def find_base_parameters(
     """
     strategy = make_strategy(search)
     structure = analyse(observation)
+    warn_of_faint(observation, structure)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
     places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]

@@ -118,8 +118,7 @@ def analyse(observation: Observation) -> Structure:
     Warns
     -----
     AccuracyWarning
-        When singular values that are not round-off do not count, as the geometry is rounded, or
-        count although they are tiny.
+        When singular values that are not round-off do not count, as the geometry is rounded.
     """
     with one_blas_thread():
         noise = _geometry_noise(observation)
@@ -139,16 +138,6 @@ def analyse(observation: Observation) -> Structure:
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
             f"needed to tell how many of the {len(columns)} parameters are independent"
         )
-    faint = slice(int((values >= FAINT * values[0]).sum()), rank)
-    if noise is None and faint.start < rank:
-        least, most = values[rank - 1] / values[0], faint.start
-        warn(
-            f"{rank - most} of the {rank} singular values that count are below {FAINT:g} of the "
-            f"largest, down to {least:.1e}: rounded or nearly special geometry makes "
-            f"such values, and then the rank is at most {most}; "
-            f"{_concerned(observation, columns, right[faint])}",
-            AccuracyWarning,
-        )
     precision = UNTOUCHED if noise is None else max(UNTOUCHED, 1 / gap)
     return Structure(
         parameters=observation.parameters.select(columns),
@@ -160,6 +149,22 @@ def analyse(observation: Observation) -> Structure:
         row_factor=frozen(values[:rank, None] * right[:rank] / scales),
         noise=0.0 if noise is None else noise.level,
         noise_source="" if noise is None else noise.source,
+    )
+
+
+def warn_of_faint(observation: Observation, structure: Structure) -> None:
+    """Name combinations that count although forces hardly depend on them."""
+    values, rank = structure.singular_values, structure.rank
+    most = int((values[:rank] >= FAINT * values[0]).sum())
+    if most == rank or structure.noise:
+        return
+    combinations = structure.row_factor[most:] / values[most:rank, None]
+    warn(
+        f"{rank - most} of the {rank} singular values that count are below {FAINT:g} of the "
+        f"largest, down to {values[rank - 1] / values[0]:.1e}: rounded or nearly special geometry "
+        f"makes such values, and then the rank is at most {most}; "
+        f"{_concerned(observation, structure.columns, combinations)}",
+        AccuracyWarning,
     )
 
 
