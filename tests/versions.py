@@ -4,7 +4,8 @@
 
 Each interpreter of the machine that loopid supports gets the newest packages that pip finds; the
 oldest one also gets the lowest version that pyproject.toml allows of each package. Where all pass,
-the record beside this file says with which versions, for which requirements.
+the record beside this file says with which versions, for which requirements. With arguments, a part
+of the suite runs with the lowest versions and on the newest interpreter only.
 """
 
 import hashlib
@@ -84,6 +85,8 @@ def main() -> None:
         known = RECORD.read_text().splitlines() if RECORD.exists() else []
         sys.exit(known[:1] != lines)
     newest = [(python, f"newest-3.{minor}", False) for minor, python in found.items()]
+    if arguments:
+        newest = newest[-1:]
     runs = [(next(iter(found.values())), "lowest", True), *newest]
     folder = ROOT / ".venv" / "versions"
     folder.mkdir(parents=True, exist_ok=True)
