@@ -2,7 +2,12 @@
 
 from loopid.logs.log import Log, read_log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.recording import SINGULARITY_MARGIN, Recording, default_lowpass, prepare_recording
+from loopid.logs.recording import (
+    SINGULARITY_MARGIN,
+    RateHistory,
+    Recording,
+    prepare_recording,
+)
 from loopid.logs.streams import Dropped
 
 __all__ = [
@@ -10,8 +15,8 @@ __all__ = [
     "Dropped",
     "Log",
     "LogMapping",
+    "RateHistory",
     "Recording",
-    "default_lowpass",
     "prepare_recording",
     "read_log",
     "read_mapping",
