@@ -16,8 +16,11 @@ from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
 from made_runs import quietly
 
 
-def prepared(robot, log, lowpass=LowPass(5.0), **options):
-    return prepare_recording(robot, log, lowpass, **options)
+FILTER = LowPass(5.0)
+
+
+def prepared(robot, log, lowpass=FILTER, *options, **named):
+    return prepare_recording(robot, log, lowpass, *options, **named)
 
 
 @pytest.fixture(scope="module")

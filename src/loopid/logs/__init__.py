@@ -8,6 +8,7 @@ from loopid.logs.recording import (
     Recording,
     prepare_recording,
 )
+from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
 
 __all__ = [
@@ -15,8 +16,10 @@ __all__ = [
     "Dropped",
     "Log",
     "LogMapping",
+    "MotionSpectrum",
     "RateHistory",
     "Recording",
+    "motion_spectrum",
     "prepare_recording",
     "read_log",
     "read_mapping",

@@ -16,8 +16,8 @@ from loopid.logs.log import Log
 
 # Part of the power of the velocities that is within the band of a motion.
 BAND_POWER = 0.999
-# The cut-off, in bands: it changes what is within the band by less than 1e-4, ...
-WIDTH = 10.0
+# The cut-off, in bands: it changes what is within the band by less than 1e-5, ...
+WIDTH = 20.0
 # ... or lower, where noise would be more than this part of the power of the filtered accelerations,
 # but not below so many bands.
 NOISE_POWER, LEAST_WIDTH = 1e-5, 5.0
@@ -56,7 +56,7 @@ class MotionSpectrum:
 def motion_spectrum(log: Log) -> MotionSpectrum:
     """Spectrum of the longest stretch of a log, and the cut-off that it asks for.
 
-    That is ten times the band of the motion; less, down to five times, where noise would exceed
+    That is 20 times the band of the motion; less, down to five times, where noise would exceed
     1e-5 of the power of the filtered accelerations; and no more than a fifth of the rate.
     """
     part = max(log.parts(), key=lambda part: part.stop - part.start)
