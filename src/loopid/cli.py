@@ -89,7 +89,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    from loopid.report import check_record, check_tables
+    from loopid.report.structure import check_record, check_tables
 
     mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     record = check_record(mechanism)
@@ -129,7 +129,7 @@ def base(
     )
     from loopid.loading import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables
+    from loopid.report.structure import base_record, base_tables
 
     strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
     with progress_bar("robot"):
@@ -184,7 +184,7 @@ def motions(
     as_json: Json = False,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
-    from loopid.report import motions_record, motions_tables
+    from loopid.report.structure import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
     mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
@@ -340,7 +340,7 @@ def excite(
     from loopid.excitation import MotionLimits, design_excitation
     from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
-    from loopid.report import excitation_files, excitation_record, excitation_tables
+    from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 
     require_output(out)
     limits = MotionLimits(
@@ -493,7 +493,7 @@ def identify(
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
     from loopid.regressors import JointTerms
-    from loopid.report import (
+    from loopid.report.identify import (
         identification_files,
         identification_record,
         identification_tables,
@@ -551,7 +551,7 @@ def predict(
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
     from loopid.prediction import predict as predicted
-    from loopid.report import prediction_files, prediction_record, prediction_tables
+    from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
 
     require_output(out)
@@ -601,7 +601,7 @@ def payload(
 
     from loopid.experiment import drive_gains, find_force_model, identify_payload
     from loopid.regressors import JointTerms
-    from loopid.report import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
 
     mechanism = loaded(file, lock, False, False, tied, rounding, snap)
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
@@ -783,7 +783,8 @@ def prepared(
 def require_output(out: str | None, *inputs: str | None) -> None:
     """Refuse, before the work is done, a report that could not be drawn, or written safely."""
     if out is not None:
-        from loopid.report import RESULTS, require_matplotlib
+        from loopid.report.figures import require_matplotlib
+        from loopid.report.identify import RESULTS
 
         require_folder(out)
         require_matplotlib()
@@ -794,7 +795,7 @@ def require_output(out: str | None, *inputs: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        from loopid.report import json_text
+        from loopid.report.tables import json_text
 
         typer.echo(json_text(record))
         return

@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from loopid import JointTerms, load_mechanism
-from loopid.report import identification_record
+from loopid.report.identify import identification_record
 from loopid.saved import read_fit
 from made_runs import friction, logged, one_joint, wander
 
