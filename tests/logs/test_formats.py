@@ -65,6 +65,29 @@ def test_ways_of_writing_the_same(read_text, good_text, check, rewrite):
 
 
 @pytest.mark.parametrize(
+    "rewrite",
+    [
+        str,
+        lambda text: "# made by a controller, at night\n" + text,
+        lambda text: text.replace(",", "\t"),
+        lambda text: text.replace(",", ", "),
+        lambda text: text.replace(",", ";").replace(".", ","),
+        lambda text: text.replace(",", " ").replace(".", ","),
+    ],
+)
+def test_columns_without_a_header_are_called_by_number(
+    read_text, good_text, knee, check, tmp_path, rewrite
+):
+    numbers = "position: {columns: [2, 3, 4, 5]}\nforce: {columns: [6, 7, 8, 9]}\n"
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(f"{numbers}time: {{column: 1}}\n")
+    check(read_text(rewrite(good_text.split("\n", 1)[1]), mapping=mapping))
+    mapping.write_text(numbers.replace("9", "10"))
+    with pytest.raises(LogError, match=r"no column '10': choose among 1, .*\(no header in log\)"):
+        read_text(rewrite(good_text.split("\n", 1)[1]), mapping=mapping)
+
+
+@pytest.mark.parametrize(
     ("position", "force"),
     [
         ("{}", "{}.force"),
