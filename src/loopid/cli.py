@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import warnings
@@ -503,6 +504,10 @@ def identify(
     end: Annotated[
         float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
     ] = inf,
+    rows: Annotated[
+        str | None,
+        typer.Option(metavar="M:N", help="Rows of each LOG, as its file counts them from 1."),
+    ] = None,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -535,7 +540,10 @@ def identify(
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
-    runs = prepared(mechanism, logs, mapping, cutoff)
+    if rows is not None and reference:
+        raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    chosen = None if rows is None else _row_range(rows)
+    runs = prepared(mechanism, logs, mapping, cutoff, chosen)
     training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
@@ -795,7 +803,11 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
 
 
 def prepared(
-    mechanism: Mechanism, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+    mechanism: Mechanism,
+    paths: Sequence[str] | None,
+    mapping: str | None,
+    cutoff: float | None,
+    rows: tuple[int, int | None] | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
     from loopid.logs import prepare_recording, read_log
@@ -804,10 +816,19 @@ def prepared(
     lowpass = None if cutoff is None else LowPass(cutoff)
     found = []
     for path in paths or ():
-        log = read_log(path, mechanism, mapping)
+        log = read_log(path, mechanism, mapping, rows)
         with progress_bar(f"assembling {log.name}") as report:
             found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
     return found
+
+
+def _row_range(text: str) -> tuple[int, int | None]:
+    """First and last row of M:N, M: or :N."""
+    found = re.fullmatch(r"(\d{1,9})?:(\d{1,9})?", text, re.ASCII)
+    if found is None:
+        raise OptionError(f"--rows must be M:N, such as 1000:5000 or 1000:, not {text!r}")
+    first, last = found.groups()
+    return int(first or 1), int(last) if last else None
 
 
 def require_output(out: str | None, *inputs: str | None) -> None:
