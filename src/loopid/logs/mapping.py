@@ -284,6 +284,11 @@ class ColumnFinder:
             return [
                 self._find(name) for name in self.mapping.by_joint(self.source, quantity, joints)
             ]
+        if self._places and all(map(_are_numbered, self.streams.values())):
+            raise LogError(
+                f"{self.source} starts with numbers: name its columns by their numbers in a "
+                f"mapping; {self._choices()}"
+            )
         for prefix in WITH_NUMBER[quantity]:  # such as position_0
             places: list[Place] = []
             while found := self._matching([f"{prefix}_{len(places)}"]):
@@ -358,8 +363,8 @@ class ColumnFinder:
         names = [str(place) if several else place.column for place in self._places]
         more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
         listed = ", ".join(f"{name:.60}" for name in names[:MOST_LISTED])
-        unread = [stream for stream, columns in self.streams.items() if not columns]
-        ends = f" (no header in {', '.join(unread)})" if unread else ""
+        nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
+        ends = f" (no header in {', '.join(nameless)})" if nameless else ""
         return f"choose among {listed}{more}{ends}"
 
     @cached_property
@@ -373,3 +378,8 @@ class ColumnFinder:
         for place in self._places:
             found.setdefault(place.column.casefold(), []).append(place)
         return found
+
+
+def _are_numbered(names: Sequence[str]) -> bool:
+    """Whether columns have no names of their own."""
+    return list(names) == [str(k + 1) for k in range(len(names))]

@@ -133,7 +133,7 @@ def make_stream(
     named = ", ".join(name for name, flag in zip(names, without_number, strict=True) if flag)
     reasons = {
         f"no number in {named}": np.concatenate(bad),
-        "another number of cells than in the header": np.concatenate(garbled),
+        "another number of cells than there are columns": np.concatenate(garbled),
     }
     count = len(rows) + sum(map(len, reasons.values()))
     left_out = [(reason, numbers) for reason, numbers in reasons.items() if len(numbers)]
