@@ -82,7 +82,6 @@ class Description(Section):
     rounding: float | None = Field(default=None, ge=0, le=1e-2)
     snap: bool = False
     margin: float | None = Field(default=None, ge=0, lt=1)
-    rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     joint_terms: dict[str, dict[JointKind, float]] = Field(default={})
     platform: PlatformDescription | None = None

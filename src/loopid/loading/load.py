@@ -138,7 +138,6 @@ ModelWarning
         identical=_identical(file, model, description, bodies),
         tied=tied,
         closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
-        rank_tolerance=description.rank_tolerance,
         margin=description.margin,
         left_out=tree.left_out,
         options={
