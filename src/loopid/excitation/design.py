@@ -356,10 +356,10 @@ def _warn_of_unexcited(
     problem: Problem, unknown: ParameterSet, errors: FloatArray, checks: Sequence[Check]
 ) -> None:
     """Name what was asked for and no motion was found for, and the bounds that are in the way."""
-    asked = np.ones(len(errors), dtype=bool)
+    missing = ~np.isfinite(errors)
     if isinstance(problem.criterion, OfCombinations):
-        asked = problem.criterion.rows.any(axis=0)
-    labels = [unknown.labels[j] for j in np.flatnonzero(asked & ~np.isfinite(errors))]
+        missing &= np.any(problem.criterion.rows, axis=0)
+    labels = [unknown.labels[j] for j in np.flatnonzero(missing)]
     if labels:
         near = sorted(checks, key=lambda check: -check.used)[:NAMED_BOUNDS]
         bounds = ", ".join(f"{check.name} ({check.used:.0%})" for check in near)
