@@ -22,8 +22,6 @@ from loopid.robot import Mechanism
 NO_EFFECT = 1e-10
 # Deviation of an actuator's errors, relative to its force, below which it is round-off.
 ROUND_OFF = 1e-9
-# Coefficient of a base parameter that is zero.
-SAME = 1e-8
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,16 @@ class TermComparison:
     Attributes
     ----------
     sets : tuple of TermSet
+    chosen : TermSet
+        That of the force model.
+    bodies_pay : bool
+        Whether fitted bodies are clearly better than those of the robot file, each with the terms
+        that are enough for it.
     """
 
     sets: tuple[TermSet, ...]
+    chosen: TermSet
+    bodies_pay: bool
 
     def __repr__(self) -> str:
         lines = (
@@ -71,14 +76,13 @@ class TermComparison:
 
         With the bodies of the robot file, and with fitted ones.
         """
-        with_file, fitted = (
-            min(
-                (each for each in self.sets if each.errors[k].as_good),
-                key=lambda each: (each.parameters[k], each.errors[k].mean),
-            )
-            for k in (0, 1)
-        )
+        with_file, fitted = (self.sets[_enough(self.sets, k)] for k in (0, 1))
         return with_file, fitted
+
+
+def _enough(sets: Sequence[TermSet], k: int) -> int:
+    good = [j for j, each in enumerate(sets) if each.errors[k].as_good]
+    return min(good, key=lambda j: (sets[j].parameters[k], sets[j].errors[k].mean))
 
 
 @checked
@@ -93,7 +97,7 @@ def compare_terms(
 ) -> TermComparison:
     """Fit sets of joint terms, and judge each on data that it has not seen.
 
-    All sets are parts of one model, so that they are fitted to the same data with the same weights.
+    All are fitted to the same data with the same weights.
 
     Parameters
     ----------
@@ -145,12 +149,14 @@ def compare_terms(
     factor = data.problem.weighted(scale * worth)
     fits = [_fits(whole, factor, kinds, prior_deviation) for kinds in sets]
     errors = [prediction_errors(unseen, [fit[k][1] for fit in fits], scale) for k in (0, 1)]
-    return TermComparison(
-        tuple(
-            TermSet(_choice(mechanism, kinds), (fit[0][0], fit[1][0]), (with_file, fitted))
-            for kinds, fit, with_file, fitted in zip(sets, fits, *errors, strict=True)
-        )
-    )
+    judged = [
+        TermSet(_choice(mechanism, kinds), (fit[0][0], fit[1][0]), (with_file, fitted))
+        for kinds, fit, with_file, fitted in zip(sets, fits, *errors, strict=True)
+    ]
+    chosen = [_pairs(kinds) for kinds in sets].index(_pairs(own.of_joints if own else {}))
+    best = [fits[_enough(judged, k)][k][1] for k in (0, 1)]
+    bodies_pay = not prediction_errors(unseen, best, scale)[0].as_good
+    return TermComparison(tuple(judged), judged[chosen], bodies_pay)
 
 
 Kinds: TypeAlias = Mapping[str, tuple[str, ...]]  # of each joint
@@ -184,9 +190,12 @@ def _each_once(sets: Iterable[Kinds]) -> list[Kinds]:
     """Sets without those that say the same as one before."""
     found: dict[frozenset[tuple[str, str]], Kinds] = {}
     for each in sets:
-        pairs = frozenset((joint, kind) for joint, kinds in each.items() for kind in kinds)
-        found.setdefault(pairs, each)
+        found.setdefault(_pairs(each), each)
     return list(found.values())
+
+
+def _pairs(kinds: Kinds) -> frozenset[tuple[str, str]]:
+    return frozenset((joint, kind) for joint, own in kinds.items() for kind in own)
 
 
 def _together(*sets: Kinds) -> Kinds:
@@ -199,15 +208,29 @@ def _together(*sets: Kinds) -> Kinds:
 
 
 def _model_of_all(force_model: ForceModel, sets: Sequence[Kinds]) -> ForceModel:
-    """A force model with the terms of all sets; what there is to say of it has been said."""
-    own, terms = force_model.joint_terms, JointTerms.of_kinds(_together(*sets))
-    if terms is None or (own is not None and own.of_joints == terms.of_joints):
-        return force_model
+    """Base parameters of the bodies, and all terms of all sets as columns of their own.
+
+    Sets may hold terms that are nearly the same, such as two widths of smooth friction: what is
+    told apart is for the data to say, set by set.
+    """
+    mechanism, own = force_model.mechanism, force_model.joint_terms
+    with warnings.catch_warnings():  # the same as of the force model
+        warnings.simplefilter("ignore")
+        bodies = find_force_model(mechanism, force_model.model, search="qr")
+    terms, base = JointTerms.of_kinds(_together(*sets)), bodies.base
+    if terms is None:
+        return bodies
     if own is not None:
         terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return find_force_model(force_model.mechanism, force_model.model, terms, search="qr")
+    names, first = terms.parameters(mechanism), len(base.parameters)
+    every = np.arange(first, first + len(names))
+    whole = replace(
+        base,
+        parameters=base.parameters + names,
+        base=np.concatenate([base.base, every]),
+        regrouping=np.pad(base.regrouping, ((0, len(names)), (0, 0))),
+    )
+    return ForceModel(mechanism, force_model.model, terms, whole)
 
 
 def _fits(
@@ -215,8 +238,8 @@ def _fits(
 ) -> list[tuple[int, FloatArray]]:
     """Numbers of parameters and values (n,), with the bodies of the robot file and fitted ones.
 
-    Least squares of standard parameters, that need not all be told apart; values are those of the
-    base parameters, zero for terms that are not in the set.
+    Least squares of standard parameters, of which the data need not tell all apart; values are
+    those of the base parameters, zero for terms that are not in the set.
     """
     base, n = model.base, len(model.base)
     bodies = np.array([name.kind in KINDS for name in base.parameters])
@@ -232,6 +255,6 @@ def _fits(
     for free in (terms, terms | bodies):
         values = start.copy()
         values[free] += units[free] * np.linalg.lstsq(rows[:, free], right, rcond=NO_EFFECT)[0]
-        count = int(np.linalg.matrix_rank(base.matrix[:, free], tol=SAME)) if free.any() else 0
-        found.append((count, base.values(values)))
+        told = np.linalg.matrix_rank(A[:, free] * units[free], rtol=NO_EFFECT) if free.any() else 0
+        found.append((int(told), base.values(values)))
     return found
