@@ -72,6 +72,20 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
         assert label in page
 
 
+def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files):
+    robot, log, _ = arm_files
+    options = ["--model", "full", "--terms", "Fv; shoulder: Fc", "--compare-terms", "elbow: Ks"]
+    record = run_json("identify", robot, log, *options)
+    assert record["joint_terms"] == {"shoulder": ["Fv", "Fc"], "elbow": ["Fv"]}
+    judged = {entry["terms"]: entry for entry in record["term_sets"]}
+    assert judged["Fv; shoulder: Fc"]["chosen"]
+    assert "elbow: Ks,Fo" in judged
+    for option in ("--terms", "--compare-terms"):
+        done = run("identify", robot, log, option, "wrist: Fc")
+        assert done.code == 2
+        assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
+
+
 @pytest.fixture
 def arm(run_json, arm_files):
     """Identify the serial robot from its first log."""
@@ -341,6 +355,23 @@ def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
     done = run("identify", robot, log, "--from", "5", "--to", "2")
     assert done.code == 2
     assert "--from must be before --to" in done.err
+
+
+def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
+    robot, log, _ = arm_files
+    found = arm("--rows", "100:500")
+    dropped = found["training"][0]["dropped"]
+    assert all(float(line.split()[-2]) < 8.02 for line in dropped)  # 401 rows at 50 Hz
+    for rows, words in {
+        "9000:": ["[9000:] has 0 rows of numbers"],
+        "5:4": ["first before the last"],
+        "0:4": ["counted from 1"],
+        "7": ["--rows must be M:N", "'7'"],
+    }.items():
+        assert_refused(run("identify", robot, log, "--rows", rows), words)
+    assert_refused(
+        run("identify", robot, log, "--rows", "1:", "--reference", log), ["--from and --to"]
+    )
 
 
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):

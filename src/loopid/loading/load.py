@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan, nan
 from pathlib import Path
 
 import pinocchio as pin
@@ -36,15 +37,16 @@ from loopid.loading.tree import (
 )
 from loopid.loading.urdf_dialects import read_urdf
 from loopid.robot import (
-    JOINT_TERMS,
     RANK_TOLERANCE,
     Body,
     LinkGroup,
     Mechanism,
     Platform,
     inertia_defects,
+    joint_term,
     link_frames,
     odd_masses,
+    ordered_joints,
     unequal_links,
 )
 
@@ -215,7 +217,7 @@ def _locked_values(
 def _motors(file: Path, tree: TreeSource, locked: Mapping[str, float | None]) -> tuple[str, ...]:
     """Joints with motors that are not locked; all with one coordinate where no file says."""
     model, motors = tree.model, tree.description.name_mot
-    joints = list(model.names)[1:]
+    joints = ordered_joints(model)
     if motors is None:
         motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
     elif isinstance(motors, str):
@@ -239,12 +241,16 @@ def _joint_values(
     description: Description,
     locked: Mapping[str, float | None],
 ) -> dict[str, dict[str, float]]:
-    """What the files give of terms, by coordinate; joints that are locked or replaced have none."""
+    """What the files give of terms, by coordinate; joints that are locked or replaced have none.
+
+    NaN for what is there with an unknown value.
+    """
     found: dict[str, dict[str, float]] = {}
     for name, values in description.joint_terms.items():
-        given = {kind: value for kind, value in values.items() if value}
-        if any("Fo" in JOINT_TERMS[kind].beside for kind in given):
-            given = {"Fo": 0.0} | given  # a spring that is slack at zero
+        given = {k: nan if value is None else value for k, value in values.items() if value != 0}
+        for kind, value in list(given.items()):  # a spring that is slack at zero
+            for part in joint_term(kind).beside:
+                given.setdefault(part, nan if isnan(value) else 0.0)
         if name in mechanism.joints:
             coordinates = mechanism.coordinates_of([name])
         elif name in mechanism.coordinates:
@@ -263,8 +269,9 @@ def _joint_values(
                 f"{', '.join(mechanism.coordinates)}"
             )
         for kind in given:
-            turning = JOINT_TERMS[kind].needs_position and name not in mechanism.joints
-            if turning or (kind in ("Ks", "Fo") and len(coordinates) > 1):
+            positional = joint_term(kind).needs_position
+            turning = positional and name not in mechanism.joints
+            if turning or ((positional or kind == "Fo") and len(coordinates) > 1):
                 raise RobotFileError(
                     f"{mechanism.path}: joint_terms: {kind} needs a joint with one coordinate, "
                     f"which {name} is not: choose among Ia, Fc, Fv"

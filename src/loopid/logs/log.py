@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +14,36 @@ import numpy as np
 
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.errors import DataError, LogError, MissingFileError, OptionError
+from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
 from loopid.logs.formats import (
+    Batch,
     FolderFormat,
     Hdf5Format,
     LogFormat,
     NpzFormat,
     ParquetFormat,
     TextFormat,
+    rows_between,
     stream_name,
 )
-from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
-from loopid.logs.streams import Dropped, Stream, align, check_moving, checked_stream, make_stream
+from loopid.logs.mapping import QUANTITIES, ColumnFinder, LogMapping, read_mapping
+from loopid.logs.streams import (
+    Dropped,
+    Stream,
+    align,
+    check_moving,
+    checked_stream,
+    make_stream,
+    on_joints,
+)
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
+# Time over which measured rates are compared with positions, in s; how far they may differ with a
+# warning, and the ratio (or its inverse) from which on they are something else.
+COMPARED_OVER, APART, WRONG_GAIN = 0.5, 0.1, 1.25
 # The first that accepts a path reads it.
 FORMATS: tuple[type[LogFormat], ...] = (
     BagFormat,
@@ -62,6 +77,8 @@ class Log:
         (m,), force from which each drive saturates; None where nothing is known.
     idle_speed : float or None
         Speed in m/s or rad/s at or below which a motor counts as standing.
+    velocity, acceleration : FloatArray or None
+        (N, m) in units of the positions and s, where they were measured.
     """
 
     name: str
@@ -73,6 +90,8 @@ class Log:
     dropped: tuple[Dropped, ...] = ()
     saturation: FloatArray | None = None
     idle_speed: float | None = None
+    velocity: FloatArray | None = None
+    acceleration: FloatArray | None = None
 
     def __post_init__(self) -> None:
         time = finite_rows(self.time, "time")
@@ -85,9 +104,10 @@ class Log:
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
         object.__setattr__(self, "time", kept(time))
         object.__setattr__(self, "stretches", kept(numbers, np.int64))
-        for name in ("position", "force"):
-            values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
-            object.__setattr__(self, name, kept(values))
+        for name in QUANTITIES:
+            if name in ("position", "force") or getattr(self, name) is not None:
+                values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
+                object.__setattr__(self, name, kept(values))
         if self.saturation is not None:
             object.__setattr__(self, "saturation", frozen(self.saturation))
 
@@ -114,7 +134,10 @@ class Log:
 
 @checked
 def read_log(
-    path: str | Path, mechanism: Mechanism, mapping: LogMapping | str | Path | None = None
+    path: str | Path,
+    mechanism: Mechanism,
+    mapping: LogMapping | str | Path | None = None,
+    rows: tuple[int, int | None] | None = None,
 ) -> Log:
     """Read the positions and forces of the motors.
 
@@ -127,6 +150,9 @@ def read_log(
     mechanism : Mechanism
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
+    rows : tuple of int, optional
+        First and last row (None for the end) to be read, as messages count them: as if there were
+        no others. In a log of several streams, of that with the first position.
 
     Returns
     -------
@@ -140,7 +166,7 @@ def read_log(
     MissingExtraError
         When the library that reads the format is not installed.
     OptionError
-        When the motors do not tell where the robot is.
+        When the motors do not tell where the robot is, or no row is within ``rows``.
     LogError
         When it is no log of this robot: unreadable, columns not found, times that do not increase,
         too many bad rows, the wrong unit, nothing that moves.
@@ -176,17 +202,78 @@ def read_log(
         raise LogError(f"log {place} {reason}")
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
-    streams = [checked_stream(mechanism, stream) for stream in read_streams(place, joints, mapping)]
+    first, last = rows or (1, None)
+    if first < 1 or (last is not None and last < first):
+        raise OptionError(f"rows must be counted from 1, the first before the last, not {rows}")
+    found = read_streams(place, joints, mapping, None if rows is None else (first, last))
+    streams = [checked_stream(mechanism, stream) for stream in found]
     check_moving(streams)
     saturation = None
     if mapping.saturation is not None:
         saturation = np.array(mapping.by_joint(str(place), "saturation", joints))
-    name, aligned = stream_name(place.resolve()), align(streams, joints)
-    return Log(name, joints, *aligned, saturation, mapping.idle_speed)
+    time, signals, stretches, dropped = align(streams, joints)
+    log = Log(
+        name=stream_name(place.resolve()),
+        joints=joints,
+        time=time,
+        **signals,
+        stretches=stretches,
+        dropped=dropped,
+        saturation=saturation,
+        idle_speed=mapping.idle_speed,
+    )
+    check_rates(log)
+    return log
 
 
-def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> list[Stream]:
-    """The streams that hold positions or forces, that of the first position first."""
+def check_rates(log: Log) -> None:
+    """Refuse measured velocities and accelerations that are not those of the positions.
+
+    Compared are differences of positions over some time, with integrals over the same time: noise
+    and the delays of filters in drives do not matter there.
+    """
+    for order, quantity in enumerate(("velocity", "acceleration"), 1):
+        measured: FloatArray | None = getattr(log, quantity)
+        if measured is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            changes: list[FloatArray] = []
+            for part in log.parts():
+                count, integral = part.stop - part.start, measured[part, k]
+                lag = max(1, min(round(COMPARED_OVER * log.rate(part)), (count - 1) // (2 * order)))
+                for _ in range(order):
+                    steps = (integral[1:] + integral[:-1]) / (2 * log.rate(part))
+                    integral = np.append(0.0, np.cumsum(steps))
+                both = np.stack([integral, log.position[part, k]])
+                for _ in range(order):
+                    both = both[:, lag:] - both[:, :-lag]
+                changes.append(both)
+            given, expected = np.concatenate(changes, axis=1)
+            size = float(expected @ expected)
+            if size == 0:  # it stands
+                continue
+            gain, off = float(given @ expected) / size, given - expected
+            apart = float(np.sqrt(off @ off / size))
+            said = (
+                f"{log.name}: the {quantity} of {joint} is {gain:.3g} times what its position "
+                f"says, and differs from it by {apart:.0%} (root mean square)"
+            )
+            if not 1 / WRONG_GAIN < gain < WRONG_GAIN:
+                raise LogError(f"{said}: is it in another unit ({quantity}_scale), or of another?")
+            if apart > APART:
+                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", LogWarning)
+
+
+def read_streams(
+    path: Path,
+    joints: tuple[str, ...],
+    mapping: LogMapping,
+    rows: tuple[int, int | None] | None = None,
+) -> list[Stream]:
+    """The streams that hold positions or forces, that of the first position first.
+
+    Of that one, only ``rows`` are read, from first to last.
+    """
     for known in FORMATS:
         if known.name == mapping.format or (mapping.format is None and known.accepts(path)):
             break
@@ -204,13 +291,20 @@ def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> li
             )
     log = known(path, getattr(mapping, known.choice) if known.choice else None)
     finder = ColumnFinder(str(path), log.columns(), known, mapping)
-    streams = []
-    for name, channels in finder.channels(joints).items():
+    streams: list[Stream] = []
+    for name, channels in finder.channels(mapping.measured(str(path), joints)).items():
         time = finder.time(name)
         for columns in log.together(name, [channel.column for channel in channels]):
             here = tuple(channel for channel in channels if channel.column in columns)
+            source = log.source(name)
             with closing(log.batches(name, [*time.names, *columns])) as batches:
-                streams.append(make_stream(log.source(name), batches, time, here))
+                chosen: Iterable[Batch] = batches
+                if rows is not None and not streams:
+                    first, last = rows
+                    source = f"{source}[{first}:{'' if last is None else last}]"
+                    chosen = rows_between(batches, first, inf if last is None else last)
+                stream = make_stream(source, chosen, time, here)
+            streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
 

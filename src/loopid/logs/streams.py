@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
-from loopid.logs.mapping import Channel, TimeColumn
+from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
 from loopid.robot import Mechanism
 from loopid.scratch import Spool, empty_columns, mapped_rows, release_pages
 
@@ -85,7 +86,7 @@ class Stream:
     left_out: tuple[tuple[str, IntArray], ...] = ()  # why rows were, and their numbers
 
     def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
-        """Joints whose position or force is here, and the values (R,)."""
+        """Joints of which a quantity is here, and the values (R,)."""
         for channel, values in zip(self.channels, self.values, strict=True):
             release_pages()
             if channel.quantity == quantity:
@@ -133,7 +134,7 @@ def make_stream(
     named = ", ".join(name for name, flag in zip(names, without_number, strict=True) if flag)
     reasons = {
         f"no number in {named}": np.concatenate(bad),
-        "another number of cells than in the header": np.concatenate(garbled),
+        "another number of cells than there are columns": np.concatenate(garbled),
     }
     count = len(rows) + sum(map(len, reasons.values()))
     left_out = [(reason, numbers) for reason, numbers in reasons.items() if len(numbers)]
@@ -145,6 +146,32 @@ def make_stream(
         raise LogError(f"{source} has {len(rows)} rows of numbers: it takes at least {LEAST_ROWS}")
     signals = tuple(spool.array() for spool in values)
     return Stream(source, channels, rows.array(), stamps.array(), signals, tuple(left_out))
+
+
+def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
+    """The stream of joints that motors move together, from that of these motors."""
+    channels, signals = list(stream.channels), list(stream.values)
+    for one in maps:
+        matrix = np.array(one.matrix)
+        for quantity in QUANTITIES:
+            factors = np.linalg.inv(matrix).T if quantity == "force" else matrix
+            places = {c.joint: k for k, c in enumerate(stream.channels) if c.quantity == quantity}
+            here = [places[motor] for motor in one.motors if motor in places]
+            if here and len(here) < len(one.motors):
+                raise LogError(
+                    f"{stream.source} has the {quantity} of {stream.channels[here[0]].joint}, but "
+                    f"not of all motors that move {', '.join(one.joints)}: they must have the same "
+                    "time stamps"
+                )
+            for place, joint, row in zip(here, one.joints, factors, strict=bool(here)):
+                channels[place] = channels[place]._replace(joint=joint)
+                parts = [(factor, stream.values[k]) for factor, k in zip(row, here, strict=True)]
+                signals[place] = mapped_rows(partial(_sum, parts), len(stream.rows))
+    return replace(stream, channels=tuple(channels), values=tuple(signals))
+
+
+def _sum(parts: Sequence[tuple[float, FloatArray]], rows: slice) -> FloatArray:
+    return np.asarray(sum(factor * values[rows] for factor, values in parts), dtype=np.float64)
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None:
@@ -306,8 +333,7 @@ class Aligned(NamedTuple):
     """Streams on one grid."""
 
     time: FloatArray  # (N,) in s from the first stamp of the first stream
-    position: FloatArray  # (N, m), one column a motor
-    force: FloatArray  # (N, m)
+    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor
     stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
@@ -339,7 +365,8 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
         )
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
-    tables = {what: empty_columns(len(time), len(joints)) for what in ("position", "force")}
+    there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
+    tables = {quantity: empty_columns(len(time), len(joints)) for quantity in there}
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():
             for joint, values in stream.signals(quantity):
@@ -350,7 +377,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))
     dropped += _outside(times[0], grids, step)
-    return Aligned(time, tables["position"], tables["force"], stretches, tuple(dropped))
+    return Aligned(time, tables, stretches, tuple(dropped))
 
 
 def _spans(time: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from loopid.robot.joint_terms import (
     JointState,
     JointTerm,
     LeftOut,
+    joint_term,
 )
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
@@ -33,6 +34,7 @@ from loopid.robot.mechanism import (
     link_frames,
     lock_options,
     odd_masses,
+    ordered_joints,
     scratch_data,
     shortened,
     tie_indices,
@@ -64,10 +66,12 @@ __all__ = [
     "SymbolicPose",
     "in_groups",
     "inertia_defects",
+    "joint_term",
     "link_frames",
     "lock_options",
     "named_lengths",
     "odd_masses",
+    "ordered_joints",
     "relative_quaternion",
     "scratch_data",
     "shortened",
