@@ -3,6 +3,8 @@ PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python;
     $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
     && echo $$python && break; done)
 BIN := .venv/bin
+# Compiled once, not by every process that a test starts.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-kernels test-versions validate lint bench peers clean
 

@@ -23,7 +23,7 @@ def assert_agreement(problem, brute):
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("bases", BASES.values(), ids=BASES)
 @given(data=st.data())
-@settings(max_examples=50)
+@settings(max_examples=15)
 def test_all_three_agree(bases, criterion, data):
     problem = data.draw(problems(bases, criterion))
     brute = brute_force(problem)

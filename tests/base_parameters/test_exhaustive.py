@@ -11,7 +11,7 @@ from choice_problems import BASES, brute_force, problems, random_bases, random_s
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExhaustiveSearch
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
 from loopid.base_parameters.search import exhaustive
 from loopid.base_parameters.search.exhaustive import best_in_range, nothing_yet, unrank
 from loopid.errors import OptionError, SearchError
@@ -103,7 +103,8 @@ def test_few_of_many_parameters_are_no_problem():
     problem = ChoiceProblem(random_structure(70, 2), "regressor")
     found = ONE.search(problem)
     assert found.evaluated == found.candidates == comb(70, 2)
-    assert found.condition_number == pytest.approx(brute_force(problem).least, rel=1e-9)
+    least = ExactSearch().search(problem).condition_number
+    assert found.condition_number == pytest.approx(least, rel=1e-9)
 
 
 def test_progress_counts_up_to_the_total(monkeypatch):
@@ -152,7 +153,7 @@ def test_the_order_is_that_of_itertools(case):
     np.testing.assert_array_equal(unrank(np.arange(comb(n, k)), n, k), expected)
 
 
-SIZES = [(62, 31), (66, 30), (70, 68), (200, 198), (300, 8), (1000, 3), (5000, 1), (40, 40)]
+SIZES = [(66, 30), (200, 198), (300, 8), (40, 40)]
 
 
 @pytest.mark.parametrize(("n", "k"), SIZES)

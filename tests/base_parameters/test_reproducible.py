@@ -95,7 +95,7 @@ def chosen(robots, kernel=None, threads=1, time_limit=60):
     return json.loads(done.stdout)
 
 
-QUICK = ("five_bar", "3rrr", "delta", "3ups_rpu")
+QUICK = ("five_bar", "delta")
 
 
 @pytest.fixture(scope="module")

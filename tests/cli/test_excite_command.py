@@ -4,7 +4,7 @@ import numpy as np
 
 import loopid
 
-QUICK = ("--starts", "1", "--iterations", "12", "--time-limit", "120", "--solver", "slsqp")
+QUICK = ("--starts", "1", "--iterations", "5", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
     "criterion",
     "condition_number",
