@@ -343,6 +343,23 @@ def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
     assert "--from must be before --to" in done.err
 
 
+def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
+    robot, log, _ = arm_files
+    found = arm("--rows", "100:500")
+    dropped = found["training"][0]["dropped"]
+    assert all(float(line.split()[-2]) < 8.02 for line in dropped)  # 401 rows at 50 Hz
+    for rows, words in {
+        "9000:": ["[9000:] has 0 rows of numbers"],
+        "5:4": ["first before the last"],
+        "0:4": ["counted from 1"],
+        "7": ["--rows must be M:N", "'7'"],
+    }.items():
+        assert_refused(run("identify", robot, log, "--rows", rows), words)
+    assert_refused(
+        run("identify", robot, log, "--rows", "1:", "--reference", log), ["--from and --to"]
+    )
+
+
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
     robot, log, _ = arm_files
     assert "is fitted and validates" in run("identify", robot, log, "--validate", log).err

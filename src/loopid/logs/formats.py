@@ -100,6 +100,17 @@ class LogFormat(ABC):
         """Some columns of a stream that share their rows; a LogError when they cannot be read."""
 
 
+def rows_between(batches: Iterable[Batch], first: float, last: float) -> Iterator[Batch]:
+    """The rows from one number to another."""
+    for cells, rows, garbled, cut_off in batches:
+        inside = (rows >= first) & (rows <= last)
+        garbled = garbled[(garbled >= first) & (garbled <= last)]
+        end = cut_off if cut_off is not None and cut_off <= last else None
+        yield Batch(cells.filter(inside), rows[inside], garbled, end)
+        if len(rows) and rows[-1] >= last:
+            return
+
+
 def stream_name(path: Path) -> str:
     """Name of the stream in a file: the file's name without its endings."""
     name = path.name
