@@ -45,6 +45,7 @@ def test_legs_made_alike_are_identified_together(identified):
         assert errors[0] < 0.8 * errors[1]
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_reports_of_legs_made_alike_name_the_group(run, legs, tmp_path):
     options = ("--model", "full", "--terms", "none", "--tied", "--out", tmp_path)
     done = run("identify", "3rrr", legs, *options)
