@@ -29,6 +29,7 @@ from loopid.errors import (
     AccuracyWarning,
     LoopidError,
     MissingFileError,
+    ModelWarning,
     OptionError,
     one_line,
     warn,
@@ -69,8 +70,8 @@ Snap = Annotated[
 ]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 TERMS_HELP = (
-    "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
-    "motors and passive joints; or none."
+    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of motors "
+    'and passive joints; after semicolons of some joints: "Fc,Fv; elbow: Ks; passive: Fv"; none.'
 )
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
@@ -250,7 +251,10 @@ def simulate(
         float, typer.Option(help="Resolution of the positions, in m or rad; 0 for exact ones.")
     ] = 0.0,
     terms: Annotated[
-        str, typer.Option(help="Of every motor with their values, as Fc=60,Fv=900; none at first.")
+        str,
+        typer.Option(
+            help='As for identify with values: "Fc=60,Fv=900; elbow: Ks=12"; none at first.'
+        ),
     ] = "none",
     cad_error: Annotated[
         float,
@@ -259,8 +263,6 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Of the noise and of the bodies.")] = 0,
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
-    import numpy as np
-
     from loopid.regressors import JointTerms
     from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
     from loopid.trajectories import joint_motion, read_motion_program
@@ -269,9 +271,7 @@ def simulate(
     planned = read_motion_program(program or mechanism.name)
     name = motion if motion is not None else next(iter(planned.motions))
     moved = joint_motion(mechanism, planned.motion(name, rate))
-    kinds = _term_values(terms)
-    joint_terms = JointTerms(mechanism.actuated, tuple(kinds)) if kinds else None
-    values = np.tile(list(kinds.values()), len(mechanism.actuated)) if kinds else None
+    joint_terms, values = JointTerms.with_values(mechanism, terms)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     bodies = scaled_bodies(mechanism, cad_error, seed)
     measured = simulate_measurement(mechanism, moved, errors, seed, bodies, joint_terms, values)
@@ -698,6 +698,8 @@ def export(
     """
     from loopid.export import export_robot_file, regressor_code
     from loopid.loading import load_mechanism
+    from loopid.parameters import KINDS
+    from loopid.robot import shortened
     from loopid.saved import read_fit, robot_files
 
     if all(place is None for place in (robot, yaml, npz, c)):
@@ -716,6 +718,9 @@ def export(
     written = []
     if robot is not None and standard is not None:
         written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
+        terms = [p.label for p in saved.standard if p.kind not in KINDS]
+        if terms:
+            warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
     written += [saved.save(place) for place in places]
     if c is not None and code is not None:
         written += code.save(c)
@@ -768,20 +773,6 @@ def loaded(
             rounding=rounding,
             snap=snap,
         )
-
-
-def _term_values(terms: str) -> dict[str, float]:
-    """Values of joint terms by their kinds, from ``Fc=60,Fv=900``."""
-    values: dict[str, float] = {}
-    for part in terms.split(",") if terms not in ("", "none") else ():
-        kind, _, number = (piece.strip() for piece in part.partition("="))
-        try:
-            values[kind] = float(number)
-        except ValueError:
-            raise OptionError(
-                f"--terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}"
-            ) from None
-    return values
 
 
 def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:

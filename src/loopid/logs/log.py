@@ -29,7 +29,15 @@ from loopid.logs.formats import (
     stream_name,
 )
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
-from loopid.logs.streams import Dropped, Stream, align, check_moving, checked_stream, make_stream
+from loopid.logs.streams import (
+    Dropped,
+    Stream,
+    align,
+    check_moving,
+    checked_stream,
+    make_stream,
+    on_joints,
+)
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
@@ -227,7 +235,7 @@ def read_streams(
     log = known(path, getattr(mapping, known.choice) if known.choice else None)
     finder = ColumnFinder(str(path), log.columns(), known, mapping)
     streams: list[Stream] = []
-    for name, channels in finder.channels(joints).items():
+    for name, channels in finder.channels(mapping.measured(str(path), joints)).items():
         time = finder.time(name)
         for columns in log.together(name, [channel.column for channel in channels]):
             here = tuple(channel for channel in channels if channel.column in columns)
@@ -238,7 +246,8 @@ def read_streams(
                     first, last = rows
                     source = f"{source}[{first}:{'' if last is None else last}]"
                     chosen = rows_between(batches, first, inf if last is None else last)
-                streams.append(make_stream(source, chosen, time, here))
+                stream = make_stream(source, chosen, time, here)
+            streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
 
