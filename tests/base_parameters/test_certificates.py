@@ -11,7 +11,7 @@ from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 from loopid import bundled_robots, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, analyse
 from loopid.base_parameters.search import exact
-from loopid.base_parameters.search.tree import Budget, split
+from loopid.base_parameters.search.tree import Budget, margin, split
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9
@@ -103,6 +103,21 @@ PROVEN = [
 def test_proofs_of_the_bundled_robots_hold_in_ball_arithmetic(robot, model, criterion):
     structure = analyse(structural_observation(load_mechanism(robot), model))
     assert_proven(ChoiceProblem(structure, criterion))
+
+
+@pytest.mark.parametrize("size", [5, 40, 120])
+def test_the_margin_exceeds_the_round_off_of_elimination(size):
+    """Pivots of a matrix as the tree has them, against the same elimination in many digits."""
+    flint = pytest.importorskip("flint", reason="needs pip install 'loopid[test]'")
+    X = np.linalg.qr(np.random.default_rng(size).normal(size=(2 * size, size)))[0][:size]
+    norms = np.linalg.norm(X, axis=1)
+    matrix = X @ X.T / norms / norms[:, None]
+    with flint.ctx.workprec(300):
+        exact = flint.arb_mat(X.tolist())
+        inverse = (exact * exact.transpose()).inv()[size - 1, size - 1]
+        exact_pivot = float((1 / inverse).mid()) / norms[-1] ** 2
+    computed = np.linalg.cholesky(matrix)[-1, -1] ** 2
+    assert abs(computed - exact_pivot) < margin(size, size)
 
 
 def test_a_proof_with_a_leaf_missing_or_a_box_too_large_is_rejected():

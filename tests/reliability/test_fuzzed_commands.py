@@ -2,12 +2,16 @@
 
 import warnings
 
+import pytest
 from fuzz import fuzz
 
-CALLS = 60
 
-
-def test_commands_answer_or_refuse_in_one_sentence(tmp_path):
+@pytest.mark.parametrize(
+    "numbers",
+    [range(20), pytest.param(range(20, 300), marks=pytest.mark.validate)],
+    ids=["some", "more"],
+)
+def test_commands_answer_or_refuse_in_one_sentence(tmp_path, numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert fuzz(tmp_path, range(CALLS)) == {}
+        assert fuzz(tmp_path, numbers) == {}
