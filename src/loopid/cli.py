@@ -340,7 +340,7 @@ def excite(
     ] = None,
     wanted: Annotated[
         list[str] | None,
-        typer.Option("--for", metavar="PARAMETER", help="Light up this one; repeatable."),
+        typer.Option("--for", metavar="PARAMETER", help="Excite this one; repeatable."),
     ] = None,
     payload: Annotated[
         str | None, typer.Option(metavar="LINK", help="Only its parameters are unknown.")
