@@ -15,7 +15,6 @@ import loopid
 from loopid.cli import main
 from made_runs import ARM, logged, wander
 
-
 # Figures are left empty: that they are the same again is tested where they are drawn.
 PROGRAM = """
 from matplotlib.figure import Figure
