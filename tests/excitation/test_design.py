@@ -8,7 +8,7 @@ from loopid import MotionLimits, design_excitation
 from loopid.errors import AssemblyError, ExcitationWarning, MissingExtraError, OptionError
 from loopid.kinematics import closed_motion
 
-QUICK = {"starts": 1, "iterations": 20, "time_limit": 120.0, "solver": "slsqp"}
+QUICK = {"starts": 1, "iterations": 10, "time_limit": 120.0, "solver": "slsqp"}
 
 
 @pytest.fixture(scope="module")

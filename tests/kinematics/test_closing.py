@@ -121,7 +121,7 @@ def test_without_a_reference_a_four_bar_loads_where_its_bars_form_a_loop(bars, l
     assert -spare / np.sqrt(3) - 1e-3 < left < -spare + 1e-3
 
 
-@pytest.mark.parametrize("name", ["ball rssr", "geared five-bar"])
+@pytest.mark.parametrize("name", ["ball rssr"])
 def test_loading_without_a_reference_is_repeatable(name, load_files):
     parts, description = LINKAGES[name]
     blank = description | {"reference": {}}
@@ -129,7 +129,7 @@ def test_loading_without_a_reference_is_repeatable(name, load_files):
     np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.parametrize("kind", ["3d", "hinge", "prismatic"])
+@pytest.mark.parametrize("kind", ["3d", "prismatic"])
 def test_loops_are_found_for_motors_alone(kind, load_files):
     parts, description = loop(kind, seed=4)
     motor = description["reference"]["joint1"]

@@ -3,15 +3,16 @@
 import warnings
 
 import pytest
-from fuzz import fuzz
+from fuzz import calls, fuzz, log_calls
+
+MANY = [
+    pytest.param(made, range(*numbers), marks=pytest.mark.validate)
+    for made, numbers in ((calls, (20, 300)), (log_calls, (8, 60)))
+]
 
 
-@pytest.mark.parametrize(
-    "numbers",
-    [range(20), pytest.param(range(20, 300), marks=pytest.mark.validate)],
-    ids=["some", "more"],
-)
-def test_commands_answer_or_refuse_in_one_sentence(tmp_path, numbers):
+@pytest.mark.parametrize(("made", "numbers"), [(calls, range(20)), (log_calls, range(8)), *MANY])
+def test_commands_answer_or_refuse_in_one_sentence(tmp_path, made, numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert fuzz(tmp_path, numbers) == {}
+        assert fuzz(tmp_path, numbers, made=made) == {}
