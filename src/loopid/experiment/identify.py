@@ -24,6 +24,7 @@ from loopid.experiment.identifiability import (
     fit_excited,
     identifiability,
 )
+from loopid.experiment.term_sets import TermComparison, compare_terms
 from loopid.identification import (
     BayesianRidge,
     Estimator,
@@ -44,6 +45,7 @@ from loopid.identification import (
 )
 from loopid.logs import Recording
 from loopid.parameters import html_table
+from loopid.regressors import JointTerms
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion
 
@@ -146,6 +148,8 @@ class Identification:
         What the training data tell of the parameters that were fitted to them.
     consistent : ConsistentFit or None
         Physically consistent parameters, where they were asked for.
+    term_sets : TermComparison or None
+        What sets of joint terms buy on the validation data, where it was asked for.
     """
 
     force_model: ForceModel
@@ -159,6 +163,7 @@ class Identification:
     consistent: ConsistentFit | None = None
     informed: FitResult | None = None
     prior_deviation: float | None = None
+    term_sets: TermComparison | None = None
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -280,6 +285,7 @@ def identify(
     prior_deviation: float | None = None,
     consistent: str | None = None,
     repair: bool = False,
+    term_sets: Sequence[str] | None = None,
 ) -> Identification:
     """Fit a force model to recordings, and judge the fit on recordings that it has not seen.
 
@@ -308,6 +314,9 @@ def identify(
         ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
     repair : bool
         Whether physically inconsistent bodies of the robot file are repaired for that.
+    term_sets : sequence of str, optional
+        Compare sets of joint terms on the validation data: the usual ones and these
+        (``compare_terms``).
 
     Raises
     ------
@@ -347,6 +356,8 @@ def identify(
             f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
             f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
         )
+    for choice in term_sets or ():
+        JointTerms.of(force_model.mechanism, choice)  # refused before the work, if at all
     for run in validation:
         if any(np.array_equal(run.force, other.force) for other in training):
             warn(
@@ -423,6 +434,10 @@ def identify(
 
         given = samples.problem, fitted, force_model.base, force_model.standard_prior
         bodies = consistent_fit(*given, regularisation=consistent, repair=repair)
+    compared = None
+    if term_sets is not None and fitted.noise is not None:
+        runs = training, validation, fitted.noise, deviation
+        compared = compare_terms(force_model, *runs, term_sets, n_jobs)
     return Identification(
         force_model,
         tuple(training),
@@ -435,6 +450,7 @@ def identify(
         bodies,
         informed,
         deviation,
+        compared,
     )
 
 
