@@ -94,6 +94,12 @@ def test_each_term_is_bought_where_it_is_there(suspected):
         assert found.bodies_pay
 
 
+def test_the_rate_of_stribeck_friction_is_profiled(suspected):
+    sets = [f"Fc,Fv,Fs~{rate:g}" for rate in (0.05, 0.1, 0.2, 0.4, 0.8)]
+    found = comparison(suspected, "Fc=0.3,Fv=0.1,Fs~0.2=0.6", 1, sets)
+    assert found.enough[1].choice == "Fc,Fv,Fs~0.2"
+
+
 def test_sets_are_fitted_by_least_squares(suspected):
     """The chosen terms with the bodies of the robot file, and with all parameters free."""
     model, values = suspected[0], "Fc=0.1,Fv=0.05; left_crank_joint: Ks=1"
