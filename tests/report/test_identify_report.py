@@ -144,8 +144,8 @@ def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_the_recommended_fit_is_said_listed_and_saved(identification):
-    files, found = identification_files(identification), identification
+def test_the_recommended_fit_is_said_listed_and_saved(files, identification):
+    found = identification
     assert found.recommended is found.candidates[3]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
