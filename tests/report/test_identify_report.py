@@ -144,8 +144,8 @@ def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_the_recommended_fit_is_said_listed_and_saved(identification):
-    files, found = identification_files(identification), identification
+def test_the_recommended_fit_is_said_listed_and_saved(files, identification):
+    found = identification
     assert found.recommended is found.candidates[3]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
@@ -242,8 +242,9 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(identificati
         for k, bodies in enumerate(("robot_file", "fitted_bodies")):
             assert entry[bodies]["error"] == each.errors[k].mean
             assert entry[bodies]["enough"] == (found.enough[k] is each)
-    (sentence,) = [text for text in findings(identification) if "Joint terms: Fc,Fv" in text]
-    assert "Fc,Fv is enough with fitted bodies" in sentence
+    assert "Joint terms: Fc,Fv." in findings(identification)
+    (sentence,) = [text for text in findings(identification) if "On new data" in text]
+    assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
     other = replace(identification, term_sets=replace(found, chosen=found.sets[0]))
     assert any("Try --terms Fc,Fv." in text for text in findings(other))
