@@ -12,6 +12,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
 from loopid.errors import DataError, ExcitationWarning, LogWarning, OptionError, RankError, warn
+from loopid.experiment.band_sweep import BandSweep, band_sweep
 from loopid.experiment.force_model import (
     PRIOR_DEVIATION,
     ForceModel,
@@ -139,6 +140,8 @@ class Identification:
         (``evidence_scale``); None where another estimator than ``"wls"`` was asked for.
     prior_deviation : float or None
         That deviation, relative to the parameters' sizes.
+    sweep : BandSweep or None
+        Whether weighted least squares says the same of a narrower band.
     reduction : Reduction
         The essential parameters, by backward elimination.
     candidates : tuple of Candidate
@@ -164,6 +167,7 @@ class Identification:
     informed: FitResult | None = None
     prior_deviation: float | None = None
     term_sets: TermComparison | None = None
+    sweep: BandSweep | None = None
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -412,6 +416,11 @@ def identify(
                 informed = quiet_fit(samples, bayes)
         if missing:
             informed = replace(informed, assumed=found.assumed)
+    sweep = None
+    if chosen.name == WeightedLeastSquares.name and not (friction or found.unidentifiable):
+        sweep = band_sweep(samples, training, fitted)
+        if sweep is not None:
+            sweep.warn()
     if found.unidentifiable:
         warn(found.unidentifiable_message, ExcitationWarning)
     if found.weak:
@@ -451,6 +460,7 @@ def identify(
         informed,
         deviation,
         compared,
+        sweep,
     )
 
 
