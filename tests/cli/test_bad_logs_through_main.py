@@ -161,7 +161,7 @@ spoilers = st.tuples(
 )
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(spoilt=st.lists(spoilers, min_size=1, max_size=3))
 def test_no_spoilt_log_ends_in_a_traceback(run, arm_files, tmp_path, spoilt):
     robot, log, _ = arm_files
