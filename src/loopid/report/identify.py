@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from loopid.logs import Recording
 
 CAPTIONS = {
-    "filter": "Accelerations in the log with the cut-off, and estimates at lower ones.",
+    "filter": "Accelerations in the log with the cut-off; changes of estimates at lower ones, in "
+    "deviations that noise of the forces explains (red: clearly more).",
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",

@@ -45,13 +45,17 @@ def draw_filter(found: Identification) -> dict[str, bytes]:
         largest = told.density.max()
         ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="density (1/Hz)")
         ax.set(ylim=(LEAST_DENSITY * largest, 3 * largest), title="accelerations of the motors")
-        ax.legend(("in the log", "noise of the positions", "cut-off"), fontsize=6)
-        parts, shifts = np.append(1.0, sweep.parts), np.vstack([0 * sweep.shifts[:1], sweep.shifts])
-        for name, moves in zip(found.fit.parameters.labels, shifts.T, strict=True):
+        for axis in (ax.xaxis, ax.yaxis):
+            plain_log_labels(axis, (1.0,))
+        names = "in the log", "noise of the positions", "cut-off"
+        figure.legend(ax.lines, names, loc="outside lower center", ncols=3)
+        change = sweep.shifts / sweep.deviations
+        parts, change = np.append(1.0, sweep.parts), np.vstack([0 * change[:1], change])
+        for name, moves in zip(found.fit.parameters.labels, change.T, strict=True):
             clear = name in sweep.moved
             below.plot(parts, moves, color=RED if clear else GREY, linewidth=1.2 if clear else 0.5)
-        below.set(xlabel="cut-off, in parts of the one chosen", ylabel="shift (std errors)")
-        below.set_title("estimates at lower cut-offs (red: more than noise explains)")
+        below.set(xlabel="cut-off, in parts of the one chosen", ylabel="change / noise")
+        below.set_title("estimates at lower cut-offs")
         return rendered(figure, "filter")
 
 
