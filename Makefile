@@ -48,6 +48,7 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/identification.py
 	$(BIN)/python benchmarks/observation.py
 	$(BIN)/python benchmarks/logs.py
+	$(BIN)/python benchmarks/intervals.py --runs 20
 	$(BIN)/python benchmarks/estimators.py
 	$(BIN)/python benchmarks/consistency.py
 	$(BIN)/python benchmarks/codegen.py

@@ -8,6 +8,7 @@ import pytest
 from loopid import JointTerms, Noise, find_force_model, prepare_recording, simulate_measurement
 from loopid.experiment import suspicions
 from loopid.logs import Log
+from loopid.trajectories import LowPass
 from made_runs import friction, quietly, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
@@ -41,7 +42,7 @@ def runs(load_once):
         log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
         if name not in models:
             models[name] = find_force_model(robot, "gravity", JointTerms(robot.actuated))
-        return suspicions(models[name], quietly(prepare_recording, robot, log))
+        return suspicions(models[name], quietly(prepare_recording, robot, log, LowPass(2.5)))
 
     return suspected
 

@@ -176,7 +176,8 @@ def test_findings_are_sentences_and_count_the_essential_parameters(identificatio
     )
     kept = len(identification.reduction.result.parameters)
     assert any(text.startswith(f"{kept} of 23 parameters are essential") for text in said)
-    assert any("cut-off of the filter: 2.5 Hz" in text for text in said)
+    cutoff = identification.training[0].cutoff
+    assert any(f"cut-off of the filter: {cutoff:.3g} Hz" in text for text in said)
     plain = tuple(replace(part, cutoff=None) for part in identification.training)
     said = findings(replace(identification, training=plain))
     assert any("unfiltered" in text for text in said)
@@ -212,7 +213,7 @@ def test_recordings_are_recorded_with_what_was_left_out(identification):
         (entry,), (recording,) = part, recordings
         assert (entry["name"], entry["samples"]) == ("run", len(recording))
         assert entry["used"] == recording.used.sum(axis=0).tolist()
-        assert entry["cutoff"] == pytest.approx(2.5, rel=1e-3)
+        assert entry["cutoff"] == recording.cutoff
         assert any("stands still" in reason for reason in entry["dropped"])
 
 
