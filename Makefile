@@ -12,6 +12,9 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: .venv/plot
 	@$(BIN)/loopid paper --out out
 
+# As many processes as cores, each with one thread of linear algebra.
+test test-kernels validate: export OPENBLAS_NUM_THREADS = 1
+
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
 

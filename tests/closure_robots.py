@@ -130,13 +130,9 @@ def loop(kind, seed=0, axes=None):
     parts.append(
         frame("pivot", "ground", place.act(np.array(apart)), pin.rpy.matrixToRpy(place.rotation))
     )
-    more = (
-        {"length": ROD}
-        if kind == "distance"
-        else {"axes": [unit(axis) for axis in axes]}
-        if axes
-        else {}
-    )
+    more = {"axes": [unit(axis) for axis in axes]} if axes else {}
+    if kind == "distance":
+        more["length"] = ROD
     reference = dict(zip(list(model.names)[1:], angles.tolist(), strict=True))
     return parts, {
         "closures": [tie(kind, ("end", "pivot"), **more)],
