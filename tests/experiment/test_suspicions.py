@@ -38,7 +38,7 @@ def runs(load_once):
         log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
         if name not in models:
             models[name] = find_force_model(robot, "gravity", JointTerms(robot.actuated))
-        return suspicions(models[name], quietly(prepare_recording, robot, log))
+        return suspicions(robot, [quietly(prepare_recording, robot, log)])
 
     return suspected
 

@@ -98,7 +98,7 @@ def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(iden
 
 
 def test_what_was_left_out_is_listed(identification):
-    table = identification_tables(identification)[4]
+    table = identification_tables(identification)[5]
     reasons = [str(cell) for cell in table.columns[1].cells]
     assert reasons == [part.reason for part in identification.training[0].dropped]
     assert "leg4_stroke stands still" in reasons
