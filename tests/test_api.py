@@ -76,6 +76,5 @@ def test_defaults_of_options_are_those_of_the_functions():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert default(cli.base, "time_limit") == loopid.ExactSearch().time_limit
     assert default(cli.motions, "margin") == default(loopid.review_motion, "margin")
     assert default(cli.identify, "train") == default(loopid.split_recordings, "fraction")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import warnings
@@ -16,6 +17,7 @@ from importlib.metadata import version
 from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
@@ -27,6 +29,7 @@ from loopid.errors import (
     AccuracyWarning,
     LoopidError,
     MissingFileError,
+    ModelWarning,
     OptionError,
     one_line,
     warn,
@@ -36,6 +39,7 @@ from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording
+    from loopid.observation import Observation
     from loopid.robot import Mechanism
     from loopid.saved import SavedFit
 
@@ -66,15 +70,17 @@ Snap = Annotated[
 ]
 Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
 TERMS_HELP = (
-    "Of every motor: Fc, Fv, Fo, Ia, Ks with commas between; file: what the robot file gives of "
-    "motors and passive joints; or none."
+    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of motors "
+    'and passive joints; after semicolons of some joints: "Fc,Fv; elbow: Ks; passive: Fv"; none.'
 )
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
 YAML = (".yaml", ".yml", ".json")
-LEAST_TIME = 0.01  # s, of a search after one that has used the limit
+LEAST_TIME = 0.01  # s, of a search when the limit is used
+LONGEST, AGAIN = 1e6, 0.5  # s, of a limit that is kept, and until it is enforced again
+AFTERWARDS = 0.35  # of the time before the search, kept for what comes after it: as of 181 bodies
 LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
 
 
@@ -89,7 +95,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    from loopid.report import check_record, check_tables
+    from loopid.report.structure import check_record, check_tables
 
     mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
     record = check_record(mechanism)
@@ -110,8 +116,11 @@ def base(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the random poses.")] = 0,
     time_limit: Annotated[
-        float, typer.Option(help="Of the exact search, in s; then its best so far.")
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            metavar="S", help="Of everything, in s, with the best so far; else 10 s of the search."
+        ),
+    ] = None,
     lock: Lock = None,
     rounding: Rounding = None,
     snap: Snap = False,
@@ -122,6 +131,8 @@ def base(
 ) -> None:
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters import (
+        TIME_LIMIT,
+        BaseParameters,
         ExactSearch,
         ExhaustiveSearch,
         find_base_parameters,
@@ -129,42 +140,62 @@ def base(
     )
     from loopid.loading import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report import base_record, base_tables
+    from loopid.report.structure import base_record, base_tables
 
-    strategy = ExactSearch(time_limit) if search == ExactSearch.name else make_strategy(search)
-    with progress_bar("robot"):
+    began, passed = perf_counter(), f"the time limit of {time_limit or 0:g} s has passed"
+    if time_limit is not None and not 0 < time_limit < inf:
+        raise OptionError(f"--time-limit must be above 0 s and finite, not {time_limit:g}")
+    strategy = make_strategy(search)
+    with _time_limit(time_limit, f"{passed} before base parameters were chosen: allow more"):
         mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
-    joint_terms = JointTerms.of(mechanism, terms)
-    warn_of_omitted(mechanism, joint_terms)
-    with progress_bar("poses") as report:
-        observation = structural_observation(
-            mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
-        )
-    with progress_bar("combinations") as report:
-        if search == ExhaustiveSearch.name:
-            strategy = ExhaustiveSearch(progress=report)
-        found, alone = find_base_parameters(observation, strategy, criterion), None
-        if observation.motors_alone is not None:
-            if search == ExactSearch.name:
-                strategy = ExactSearch(max(time_limit - found.search.seconds, LEAST_TIME))
-            alone = find_base_parameters(observation.motors_alone, strategy, criterion)
-    with progress_bar("names"):
-        record = base_record(mechanism, model, found, alone)
-    special = None if snap else nearly_special(mechanism)
-    if special is not None:
-        other, moved = special
-        W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
-        try:
-            record["base_parameters_if_snapped"] = len(find_base_parameters(W, "qr"))
-        except LoopidError:  # hardly special: nothing to compare
-            record["base_parameters_if_snapped"] = None
-        if count := record["base_parameters_if_snapped"]:
-            warn(
-                f"{mechanism.path}: geometry is nearly special: {len(found)} base parameters as "
-                f"it is, {count} with --snap, {moved}",
-                AccuracyWarning,
+        joint_terms = JointTerms.of(mechanism, terms)
+        warn_of_omitted(mechanism, joint_terms)
+        with progress_bar("poses") as report:
+            observation = structural_observation(
+                mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
             )
+        left, found = TIME_LIMIT, list[BaseParameters]()
+        if time_limit is not None:
+            left = time_limit - (1 + AFTERWARDS) * (perf_counter() - began)
+        with progress_bar("combinations") as report:
+            for each in filter(None, (observation, observation.motors_alone)):
+                if search == ExhaustiveSearch.name:
+                    strategy = ExhaustiveSearch(progress=report)
+                if search == ExactSearch.name:
+                    strategy = ExactSearch(max(left, LEAST_TIME))
+                found.append(find_base_parameters(each, strategy, criterion))
+                left -= found[-1].search.seconds
+    record, alone = None, found[1] if len(found) > 1 else None
+    rest = None if time_limit is None else max(began + time_limit - perf_counter(), LEAST_TIME)
+    try:
+        with _time_limit(rest, passed):
+            with progress_bar("names"):
+                record = base_record(mechanism, model, found[0], alone)
+            if not snap and (special := nearly_special(mechanism)):
+                other, moved = special
+                W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
+                record["base_parameters_if_snapped"] = count = _count(W)
+                if count:
+                    warn(
+                        f"{mechanism.path}: geometry is nearly special: {len(found[0])} base "
+                        f"parameters as it is, {count} with --snap, {moved}",
+                        AccuracyWarning,
+                    )
+    except LoopidError as reason:
+        missing = "what --snap would change is" if record else "lengths in coefficients are"
+        warn(f"{mechanism.path}: {reason}, so {missing} not told", AccuracyWarning)
+        record = record or base_record(mechanism, model, found[0], alone, with_lengths=False)
     show(record, base_tables(record), as_json)
+
+
+def _count(observation: Observation) -> int | None:
+    """Number of base parameters; None where it is not clear."""
+    from loopid.base_parameters import find_base_parameters
+
+    try:
+        return len(find_base_parameters(observation, "qr"))
+    except LoopidError:
+        return None
 
 
 @app.command()
@@ -184,7 +215,7 @@ def motions(
     as_json: Json = False,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
-    from loopid.report import motions_record, motions_tables
+    from loopid.report.structure import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
     mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
@@ -220,7 +251,10 @@ def simulate(
         float, typer.Option(help="Resolution of the positions, in m or rad; 0 for exact ones.")
     ] = 0.0,
     terms: Annotated[
-        str, typer.Option(help="Of every motor with their values, as Fc=60,Fv=900; none at first.")
+        str,
+        typer.Option(
+            help='As for identify with values: "Fc=60,Fv=900; elbow: Ks=12"; none at first.'
+        ),
     ] = "none",
     cad_error: Annotated[
         float,
@@ -229,8 +263,6 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Of the noise and of the bodies.")] = 0,
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
-    import numpy as np
-
     from loopid.regressors import JointTerms
     from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
     from loopid.trajectories import joint_motion, read_motion_program
@@ -239,9 +271,7 @@ def simulate(
     planned = read_motion_program(program or mechanism.name)
     name = motion if motion is not None else next(iter(planned.motions))
     moved = joint_motion(mechanism, planned.motion(name, rate))
-    kinds = _term_values(terms)
-    joint_terms = JointTerms(mechanism.actuated, tuple(kinds)) if kinds else None
-    values = np.tile(list(kinds.values()), len(mechanism.actuated)) if kinds else None
+    joint_terms, values = JointTerms.with_values(mechanism, terms)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     bodies = scaled_bodies(mechanism, cad_error, seed)
     measured = simulate_measurement(mechanism, moved, errors, seed, bodies, joint_terms, values)
@@ -310,7 +340,7 @@ def excite(
     ] = None,
     wanted: Annotated[
         list[str] | None,
-        typer.Option("--for", metavar="PARAMETER", help="Light up this one; repeatable."),
+        typer.Option("--for", metavar="PARAMETER", help="Excite this one; repeatable."),
     ] = None,
     payload: Annotated[
         str | None, typer.Option(metavar="LINK", help="Only its parameters are unknown.")
@@ -340,7 +370,7 @@ def excite(
     from loopid.excitation import MotionLimits, design_excitation
     from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
-    from loopid.report import excitation_files, excitation_record, excitation_tables
+    from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 
     require_output(out)
     limits = MotionLimits(
@@ -474,6 +504,10 @@ def identify(
     end: Annotated[
         float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
     ] = inf,
+    rows: Annotated[
+        str | None,
+        typer.Option(metavar="M:N", help="Rows of each LOG, as its file counts them from 1."),
+    ] = None,
     friction_log: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="Identify the terms from this log first."),
@@ -493,7 +527,7 @@ def identify(
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
     from loopid.regressors import JointTerms
-    from loopid.report import (
+    from loopid.report.identify import (
         identification_files,
         identification_record,
         identification_tables,
@@ -506,7 +540,10 @@ def identify(
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
     joint_terms = JointTerms.of(mechanism, terms)
-    runs = prepared(mechanism, logs, mapping, cutoff)
+    if rows is not None and reference:
+        raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    chosen = None if rows is None else _row_range(rows)
+    runs = prepared(mechanism, logs, mapping, cutoff, chosen)
     training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
@@ -551,7 +588,7 @@ def predict(
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
     from loopid.prediction import predict as predicted
-    from loopid.report import prediction_files, prediction_record, prediction_tables
+    from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
 
     require_output(out)
@@ -601,7 +638,7 @@ def payload(
 
     from loopid.experiment import drive_gains, find_force_model, identify_payload
     from loopid.regressors import JointTerms
-    from loopid.report import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
 
     mechanism = loaded(file, lock, False, False, tied, rounding, snap)
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
@@ -661,6 +698,8 @@ def export(
     """
     from loopid.export import export_robot_file, regressor_code
     from loopid.loading import load_mechanism
+    from loopid.parameters import KINDS
+    from loopid.robot import shortened
     from loopid.saved import read_fit, robot_files
 
     if all(place is None for place in (robot, yaml, npz, c)):
@@ -679,6 +718,9 @@ def export(
     written = []
     if robot is not None and standard is not None:
         written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
+        terms = [p.label for p in saved.standard if p.kind not in KINDS]
+        if terms:
+            warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
     written += [saved.save(place) for place in places]
     if c is not None and code is not None:
         written += code.save(c)
@@ -721,29 +763,16 @@ def loaded(
     """The robot that the options of a command ask for."""
     from loopid.loading import load_mechanism
 
-    return load_mechanism(
-        file,
-        lock or (),
-        floating_base=floating_base,
-        free_mimics=free_mimics,
-        tied=tied,
-        rounding=rounding,
-        snap=snap,
-    )
-
-
-def _term_values(terms: str) -> dict[str, float]:
-    """Values of joint terms by their kinds, from ``Fc=60,Fv=900``."""
-    values: dict[str, float] = {}
-    for part in terms.split(",") if terms not in ("", "none") else ():
-        kind, _, number = (piece.strip() for piece in part.partition("="))
-        try:
-            values[kind] = float(number)
-        except ValueError:
-            raise OptionError(
-                f"--terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}"
-            ) from None
-    return values
+    with progress_bar("robot"):
+        return load_mechanism(
+            file,
+            lock or (),
+            floating_base=floating_base,
+            free_mimics=free_mimics,
+            tied=tied,
+            rounding=rounding,
+            snap=snap,
+        )
 
 
 def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
@@ -765,7 +794,11 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
 
 
 def prepared(
-    mechanism: Mechanism, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+    mechanism: Mechanism,
+    paths: Sequence[str] | None,
+    mapping: str | None,
+    cutoff: float | None,
+    rows: tuple[int, int | None] | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
     from loopid.logs import prepare_recording, read_log
@@ -774,16 +807,26 @@ def prepared(
     lowpass = None if cutoff is None else LowPass(cutoff)
     found = []
     for path in paths or ():
-        log = read_log(path, mechanism, mapping)
+        log = read_log(path, mechanism, mapping, rows)
         with progress_bar(f"assembling {log.name}") as report:
             found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
     return found
 
 
+def _row_range(text: str) -> tuple[int, int | None]:
+    """First and last row of M:N, M: or :N."""
+    found = re.fullmatch(r"(\d{1,9})?:(\d{1,9})?", text, re.ASCII)
+    if found is None:
+        raise OptionError(f"--rows must be M:N, such as 1000:5000 or 1000:, not {text!r}")
+    first, last = found.groups()
+    return int(first or 1), int(last) if last else None
+
+
 def require_output(out: str | None, *inputs: str | None) -> None:
     """Refuse, before the work is done, a report that could not be drawn, or written safely."""
     if out is not None:
-        from loopid.report import RESULTS, require_matplotlib
+        from loopid.report.figures import require_matplotlib
+        from loopid.report.identify import RESULTS
 
         require_folder(out)
         require_matplotlib()
@@ -794,7 +837,7 @@ def require_output(out: str | None, *inputs: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        from loopid.report import json_text
+        from loopid.report.tables import json_text
 
         typer.echo(json_text(record))
         return
@@ -883,6 +926,36 @@ def main() -> None:
     except _InterruptedError:
         _say("loopid: interrupted")
         sys.exit(130)
+
+
+class _OutOfTimeError(BaseException):
+    """The end of a time limit; libraries pass it on."""
+
+
+@contextmanager
+def _time_limit(seconds: float | None, reason: str) -> Iterator[None]:
+    """What is inside ends after so many seconds, with the reason as error.
+
+    Without the signals of POSIX, and outside of the main thread, there is no limit.
+    """
+    known = hasattr(signal, "setitimer") and current_thread() is main_thread()
+    if seconds is None or not known:
+        yield
+        return
+
+    def end(*_: object) -> None:
+        raise _OutOfTimeError
+
+    before = signal.signal(signal.SIGALRM, end)
+    # Again and again, as an exception in a callback of a library may get lost.
+    signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST), AGAIN)
+    try:
+        yield
+    except _OutOfTimeError:
+        raise LoopidError(reason) from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 class _InterruptedError(BaseException):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from loopid.errors import OptionError
 GRAVITY_KINDS = ("m", "mx", "my", "mz")
 # Pinocchio's order; inertias about the origin of the link frame.
 KINDS = (*GRAVITY_KINDS, "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+# The end of kinds such as Ks@0.25.
+NUMBERED = re.compile(r"[@~][-+.e0-9]+$")
 MODELS = {"gravity": GRAVITY_KINDS, "full": KINDS}
 
 
@@ -67,9 +70,11 @@ class Parameter:
 
     @classmethod
     def parse(cls, label: str) -> Parameter:
-        """Read ``<link>.<kind>``; the link's own name may contain dots."""
-        link, _, kind = label.rpartition(".")
-        return cls(link, kind)
+        """Read ``<link>.<kind>``; dots may be in the link's name, and in a number of the kind."""
+        numbered = NUMBERED.search(label)
+        end = numbered.start() if numbered else len(label)
+        link, _, kind = label[:end].rpartition(".")
+        return cls(link, kind + label[end:])
 
 
 @checked_fields

@@ -59,6 +59,13 @@ def test_everything_at_once(run_json, tmp_path, model):
     np.testing.assert_allclose(W @ whole, expected, atol=1e-9 * np.abs(expected).max())
 
 
+def test_joint_terms_that_a_robot_file_does_not_get_are_named(run, tmp_path):
+    _, _, fit = saved(tmp_path, kinds=("Ks",))
+    done = run("export", "five_bar", fit, "--urdf", tmp_path / "new.urdf")
+    assert done.code == 0
+    assert "new inertials, not left_crank_joint.Ks, left_crank_joint.Fo" in done.err
+
+
 def test_the_robot_is_loaded_as_for_the_fit(run, tmp_path):
     _, _, fit = saved(tmp_path, "3rrr", tied=True, kinds=("Ia", "Fv"))
     out = tmp_path / "base.yaml"

@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from loopid import JointTerms, load_mechanism
-from loopid.report import identification_record
+from loopid.report.identify import identification_record
 from loopid.saved import read_fit
 from made_runs import friction, logged, one_joint, wander
 
@@ -341,6 +341,23 @@ def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
     done = run("identify", robot, log, "--from", "5", "--to", "2")
     assert done.code == 2
     assert "--from must be before --to" in done.err
+
+
+def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
+    robot, log, _ = arm_files
+    found = arm("--rows", "100:500")
+    dropped = found["training"][0]["dropped"]
+    assert all(float(line.split()[-2]) < 8.02 for line in dropped)  # 401 rows at 50 Hz
+    for rows, words in {
+        "9000:": ["[9000:] has 0 rows of numbers"],
+        "5:4": ["first before the last"],
+        "0:4": ["counted from 1"],
+        "7": ["--rows must be M:N", "'7'"],
+    }.items():
+        assert_refused(run("identify", robot, log, "--rows", rows), words)
+    assert_refused(
+        run("identify", robot, log, "--rows", "1:", "--reference", log), ["--from and --to"]
+    )
 
 
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 import loopid
-from closure_robots import Y, body, joint, urdf
+from closure_robots import Y, body, files, joint, urdf
+from linkages import five_bar as five_bar_of
 from loopid import MotionLimits, design_excitation
-from loopid.errors import AssemblyError, MissingExtraError, OptionError
+from loopid.errors import AssemblyError, ExcitationWarning, MissingExtraError, OptionError
 from loopid.kinematics import closed_motion
 
 QUICK = {"starts": 1, "iterations": 20, "time_limit": 120.0, "solver": "slsqp"}
@@ -200,6 +201,31 @@ def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
     found = design_excitation(loopid.load_mechanism(file), **QUICK)
     assert found.violations == 0
     assert found.min_singularity_measure == 1.0
+
+
+@pytest.fixture
+def wrist(tmp_path):
+    """A five-bar with one more motor behind the loop; its file bounds no force."""
+    parts, description = five_bar_of(("left_joint", "right_joint", "wrist_joint"))
+    parts += [body("wrist"), joint("wrist_joint", "left_coupler", "wrist", (0.35, 0, 0), Y)]
+    tree, described = files(parts, description)
+    (tmp_path / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
+    (tmp_path / "robot.yaml").write_text(described)
+    return loopid.load_mechanism(tmp_path / "robot.yaml")
+
+
+def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
+    found = design_excitation(wrist, **(QUICK | {"iterations": 5}))
+    assert found.violations == 0
+    assert np.isfinite(found.standard_errors).all()
+    assert not any(check.name.startswith("force") for check in found.checks)
+
+
+def test_what_no_motion_within_the_limits_excites_is_named(wrist):
+    still = MotionLimits(positions={"wrist_joint": (0.0, 1e-9)})
+    with pytest.warns(ExcitationWarning, match=r"does not excite .*position of wrist_joint"):
+        found = design_excitation(wrist, limits=still, **(QUICK | {"iterations": 3}))
+    assert np.isinf(found.standard_errors).any()
 
 
 @pytest.mark.validate

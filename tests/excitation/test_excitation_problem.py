@@ -19,7 +19,9 @@ def problem(mechanism, model, terms=None, platform=False, collisions=None):
         force_model=force_model,
         coordinates=Coordinates(force_model, mechanism.platform.names if platform else None),
         shape=FourierShape(8.0, 3),
-        bounds=Bounds(mechanism, limits, 0.02, model == "gravity", collisions),
+        bounds=Bounds(
+            mechanism, limits, 0.02, model == "gravity", collisions, mechanism.reference[None]
+        ),
         criterion=CRITERIA["D"],
         noise=np.linspace(1.0, 2.0, len(mechanism.actuated)),
         basis=np.eye(n),

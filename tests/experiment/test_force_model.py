@@ -26,11 +26,10 @@ from loopid.identification import (
 )
 from loopid.kinematics import random_motions
 from loopid.logs import Recording
-from loopid.robot import JOINT_TERMS
 from loopid.trajectories import JointMotion
 from made_runs import record
 
-KINDS = tuple(JOINT_TERMS)
+KINDS = ("Ia", "Fc+", "Fc-", "Fv", "Ks2", "Ks", "Fo")
 
 
 def random_motion(robot, count, seed):

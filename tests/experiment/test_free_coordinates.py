@@ -15,7 +15,7 @@ from loopid.experiment import find_force_model, identify
 from loopid.identification import fit, quiet_fit
 from loopid.kinematics import random_motions, singularity_measure
 from loopid.logs import Recording
-from loopid.report import identification_record, identification_tables
+from loopid.report.identify import identification_record, identification_tables
 from loopid.trajectories import JointMotion
 from made_runs import quietly
 

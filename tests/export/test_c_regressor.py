@@ -152,6 +152,11 @@ def test_friction_at_low_rates(compiled, rates):
     assert_agrees(found, compiled(found), around_reference(found))
 
 
+def test_all_kinds_of_joint_terms(compiled):
+    found = all_columns("five_bar", "gravity", ("Ia", "Fc+", "Fc-", "Fc~0.3", "Ks3", "Ks@1.2"))
+    assert_agrees(found, compiled(found), around_reference(found))
+
+
 def test_tied_links(compiled):
     found = all_columns("3rrr", "full", tied=True)
     assert_agrees(found, compiled(found), around_reference(found))

@@ -1,6 +1,8 @@
 """A YAML that does not fit its URDF is refused by the key that is wrong."""
 
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from loopid.errors import (
     SingularityWarning,
 )
 from loopid.kinematics import constraint_residual, singularity_measure
+from loopid.loading.description import Description
 from small_tree import PARTS
 
 MOTORS = r"name_mot: \[[^]]*\]"
@@ -260,7 +263,7 @@ DESCRIPTIONS = {
     "limits of a ball": (BALL | {"limits": {"ball": [0, 1]}}, ("limits", "ball", "3 coordinates")),
     "gravity": ({"gravity": [0, -9.81]}, ("gravity",)),
     "margin": ({"margin": -0.1}, ("margin", "-0.1")),
-    "tolerance": ({"rank_tolerance": 0}, ("rank_tolerance", "0")),
+    "tolerance": ({"closure_rank_tolerance": 0}, ("closure_rank_tolerance", "0")),
     "curve of nothing": (
         {"couplings": [{"joints": {"elbow": 1}, "polynomial": [0, 1]}]},
         ("'of' and 'polynomial' together",),
@@ -385,8 +388,6 @@ def test_keys_that_change_the_tree_change_it(write_files):
         "limits": {"elbow": [-0.5, 0.7], "rail": None},
         "gravity": [1, 2, -3],
         "margin": 0.3,
-        "rank_tolerance": 1e-7,
-        "closure_rank_tolerance": 1e-6,
         "couplings": [{"joints": {"elbow": 1, "rail": 2}, "offset": 0.1}],
         "name_mot": ["shoulder", "elbow", "ball"],
     }
@@ -394,10 +395,20 @@ def test_keys_that_change_the_tree_change_it(write_files):
     assert robot.limits("elbow") == (-0.5, 0.7)
     assert robot.limits("rail") == (-np.inf, np.inf)
     np.testing.assert_array_equal(robot.model.gravity.linear, [1, 2, -3])
-    assert (robot.margin, robot.rank_tolerance, robot.closure_rank_tolerance) == (0.3, 1e-7, 1e-6)
     assert [coupling.name for coupling in robot.couplings] == ["elbow + 2 rail = 0.1"]
     q = random_configurations(robot, 20)
     assert (singularity_measure(robot, q) >= 0.3).all()
+
+
+@pytest.mark.parametrize(("tolerance", "rank"), [(1e-8, 2), (1e-3, 1)])
+def test_closures_count_above_the_tolerance_of_the_yaml(tolerance, rank, write_files):
+    pair = [{"joints": {"elbow": 1, "rail": ratio}} for ratio in (2, 2.0001)]
+    more = {"rounding": 0, "closure_rank_tolerance": tolerance, "name_mot": "b"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the rank is not clear, or the rail follows
+        robot = load_mechanism(write_files(*files(PARTS, {"couplings": pair} | more)))
+    assert mobility(robot).rank == rank
+    assert {*robot.actuated} == {"elbow", "ball"}  # their names contain a b
 
 
 def test_closures_of_the_trees_own_file_can_be_removed(tmp_path):
@@ -435,3 +446,9 @@ def test_a_locked_joint_shifts_the_argument_of_a_curve(load_files):
     np.testing.assert_allclose(
         constraint_residual(held, q), constraint_residual(whole, full), atol=1e-12
     )
+
+
+def test_the_documentation_lists_every_key():
+    text = (Path(__file__).parents[2] / "docs" / "robot_files.md").read_text()
+    listed = re.findall(r"`(\w+)`", " ".join(re.findall(r"\n\| (`[^|]*) \|", text)))
+    assert {*listed} >= {*Description.model_fields}

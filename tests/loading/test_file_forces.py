@@ -16,6 +16,7 @@ from loopid import (
     save_fit,
 )
 from loopid.errors import ModelWarning, OptionError, RobotFileError
+from loopid.experiment import cad_prior
 from loopid.kinematics import random_motions
 from loopid.regressors import file_forces, motion_regressor
 
@@ -212,11 +213,32 @@ def test_the_yaml_has_the_last_word(load, tmp_path):
     }
     for wrong, words in (
         ("joint_terms: {wrist: {Fv: 1}}", r"unknown joint 'wrist'.*shoulder, elbow"),
-        ("joint_terms: {elbow: {Fq: 1}}", r"unknown joint term 'Fq': choose among Ia"),
+        ("joint_terms: {elbow: {Fq: 1}}", r"unknown joint term 'Fq': choose one of Ia"),
         ("joint_terms: {elbow: {Fv: .nan}}", r"joint_terms\.elbow\.Fv"),
     ):
         with pytest.raises(RobotFileError, match=words):
             load(wrong, "robot.yaml")
+
+
+def test_a_term_without_value_is_in_the_model_and_unknown(load, tmp_path):
+    (tmp_path / "robot.urdf").write_text(ARM.replace("{}", "").replace("REST", ""))
+    robot = load(
+        "joint_terms: {elbow: {Ks@0.25: null, Ks2: null}, shoulder: {Fv: 2}}", "robot.yaml"
+    )
+    terms = JointTerms.of(robot, "file")
+    labels = terms.parameters(robot).labels
+    assert labels == (
+        *("elbow.Ks@0.25", "elbow.Ks2", "elbow.Ks", "elbow.Fo"),
+        "shoulder.Fv",
+    )
+    np.testing.assert_array_equal(terms.values(robot), [np.nan] * 4 + [2.0])
+    assert [force.what for force in file_forces(robot)] == ["viscous friction of shoulder"]
+    model = find_force_model(robot, "full", terms)
+    known = model.joint_values
+    assert set(labels) <= set(model.parameters.labels)
+    assert np.isnan(known[:4]).all()
+    deviations = cad_prior(model).deviations[model.columns_of(terms.parameters(robot))]
+    np.testing.assert_array_equal(np.isinf(deviations), [True] * 4 + [False])
 
 
 def test_joints_that_are_locked_have_no_terms(tmp_path):

@@ -10,7 +10,7 @@ from recorded_logs import states as joint_states
 from recorded_logs import write_any, write_ros2
 from simulated_logs import EPOCH, table
 
-from loopid.errors import LogError, MissingExtraError, MissingFileError
+from loopid.errors import LogError, LogWarning, MissingExtraError, MissingFileError
 from loopid.logs import LogMapping, prepare_recording, read_log
 from loopid.logs.log import read_streams
 from loopid.trajectories import JointMotion
@@ -62,6 +62,29 @@ def decimal_commas(text):
 )
 def test_ways_of_writing_the_same(read_text, good_text, check, rewrite):
     check(read_text(rewrite(good_text)))
+
+
+@pytest.mark.parametrize(
+    "rewrite",
+    [
+        str,
+        lambda text: "# made by a controller, at night\n" + text,
+        lambda text: text.replace(",", "\t"),
+        lambda text: text.replace(",", ", "),
+        lambda text: text.replace(",", ";").replace(".", ","),
+        lambda text: text.replace(",", " ").replace(".", ","),
+    ],
+)
+def test_columns_without_a_header_are_called_by_number(
+    read_text, good_text, knee, check, tmp_path, rewrite
+):
+    numbers = "position: {columns: [2, 3, 4, 5]}\nforce: {columns: [6, 7, 8, 9]}\n"
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(f"{numbers}time: {{column: 1}}\n")
+    check(read_text(rewrite(good_text.split("\n", 1)[1]), mapping=mapping))
+    mapping.write_text(numbers.replace("9", "10"))
+    with pytest.raises(LogError, match=r"no column '10': choose among 1, .*\(no header in log\)"):
+        read_text(rewrite(good_text.split("\n", 1)[1]), mapping=mapping)
 
 
 @pytest.mark.parametrize(
@@ -147,6 +170,23 @@ def test_npz_with_an_array_a_column(truth, knee, check, tmp_path):
         columns |= {joint: truth.position[:, k], f"{joint}.force": truth.force[:, k]}
     np.savez_compressed(tmp_path / "run.npz", **columns)
     check(read_log(tmp_path / "run.npz", knee))
+
+
+def test_only_some_rows_are_as_if_there_were_no_others(
+    read_text, write_text, good_text, truth, knee, tmp_path
+):
+    head, *lines = good_text.splitlines(keepends=True)
+    spoilt = write_text("".join([head, *["0,x\n"] * 98, *lines[98:499], "0,1,2"]), "spoilt.csv")
+    np.savez(tmp_path / "run.npz", time=truth.time, position=truth.position, force=truth.force)
+    part = read_text("".join([head, *lines[98:499]]))
+    for path, rows in ((spoilt, (100, 500)), (tmp_path / "run.npz", (99, 499))):
+        log = read_log(path, knee, rows=rows)
+        for name in ("time", "position", "force", "stretches", "dropped"):
+            np.testing.assert_array_equal(getattr(log, name), getattr(part, name))
+    with pytest.warns(
+        LogWarning, match=r"spoilt\.csv\[91:\]: another number of cells .* of 410: left"
+    ):
+        assert len(read_log(spoilt, knee, rows=(91, None))) == 401
 
 
 @pytest.mark.parametrize("ending", [".txt", ".csv", ".txt.gz"])

@@ -166,12 +166,74 @@ def test_a_column_called_alike_in_two_streams_needs_its_stream(
         read_log(folder, knee, mapping)
 
 
+MATRIX = np.array([[0.5, -0.5], [1.0, 1.5]])
+COUPLED = """
+joint_maps:
+  - joints: [leg3_stroke, leg1_stroke]
+    motors: [left, right]
+    matrix: [[0.5, -0.5], [1, 1.5]]
+position_scale: {left: 1, leg2_stroke: 1, right: 0.001, leg4_stroke: 1}
+"""
+
+
+@pytest.fixture
+def coupled(write_text, truth):
+    """The motors "left" and "right" move legs 3 and 1, and the second is in mm."""
+    position, force = truth.position.copy(), truth.force.copy()
+    position[:, [2, 0]] = np.linalg.solve(MATRIX, position[:, [2, 0]].T).T
+    force[:, [2, 0]] = force[:, [2, 0]] @ MATRIX
+    rates = [np.gradient(signal, truth.time, axis=0) for signal in (position, truth.position)]
+    powers = [(f * v).sum(axis=1) for f, v in zip((force, truth.force), rates, strict=True)]
+    np.testing.assert_allclose(*powers, atol=1e-9)
+    position[:, 0] *= 1e3
+    joints = "right", "leg2_stroke", "left", "leg4_stroke"
+    return write_text(table(truth.time, position, force, joints))
+
+
+def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
+    log = read_log(coupled, knee, write_mapping(COUPLED))
+    assert log.joints == knee.actuated
+    np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
+    np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("1.5]]", "-1]]", "joint_maps.0: the matrix must be invertible, with a cond"),
+        ("1.5]]", "1.5], [1, 2]]", "joint_maps.0: 2 joints take as many motors"),
+        ("1.5]]", ".inf]]", "joint_maps.0.matrix.1.1: Input should be a finite number"),
+        ("right]", "left]", "joint_maps.0: 2 joints take as many motors"),
+        ("leg1_stroke]", "leg5_stroke]", "joint_maps of the mapping name 'leg5_stroke': the jo"),
+        ("right]", "leg2_stroke]", "joint_maps of the mapping call a motor like a joint"),
+        ("right]", "middle]", "no position of middle"),
+        ("joint_maps:", "joint_maps:\n  - {joints: [a], motors: [left], matrix: [[1]]}", "in two"),
+        ("joint_maps:", "saturation: 9\njoint_maps:", "saturation is of single joints"),
+    ],
+)
+def test_wrong_joint_maps_are_explained(knee, coupled, write_mapping, old, new, message):
+    mapping = write_mapping(COUPLED.replace("position_scale", "# ").replace(old, new, 1))
+    with pytest.raises(LogError, match=message):
+        read_log(coupled, knee, mapping)
+
+
+def test_motors_that_move_joints_together_share_their_stamps(
+    knee, truth, write_folder, write_mapping
+):
+    stamps = np.round(truth.time * 1e9).astype(np.int64)
+    positions = {f"enc{k}": (stamps, truth.position[:, [k]]) for k in range(4)}
+    folder = write_folder(force=(stamps, truth.force), **positions)
+    given = "position: {columns: [enc0_0, enc1_0, enc2_0, enc3_0]}"
+    with pytest.raises(LogError, match="of right, but not of all motors that move leg3_stroke, le"):
+        read_log(folder, knee, write_mapping(COUPLED.replace("position_scale", "# ") + given))
+
+
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"
 
 
-@pytest.mark.parametrize("number", [0, 1, 2])
+@pytest.mark.parametrize("number", range(4))
 def test_the_examples_of_the_documentation_are_mappings(knee, write_mapping, number):
     examples = re.findall("```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
     mapping = read_mapping(write_mapping(examples[number]))
-    assert len(examples) == 3
+    assert len(examples) == 4
     assert {"position", "force"} <= mapping.model_fields_set

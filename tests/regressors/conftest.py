@@ -50,6 +50,29 @@ def joint_positions():
 
 
 @pytest.fixture(scope="session")
+def joint_signals(joint_positions):
+    """What each kind of term multiplies at every joint, by definition; kinds to (N, nv)."""
+
+    def signals(robot, motion):
+        v, q = motion.velocities, joint_positions(robot, motion.configurations)
+        return {
+            "Ia": motion.accelerations,
+            "Fc": np.sign(v),
+            "Fc+": np.where(v > 0, 1.0, 0.0),
+            "Fc-": np.where(v < 0, -1.0, 0.0),
+            "Fc~0.7": np.tanh(v / 0.7),
+            "Fv": v,
+            "Fo": np.ones_like(v),
+            "Ks": q,
+            "Ks2": q * q,
+            "Ks3": q * q * q,
+            "Ks@0.25": np.where(q > 0.25, q - 0.25, 0.0),
+        }
+
+    return signals
+
+
+@pytest.fixture(scope="session")
 def all_velocities():
     """Velocities of all coordinates (N, nv) from those of the actuated ones."""
 

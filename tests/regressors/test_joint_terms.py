@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
+from closure_robots import body, joint, urdf
 from loopid import (
     JointTerms,
     Observation,
+    ParameterSet,
     closed_motion,
     dynamic_regressor,
     find_base_parameters,
+    load_mechanism,
     random_configurations,
+    structural_observation,
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
@@ -21,32 +25,24 @@ def motion(moving):
     return closed_motion(*moving)
 
 
-def all_terms(robot, **options):
-    return JointTerms(robot.joints, tuple(JOINT_TERMS), **options)
-
-
-@pytest.fixture
-def signals(moving, motion, joint_positions):
-    """What the kinds multiply at each joint, by definition; (N, nv, kinds)."""
-    v, a, q = motion.velocities, motion.accelerations, motion.configurations
-    return np.stack([a, np.sign(v), v, np.ones_like(v), joint_positions(moving[0], q)], axis=2)
-
-
-def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion, signals):
+def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion, joint_signals):
     robot, _, rates, _ = moving
-    terms = all_terms(robot)
+    signals = joint_signals(robot, motion)
+    terms = JointTerms(robot.joints, tuple(signals))
     phi = np.random.default_rng(1).normal(size=len(terms.parameters(robot)))
     forces = terms.columns(robot, motion) @ phi
-    in_joints = np.einsum("njk,jk->nj", signals, phi.reshape(-1, len(JOINT_TERMS)))
+    each = np.stack(list(signals.values()), axis=2)
+    in_joints = np.einsum("njk,jk->nj", each, phi.reshape(-1, len(signals)))
     lost = np.einsum("nj,nj->n", in_joints, motion.velocities)
     np.testing.assert_allclose(np.einsum("ni,ni->n", forces, rates), lost, rtol=1e-9)
 
 
-def test_an_actuated_joint_feels_its_own_terms_only(moving, motion, signals):
-    robot = moving[0]
-    for row, joint in enumerate(robot.actuated):
-        columns = JointTerms((joint,), tuple(JOINT_TERMS)).columns(robot, motion)
-        own = signals[:, robot.velocity_indices([joint])[0]]
+def test_an_actuated_joint_feels_its_own_terms_only(moving, motion, joint_signals):
+    robot, signals = moving[0], joint_signals(moving[0], motion)
+    for row, name in enumerate(robot.actuated):
+        columns = JointTerms((name,), tuple(signals)).columns(robot, motion)
+        (index,) = robot.velocity_indices([name])
+        own = np.stack([signal[:, index] for signal in signals.values()], axis=1)
         np.testing.assert_allclose(columns[:, row], own, atol=1e-12)
         np.testing.assert_allclose(np.delete(columns, row, axis=1), 0, atol=1e-12)
 
@@ -117,8 +113,7 @@ def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
         name = "drag"
         units = ("N s²/m²", "N m s²/rad²")
 
-        @staticmethod
-        def signal(joint, terms, math):
+        def signal(self, joint, terms, math):
             return joint.rate * math.fabs(joint.rate)
 
     monkeypatch.setitem(JOINT_TERMS, "Fq", Quadratic)
@@ -154,6 +149,64 @@ def test_choices_of_terms_are_words(knee, choice, kinds):
     assert terms == (None if kinds is None else JointTerms(knee.actuated, kinds))
 
 
-def test_an_unknown_word_of_a_choice_is_refused(knee):
-    with pytest.raises(OptionError, match=r"unknown joint term 'Fq': choose one of Ia, .*, file"):
-        JointTerms.of(knee, "Fc,Fq")
+@pytest.mark.parametrize(
+    "choice",
+    [
+        "Fc,Fv",
+        "Fc+,Fc-,Fo; passive: Fv",
+        "Ia; right_crank_joint: Ks3,Ks2,Ks,Fo; left_coupler_joint: Ks@-0.2,Fc~1e-05",
+    ],
+)
+def test_choices_are_written_as_they_are_read(load_once, choice):
+    robot = load_once("five_bar")
+    terms = JointTerms.of(robot, choice)
+    assert terms.choice(robot) == choice
+    names = terms.parameters(robot)
+    assert ParameterSet.from_labels(names.labels) == names
+
+
+def test_later_parts_of_a_choice_add_to_joints_that_they_name(load_once):
+    robot = load_once("five_bar")
+    terms = JointTerms.of(robot, "Fv; *_crank*: Fc; left*: Fo; passive: none")
+    assert terms.of_joints == {
+        "left_crank_joint": ("Fv", "Fc", "Fo"),
+        "right_crank_joint": ("Fv", "Fc"),
+        "left_coupler_joint": ("Fo",),
+    }
+    values = JointTerms.with_values(robot, "Fv=2; left_crank_joint: Ks=3; passive: Fv=0.5")
+    assert dict(zip(values[0].parameters(robot).labels, values[1], strict=True)) == {
+        "left_crank_joint.Fv": 2.0,
+        "left_crank_joint.Ks": 3.0,
+        "left_crank_joint.Fo": 0.0,
+        "right_crank_joint.Fv": 2.0,
+        "left_coupler_joint.Fv": 0.5,
+        "right_coupler_joint.Fv": 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ("Fc,Fq", r"unknown joint term 'Fq': choose one of Ia, .*, file, none"),
+        ("elbow: Fc", r"unknown joint 'elbow': choose one of leg1_.*, passive"),
+        ("Ks@up", "joint term 'Ks@up' needs a position after @, not 'up'"),
+        ("Fc~0", "joint term 'Fc~0' needs a rate above 0 after ~, not '0'"),
+    ],
+)
+def test_unknown_words_of_a_choice_are_refused(knee, choice, words):
+    with pytest.raises(OptionError, match=words):
+        JointTerms.of(knee, choice)
+
+
+def test_terms_that_no_force_tells_apart_are_folded(knee, tmp_path):
+    """A constant force with friction by direction, and with the weight of a vertical slide."""
+    terms = JointTerms(knee.actuated[:1], ("Fc+", "Fc-", "Fo"))
+    found = find_base_parameters(structural_observation(knee, joint_terms=terms))
+    folded = [set(each) for each in found.terms if any("stroke" in label for label in each)]
+    assert sorted(map(len, folded)) == [2, 2]
+    slide = joint("lift", "ground", "load", axis=(0, 0, 1), kind="prismatic")
+    (tmp_path / "lift.urdf").write_text(urdf(body("load"), slide))
+    lift = load_mechanism(tmp_path / "lift.urdf")
+    observation = structural_observation(lift, joint_terms=JointTerms(("lift",), ("Ks",)))
+    base = find_base_parameters(observation)
+    assert [set(each) for each in base.terms] == [{"load.m", "lift.Fo"}, {"lift.Ks"}]

@@ -10,12 +10,12 @@ import pytest
 from rich.console import Console
 from ruamel.yaml import YAML
 
-from loopid.report import (
+from loopid.report.identify import (
+    findings,
     identification_files,
     identification_record,
     identification_tables,
 )
-from loopid.report.identify import findings
 from loopid.saved import SavedFit
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")

@@ -14,8 +14,14 @@ from linkages import rssr
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import expression
 from loopid.errors import MobilityWarning
-from loopid.report import base_record, base_tables, check_record, motions_record, motions_tables
-from loopid.report.structure import certificate
+from loopid.report.structure import (
+    base_record,
+    base_tables,
+    certificate,
+    check_record,
+    motions_record,
+    motions_tables,
+)
 from loopid.trajectories import JointRange, MotionReview
 
 REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 from loopid.errors import one_line
-from loopid.report import identification_tables, json_text, markdown_table, plain_table
+from loopid.report.identify import identification_tables
+from loopid.report.tables import json_text, markdown_table, plain_table
 
 
 def parsed(text):

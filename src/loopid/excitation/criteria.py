@@ -21,7 +21,7 @@ Criterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]
 # Exponent of the norms of eigenvalues that stand for the largest and the least one, which have no
 # slope where two of them meet.
 SHARPNESS = 24.0
-# Eigenvalues below this part of the largest are round-off of M.
+# Eigenvalues below this part of the largest are round-off of M; so are columns of K below it.
 ROUND_OFF = 1e-15
 
 
@@ -31,9 +31,15 @@ def spectrum(M: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.maximum(values, ROUND_OFF * max(float(values[-1]), 1e-300)), vectors
 
 
+def sizes(M: FloatArray) -> FloatArray:
+    """Lengths (n,) of the columns of K that are more than round-off of the longest."""
+    squares = np.diag(M)
+    return np.asarray(np.sqrt(np.maximum(squares, max(ROUND_OFF**2 * squares.max(), 1e-300))))
+
+
 def determinant(M: FloatArray) -> tuple[float, FloatArray]:
     """D: -log det M, the volume of the confidence ellipsoid; the same in any units."""
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    size = sizes(M)
     values, vectors = spectrum(M / np.outer(size, size))
     inverse = (vectors / values) @ vectors.T / np.outer(size, size)
     return -float(np.log(values).sum() + 2 * np.log(size).sum()), -inverse
@@ -80,7 +86,7 @@ class OfCombinations:
 
     def __call__(self, M: FloatArray) -> tuple[float, FloatArray]:
         """The criterion and its slope."""
-        size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+        size = sizes(M)
         values, vectors = spectrum(M / np.outer(size, size))
         half = (self.rows / size) @ vectors / np.sqrt(values)  # S M⁻¹ Sᵀ = half halfᵀ
         back = (vectors / np.sqrt(values)) / size[:, None]

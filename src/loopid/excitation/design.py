@@ -13,7 +13,7 @@ import scipy.linalg
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
-from loopid.errors import OptionError, SingularityWarning
+from loopid.errors import ExcitationWarning, OptionError, SingularityWarning, warn
 from loopid.excitation.check import Check, check_motion
 from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
@@ -30,7 +30,7 @@ from loopid.logs import Recording
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.regressors import JointTerms
-from loopid.robot import Mechanism, lock_options
+from loopid.robot import Mechanism, lock_options, shortened
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
 from loopid.workers import one_blas_thread
@@ -52,6 +52,8 @@ DEPENDENT = 1e-9
 # Relative singular values of an observation that count as zero, and the part of a parameter that
 # may lie there.
 UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
+# Bounds that a warning names.
+NAMED_BOUNDS = 3
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
 
@@ -189,7 +191,7 @@ def design_excitation(
     after : sequence of Recording
         What there is already: the motion adds to it.
     parameters : sequence of str
-        Leading labels of the combinations to light up; all by default.
+        Leading labels of the combinations to excite; all by default.
     payload : str, optional
         The link whose parameters alone are unknown, all others being known.
     rate : float
@@ -259,7 +261,7 @@ def design_excitation(
             force_model=force_model,
             coordinates=Coordinates(force_model, names),
             shape=made,
-            bounds=Bounds(mechanism, limits, least, slow, collisions),
+            bounds=Bounds(mechanism, limits, least, slow, collisions, configurations),
             criterion=_criterion(criterion, parameters, unknown, force_model),
             noise=deviations,
             basis=basis,
@@ -283,6 +285,8 @@ def design_excitation(
             old = _run(problem, made.motion(problem.coordinates.names, first, rate))[-1]
         scales = np.where((size_of := np.linalg.norm(factor, axis=0)) > 0, size_of, 1.0)
         start, waypoints = made.waypoints(X)
+        errors = standard_errors(factor)
+        _warn_of_unexcited(problem, unknown, errors, checks)
         return ExcitationDesign(
             force_model=force_model,
             parameters=unknown,
@@ -295,7 +299,7 @@ def design_excitation(
             waypoints=tuple(waypoints),
             criterion=criterion,
             criteria=criteria,
-            standard_errors=frozen(standard_errors(factor)),
+            standard_errors=frozen(errors),
             errors_before=frozen(standard_errors(old)),
             spectrum=frozen(np.linalg.svd(factor / scales, compute_uv=False)),
             spectrum_before=frozen(np.linalg.svd(old / scales, compute_uv=False)),
@@ -346,6 +350,25 @@ def standard_errors(factor: FloatArray) -> FloatArray:
     spread = np.sqrt(((right[excited] / values[excited, None]) ** 2).sum(axis=0)) / scale
     unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
     return np.asarray(np.where(unexcited, np.inf, spread))
+
+
+def _warn_of_unexcited(
+    problem: Problem, unknown: ParameterSet, errors: FloatArray, checks: Sequence[Check]
+) -> None:
+    """Name what was asked for and no motion was found for, and the bounds that are in the way."""
+    missing = ~np.isfinite(errors)
+    if isinstance(problem.criterion, OfCombinations):
+        missing &= np.any(problem.criterion.rows, axis=0)
+    labels = [unknown.labels[j] for j in np.flatnonzero(missing)]
+    if labels:
+        near = sorted(checks, key=lambda check: -check.used)[:NAMED_BOUNDS]
+        bounds = ", ".join(f"{check.name} ({check.used:.0%})" for check in near)
+        warn(
+            f"the motion of {problem.force_model.mechanism.name} does not excite "
+            f"{shortened(labels)}: the bounds that it uses most are {bounds}; widen them, or lock "
+            "what cannot move",
+            ExcitationWarning,
+        )
 
 
 def _refuse(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,17 +17,20 @@ from loopid.kinematics import (
     frame_poses,
     partition,
     platform_coordinates,
+    project,
     scaled_constraint,
 )
 from loopid.robot import ROTATIONS, Mechanism
 
-# Turns, or characteristic lengths, beyond which a limit of the robot file is none.
+# Turns, characteristic lengths or weights beyond which a limit of the robot file is none.
 UNLIMITED = 1e3
 # Largest speeds and accelerations of slow motions, where nothing else is said, in those of a fall
 # over the robot's length: inertial forces are some percent of gravity's.
 SLOW_SPEED, SLOW_ACCELERATION = 0.1, 0.03
 # Singularity measures change fast between samples: they count in so many times what they must keep.
 STEEP = 10.0
+# Relative singular values of what motors move that count as zero.
+MOVED = 1e-6
 # Of the robot's length: what links must keep from each other.
 CLEARANCE = 1e-3
 
@@ -144,6 +147,8 @@ class Bounds:
     ----------
     slow : bool
         Whether speeds and accelerations are to be so small that the forces are those of gravity.
+    poses : FloatArray
+        (N, nq), some of all over the workspace.
     """
 
     def __init__(
@@ -153,6 +158,7 @@ class Bounds:
         singularity: float,
         slow: bool,
         collisions: Collisions | None,
+        poses: FloatArray,
     ) -> None:
         self.mechanism = mechanism
         self.all: list[Bound] = []
@@ -177,11 +183,13 @@ class Bounds:
         gravity = float(np.linalg.norm(model.gravity.linear)) or 1.0
         rate = np.sqrt(gravity / mechanism.length)
         fall = {n: rate * (mechanism.length if sliding[n] else 1.0) for n in single}
-        effort = model.effortLimit
-        force = {
-            name: largest(limits.forces, name, float(effort[index]), share)
-            for name, index in indices.items()
-        }
+        weight = gravity * sum(inertia.mass for inertia in model.inertias) or np.inf
+        force = {}
+        for name, index in indices.items():
+            effort = float(model.effortLimit[index])
+            lever = 1.0 if sliding[name] else mechanism.length
+            file = effort if effort < UNLIMITED * weight * lever else 0.0
+            force[name] = largest(limits.forces, name, file, share)
         bounded = all(np.isfinite(force.get(name, np.inf)) for name in mechanism.actuated)
         self._v: list[int] = []
         self._a: list[int] = []
@@ -234,6 +242,9 @@ class Bounds:
             self._add("platform coordinate", name, "rad" if turns else "m", low, high)
             self._x.append(at)
         self.loops = bool(mechanism.closures)  # couplings alone have no singularities
+        if self.loops:  # motors behind the loops move none of their frames
+            values = np.linalg.svd(self._twists(poses, project(mechanism, poses).G))[1]
+            self.directions = int((values > MOVED * values[:, :1]).sum(axis=1).max())
         self.collisions = collisions if collisions is not None and collisions.pairs else None
         if self.collisions is not None:
             size = FAR * mechanism.length
@@ -290,24 +301,33 @@ class Bounds:
             parts.append(self.collisions.least(q)[:, None])
         if self.loops:
             G, columns = motion.projection.G[:count], motion.projection.dependent_columns[:count]
-            parts += [_ratio(columns, columns.shape[2]), self._inverse(q, G)]
+            inverse = _ratio(self._twists(q, G), self.directions)
+            parts += [_ratio(columns, columns.shape[2]), inverse]
             if all_bounds:
                 whole = scaled_constraint(mechanism, q)[1]
                 parts.append(_ratio(whole, G.shape[1] - G.shape[2]))
         return np.concatenate(parts, axis=1)
 
-    def _inverse(self, q: FloatArray, G: FloatArray) -> FloatArray:
-        """How near (N, 1) the motors are to moving nothing: the platform, or the closed frames."""
+    def _twists(self, q: FloatArray, G: FloatArray) -> FloatArray:
+        """Twists (N, k, dof) of the platform, or of the closed frames, that the motors make."""
         mechanism = self.mechanism
+        platform, (ids, supports) = mechanism.platform, mechanism.closure_frames
+        if platform is not None:
+            ids, supports = (platform.frame_id,), mechanism.supports([platform.frame_id])
+        frames = frame_poses(mechanism, q, ids, supports)
+        twists = np.concatenate([frames.linear, mechanism.length * frames.angular], axis=2)
         units = mechanism.coordinate_scales[partition(mechanism)[0]]
-        if mechanism.platform is not None:
-            frame = frame_poses(mechanism, q, [mechanism.platform.frame_id])
-            twist = np.concatenate([frame.linear[:, 0], mechanism.length * frame.angular[:, 0]], 1)
-        else:
-            ids, supports = mechanism.closure_frames
-            frame = frame_poses(mechanism, q, ids, supports)
-            twist = frame.linear.reshape(len(q), -1, G.shape[1])
-        return _ratio(twist @ G * units, G.shape[2])
+        return np.asarray(twists.reshape(len(q), -1, G.shape[1]) @ G * units)
+
+    def ranges(self, names: Sequence[str], inset: float) -> tuple[FloatArray, FloatArray]:
+        """Ends (c,) of joints or platform coordinates, this part of their width further in."""
+        low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+        for bound in self.all:
+            if bound.kind in ("position", "platform coordinate") and bound.name in names:
+                k = list(names).index(bound.name)
+                low[k] = bound.lower + inset * bound.scale
+                high[k] = bound.upper - inset * bound.scale
+        return low, high
 
     def slack(self, values: FloatArray) -> FloatArray:
         """What is left to the nearer end (..., k), in scales; negative outside."""

@@ -86,6 +86,9 @@ def find_poses(problem: Problem, configurations: FloatArray, seed: int) -> Poses
     q = np.concatenate([space.mechanism.reference[None], configurations])
     x = measured.read(q)
     reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * space.units)
+    # Random poses miss narrow ranges, which their nearest ends may keep.
+    low, high = problem.bounds.ranges(space.names, 2 * problem.inset)
+    x = np.concatenate([x, np.clip(x, low, high)])
     slack, q = slacks(problem, x)
     tried, nearest = len(x), slack.max(axis=0)
     step = 0.3

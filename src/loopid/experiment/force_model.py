@@ -13,7 +13,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification import FitProblem, FitSamples, Prior
 from loopid.kinematics import closed_motion, random_configurations, random_motions
 from loopid.logs import Recording
@@ -203,6 +203,11 @@ def find_force_model(
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
 
+    Warns
+    -----
+    ModelWarning
+        Of forces of the robot file that are left out, and of joint terms that no motor feels.
+
     Examples
     --------
     >>> import loopid
@@ -215,7 +220,16 @@ def find_force_model(
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
     )
-    return ForceModel(mechanism, model, joint_terms, find_base_parameters(observation, search))
+    base = find_base_parameters(observation, search)
+    felt = {base.parameters.labels[j] for j in base.structure.columns}
+    idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
+    if idle:
+        warn(
+            f"no motor of {mechanism.name} feels {', '.join(idle)} in any pose: the model is "
+            "without them",
+            ModelWarning,
+        )
+    return ForceModel(mechanism, model, joint_terms, base)
 
 
 @checked
@@ -284,7 +298,7 @@ def _joint_sizes(force_model: ForceModel) -> FloatArray:
     names = force_model.base.parameters.parameters[-len(sizes) :] if len(sizes) else ()
     for j, name in enumerate(names):
         # The constant part of a spring is that of an unknown position where it is slack.
-        stiffness = mechanism.joint_values.get(name.link, {}).get("Ks", 0.0)
+        stiffness = np.nan_to_num(mechanism.joint_values.get(name.link, {}).get("Ks", 0.0))
         if name.kind == "Fo" and stiffness:
             (unit,) = mechanism.coordinate_scales[mechanism.velocity_indices([name.link])]
             sizes[j] = max(np.nan_to_num(sizes[j]), abs(stiffness) * unit)

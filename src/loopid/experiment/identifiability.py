@@ -344,8 +344,7 @@ def _design_command(force_model: ForceModel) -> str:
     mechanism, terms = force_model.mechanism, force_model.joint_terms
     words = ["loopid excite", quote(str(mechanism.path)), "--out DIR --model", force_model.model]
     if terms is not None:
-        kinds = dict.fromkeys(kind for each in terms.of_joints.values() for kind in each)
-        words += ["--terms", ",".join(kinds)]
+        words += ["--terms", quote(terms.choice(mechanism))]
     for option, value in mechanism.options.items():
         name = "--" + option.replace("_", "-")
         joints = [value] if isinstance(value, str) else value

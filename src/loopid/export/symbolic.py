@@ -25,7 +25,7 @@ from loopid.experiment import ForceModel
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors import JointTerms
-from loopid.robot import JOINT_TERMS, JointState, Mechanism, SymbolicPose, tie_indices
+from loopid.robot import JointState, Mechanism, SymbolicPose, joint_term, tie_indices
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 OPTIONS: dict[str, Any] = {
@@ -134,7 +134,7 @@ def _joint_term(
     if parameter.link in mechanism.joints:
         joint = mechanism.joint(parameter.link)
         position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
-    term, at = JOINT_TERMS[parameter.kind], JointState(position, v[index], a[index])
+    term, at = joint_term(parameter.kind), JointState(position, v[index], a[index])
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 
 

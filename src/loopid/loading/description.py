@@ -7,7 +7,7 @@ say some of it themselves fill in the same description, and the YAML has the las
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.closures import COUPLING, ClosureDescription, FrameKind
-from loopid.robot import JOINT_TERMS
+from loopid.robot import joint_term
 from loopid.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")
@@ -34,8 +34,7 @@ JointType = Annotated[
 
 
 def _known_term(kind: object) -> object:
-    if kind not in JOINT_TERMS:
-        raise ValueError(f"unknown joint term {kind!r:.60}: choose among {', '.join(JOINT_TERMS)}")
+    joint_term(str(kind))
     return kind
 
 
@@ -82,9 +81,8 @@ class Description(Section):
     rounding: float | None = Field(default=None, ge=0, le=1e-2)
     snap: bool = False
     margin: float | None = Field(default=None, ge=0, lt=1)
-    rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
-    joint_terms: dict[str, dict[JointKind, float]] = Field(default={})
+    joint_terms: Mapping[str, Mapping[JointKind, float | None]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
 
@@ -159,7 +157,7 @@ def merged(file: Path, own: Description, given: Description) -> Description:
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
         "reference": own.reference | given.reference,
         "joint_terms": {
-            joint: own.joint_terms.get(joint, {}) | given.joint_terms.get(joint, {})
+            joint: {**own.joint_terms.get(joint, {}), **given.joint_terms.get(joint, {})}
             for joint in (*own.joint_terms, *given.joint_terms)
         },
     }

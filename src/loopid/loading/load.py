@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan, nan
 from pathlib import Path
 
 import pinocchio as pin
@@ -36,13 +37,13 @@ from loopid.loading.tree import (
 )
 from loopid.loading.urdf_dialects import read_urdf
 from loopid.robot import (
-    JOINT_TERMS,
     RANK_TOLERANCE,
     Body,
     LinkGroup,
     Mechanism,
     Platform,
     inertia_defects,
+    joint_term,
     link_frames,
     odd_masses,
     unequal_links,
@@ -138,7 +139,6 @@ ModelWarning
         identical=_identical(file, model, description, bodies),
         tied=tied,
         closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
-        rank_tolerance=description.rank_tolerance,
         margin=description.margin,
         left_out=tree.left_out,
         options={
@@ -240,12 +240,16 @@ def _joint_values(
     description: Description,
     locked: Mapping[str, float | None],
 ) -> dict[str, dict[str, float]]:
-    """What the files give of terms, by coordinate; joints that are locked or replaced have none."""
+    """What the files give of terms, by coordinate; joints that are locked or replaced have none.
+
+    NaN for what is there with an unknown value.
+    """
     found: dict[str, dict[str, float]] = {}
     for name, values in description.joint_terms.items():
-        given = {kind: value for kind, value in values.items() if value}
-        if any("Fo" in JOINT_TERMS[kind].beside for kind in given):
-            given = {"Fo": 0.0} | given  # a spring that is slack at zero
+        given = {k: nan if value is None else value for k, value in values.items() if value != 0}
+        for kind, value in list(given.items()):  # a spring that is slack at zero
+            for part in joint_term(kind).beside:
+                given.setdefault(part, nan if isnan(value) else 0.0)
         if name in mechanism.joints:
             coordinates = mechanism.coordinates_of([name])
         elif name in mechanism.coordinates:
@@ -264,8 +268,9 @@ def _joint_values(
                 f"{', '.join(mechanism.coordinates)}"
             )
         for kind in given:
-            turning = JOINT_TERMS[kind].needs_position and name not in mechanism.joints
-            if turning or (kind in ("Ks", "Fo") and len(coordinates) > 1):
+            positional = joint_term(kind).needs_position
+            turning = positional and name not in mechanism.joints
+            if turning or ((positional or kind == "Fo") and len(coordinates) > 1):
                 raise RobotFileError(
                     f"{mechanism.path}: joint_terms: {kind} needs a joint with one coordinate, "
                     f"which {name} is not: choose among Ia, Fc, Fv"

@@ -100,6 +100,17 @@ class LogFormat(ABC):
         """Some columns of a stream that share their rows; a LogError when they cannot be read."""
 
 
+def rows_between(batches: Iterable[Batch], first: float, last: float) -> Iterator[Batch]:
+    """The rows from one number to another."""
+    for cells, rows, garbled, cut_off in batches:
+        inside = (rows >= first) & (rows <= last)
+        garbled = garbled[(garbled >= first) & (garbled <= last)]
+        end = cut_off if cut_off is not None and cut_off <= last else None
+        yield Batch(cells.filter(inside), rows[inside], garbled, end)
+        if len(rows) and rows[-1] >= last:
+            return
+
+
 def stream_name(path: Path) -> str:
     """Name of the stream in a file: the file's name without its endings."""
     name = path.name
@@ -171,7 +182,7 @@ class Header(NamedTuple):
 
 
 class TextFormat(LogFormat):
-    """One table of text: a header, then one sample a line; packed with gzip or not."""
+    """One table of text: a header if any, then one sample a line; packed with gzip or not."""
 
     name = "csv"
     endings = (*TEXT_ENDINGS, *(f"{ending}{PACKED}" for ending in TEXT_ENDINGS))
@@ -258,31 +269,33 @@ class FolderFormat(TextFormat):
 
 
 def read_header(path: Path) -> Header:
-    """The first line that is no comment or, above bare numbers, the last comment."""
-    first = found = None
+    """The first line that is no comment or, above bare numbers, the last comment.
+
+    A comment with another number of cells names no columns: then they are called 1, 2, 3.
+    """
+    comment, first = "", None
     with closing(text_blocks(path)) as blocks:
         for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             line = data.decode("utf-8", "replace").rstrip("\r\n")
             line = line.removeprefix("\ufeff") if row == 1 else line
             if row > LONGEST_HEADER:
                 raise LogError(f"{path} has no samples in its first {LONGEST_HEADER:,} rows")
-            if not line.strip():
-                continue
-            first = first or (row, line)
-            comment = line.startswith(COMMENT)
-            if comment or not _is_sample(line):
-                found = row, line.lstrip(COMMENT).strip()
-            if not comment:
+            if not line.replace("\t", " ").isprintable():
+                raise LogError(f"{path} is no text: row {row} is {line!r:.60}")
+            if line.startswith(COMMENT):
+                comment = line.lstrip(COMMENT).strip()
+            elif line.strip():
+                first = row, line
                 break
     if first is None:
-        raise LogError(f"{path} is empty")
-    if found is None:
-        raise LogError(f"{path} has no header: row {first[0]} holds numbers, {first[1]!r:.60}")
-    row, text = found
-    if not text.replace("\t", " ").isprintable():
-        raise LogError(f"{path} is no text: its first row is {text!r:.60}")
+        raise LogError(f"{path} is empty{', but for comments' if comment else ''}")
+    row, text = first
     separator = _separator(text)
-    names = [name.strip(AROUND_CELLS) for name in text.split(separator)]
+    names = text.split(separator)
+    if _are_numbers(text, separator):
+        row, named = row - 1, comment.split(_separator(comment))
+        names = named if len(named) == len(names) else [str(k + 1) for k in range(len(names))]
+    names = [name.strip(AROUND_CELLS) for name in names]
     if len(names) > MOST_COLUMNS:
         raise LogError(f"{path} has {len(names):,} columns (at most {MOST_COLUMNS:,} are read)")
     repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
@@ -291,13 +304,15 @@ def read_header(path: Path) -> Header:
     return Header(tuple(names), separator, row)
 
 
-def _separator(header: str) -> str | None:
-    return max(SEPARATORS, key=lambda separator: len(header.strip().split(separator)))
+def _separator(line: str) -> str | None:
+    """What splits a line into most cells; into numbers, where one does."""
+    line = line.strip()
+    numbers = [one for one in SEPARATORS if _are_numbers(line, one)]
+    return max(numbers or SEPARATORS, key=lambda separator: len(line.split(separator)))
 
 
-def _is_sample(line: str) -> bool:
+def _are_numbers(line: str, separator: str | None) -> bool:
     """Whether all cells of a line are numbers or empty."""
-    separator = _separator(line)
     line = line if separator == "," else line.replace(",", ".")
     cells = [cell.strip(AROUND_CELLS) for cell in line.split(separator)]
     return any(cells) and all(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +18,26 @@ from loopid.errors import DataError, LogError, MissingFileError, OptionError
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
 from loopid.logs.formats import (
+    Batch,
     FolderFormat,
     Hdf5Format,
     LogFormat,
     NpzFormat,
     ParquetFormat,
     TextFormat,
+    rows_between,
     stream_name,
 )
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
-from loopid.logs.streams import Dropped, Stream, align, check_moving, checked_stream, make_stream
+from loopid.logs.streams import (
+    Dropped,
+    Stream,
+    align,
+    check_moving,
+    checked_stream,
+    make_stream,
+    on_joints,
+)
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
@@ -114,7 +126,10 @@ class Log:
 
 @checked
 def read_log(
-    path: str | Path, mechanism: Mechanism, mapping: LogMapping | str | Path | None = None
+    path: str | Path,
+    mechanism: Mechanism,
+    mapping: LogMapping | str | Path | None = None,
+    rows: tuple[int, int | None] | None = None,
 ) -> Log:
     """Read the positions and forces of the motors.
 
@@ -127,6 +142,9 @@ def read_log(
     mechanism : Mechanism
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
+    rows : tuple of int, optional
+        First and last row (None for the end) to be read, as messages count them: as if there were
+        no others. In a log of several streams, of that with the first position.
 
     Returns
     -------
@@ -140,7 +158,7 @@ def read_log(
     MissingExtraError
         When the library that reads the format is not installed.
     OptionError
-        When the motors do not tell where the robot is.
+        When the motors do not tell where the robot is, or no row is within ``rows``.
     LogError
         When it is no log of this robot: unreadable, columns not found, times that do not increase,
         too many bad rows, the wrong unit, nothing that moves.
@@ -176,7 +194,11 @@ def read_log(
         raise LogError(f"log {place} {reason}")
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
-    streams = [checked_stream(mechanism, stream) for stream in read_streams(place, joints, mapping)]
+    first, last = rows or (1, None)
+    if first < 1 or (last is not None and last < first):
+        raise OptionError(f"rows must be counted from 1, the first before the last, not {rows}")
+    found = read_streams(place, joints, mapping, None if rows is None else (first, last))
+    streams = [checked_stream(mechanism, stream) for stream in found]
     check_moving(streams)
     saturation = None
     if mapping.saturation is not None:
@@ -185,8 +207,16 @@ def read_log(
     return Log(name, joints, *aligned, saturation, mapping.idle_speed)
 
 
-def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> list[Stream]:
-    """The streams that hold positions or forces, that of the first position first."""
+def read_streams(
+    path: Path,
+    joints: tuple[str, ...],
+    mapping: LogMapping,
+    rows: tuple[int, int | None] | None = None,
+) -> list[Stream]:
+    """The streams that hold positions or forces, that of the first position first.
+
+    Of that one, only ``rows`` are read, from first to last.
+    """
     for known in FORMATS:
         if known.name == mapping.format or (mapping.format is None and known.accepts(path)):
             break
@@ -204,13 +234,20 @@ def read_streams(path: Path, joints: tuple[str, ...], mapping: LogMapping) -> li
             )
     log = known(path, getattr(mapping, known.choice) if known.choice else None)
     finder = ColumnFinder(str(path), log.columns(), known, mapping)
-    streams = []
-    for name, channels in finder.channels(joints).items():
+    streams: list[Stream] = []
+    for name, channels in finder.channels(mapping.measured(str(path), joints)).items():
         time = finder.time(name)
         for columns in log.together(name, [channel.column for channel in channels]):
             here = tuple(channel for channel in channels if channel.column in columns)
+            source = log.source(name)
             with closing(log.batches(name, [*time.names, *columns])) as batches:
-                streams.append(make_stream(log.source(name), batches, time, here))
+                chosen: Iterable[Batch] = batches
+                if rows is not None and not streams:
+                    first, last = rows
+                    source = f"{source}[{first}:{'' if last is None else last}]"
+                    chosen = rows_between(batches, first, inf if last is None else last)
+                stream = make_stream(source, chosen, time, here)
+            streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
 

@@ -31,6 +31,8 @@ WITH_NUMBER = {
 }
 # Columns that a message lists.
 MOST_LISTED = 30
+# Condition number from which a joint map is no true one.
+LARGEST_CONDITION = 1e6
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -70,6 +72,34 @@ class StreamColumns(Section):
         return self
 
 
+class JointMap(Section):
+    """Motors that move joints together, as in a differential: q_joints = matrix q_motors.
+
+    Their power is the same, so that forces of the joints are the inverse transpose times those of
+    the motors.
+    """
+
+    joints: list[str] = Field(min_length=1)
+    motors: list[str]
+    matrix: list[list[float]]
+
+    @model_validator(mode="after")
+    def _invertible(self) -> JointMap:
+        count = len(self.joints)
+        sizes = {len(self.motors), len(self.matrix), *map(len, self.matrix)}
+        if sizes != {count} or len(set(self.joints)) < count or len(set(self.motors)) < count:
+            raise ValueError(
+                f"{count} joints take as many motors, and a matrix with a row for each joint and a "
+                "column for each motor"
+            )
+        if not np.linalg.cond(self.matrix) < LARGEST_CONDITION:
+            raise ValueError(
+                f"the matrix must be invertible, with a condition number of at most "
+                f"{LARGEST_CONDITION:g}"
+            )
+        return self
+
+
 def _columns_tag(value: Any) -> str:
     listed = isinstance(value, StreamColumns)
     listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
@@ -93,6 +123,7 @@ class LogMapping(Section):
     All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
     ``stream:column``, or list the columns in the order of the motors. Values times the scale, plus
     the offset, are in m or rad, and N or N m; numbers hold for all joints, or are given by joint.
+    In all of them, the motors of ``joint_maps`` stand for the joints that they move.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
 
     Raises
@@ -113,6 +144,7 @@ class LogMapping(Section):
     force_offset: OneOrEach[Finite] = 0.0
     saturation: OneOrEach[Positive] | None = None
     idle_speed: Positive | None = None
+    joint_maps: list[JointMap] = Field(default_factory=list)
 
     def __init__(self, **content: Any) -> None:
         try:
@@ -130,6 +162,28 @@ class LogMapping(Section):
             if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
                 raise ValueError(f"{name} must not be 0")
         return self
+
+    @model_validator(mode="after")
+    def _maps_are_apart(self) -> LogMapping:
+        for kind in ("joints", "motors"):
+            names = [name for one in self.joint_maps for name in getattr(one, kind)]
+            if len(set(names)) < len(names):
+                raise ValueError(f"joint_maps: {kind} must not be in two maps")
+        if self.joint_maps and self.saturation is not None:
+            raise ValueError("saturation is of single joints: leave it out beside joint_maps")
+        return self
+
+    def measured(self, source: str, joints: tuple[str, ...]) -> tuple[str, ...]:
+        """The joints, and in the places of those that motors move together these motors."""
+        motors = {j: m for a in self.joint_maps for j, m in zip(a.joints, a.motors, strict=True)}
+        names = tuple(motors.get(joint, joint) for joint in joints)
+        unknown = [joint for joint in motors if joint not in joints]
+        if unknown or len(set(names)) < len(names):
+            problem = f"name {unknown[0]!r}" if unknown else "call a motor like a joint"
+            raise LogError(
+                f"{source}: joint_maps of the mapping {problem}: the joints are {', '.join(joints)}"
+            )
+        return names
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors."""
@@ -284,6 +338,11 @@ class ColumnFinder:
             return [
                 self._find(name) for name in self.mapping.by_joint(self.source, quantity, joints)
             ]
+        if self._places and all(map(_are_numbered, self.streams.values())):
+            raise LogError(
+                f"{self.source} starts with numbers: name its columns by their numbers in a "
+                f"mapping; {self._choices()}"
+            )
         for prefix in WITH_NUMBER[quantity]:  # such as position_0
             places: list[Place] = []
             while found := self._matching([f"{prefix}_{len(places)}"]):
@@ -358,8 +417,8 @@ class ColumnFinder:
         names = [str(place) if several else place.column for place in self._places]
         more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
         listed = ", ".join(f"{name:.60}" for name in names[:MOST_LISTED])
-        unread = [stream for stream, columns in self.streams.items() if not columns]
-        ends = f" (no header in {', '.join(unread)})" if unread else ""
+        nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
+        ends = f" (no header in {', '.join(nameless)})" if nameless else ""
         return f"choose among {listed}{more}{ends}"
 
     @cached_property
@@ -373,3 +432,8 @@ class ColumnFinder:
         for place in self._places:
             found.setdefault(place.column.casefold(), []).append(place)
         return found
+
+
+def _are_numbered(names: Sequence[str]) -> bool:
+    """Whether columns have no names of their own."""
+    return list(names) == [str(k + 1) for k in range(len(names))]

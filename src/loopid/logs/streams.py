@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
-from loopid.logs.mapping import Channel, TimeColumn
+from loopid.logs.mapping import Channel, JointMap, TimeColumn
 from loopid.robot import Mechanism
 from loopid.scratch import Spool, empty_columns, mapped_rows, release_pages
 
@@ -133,7 +134,7 @@ def make_stream(
     named = ", ".join(name for name, flag in zip(names, without_number, strict=True) if flag)
     reasons = {
         f"no number in {named}": np.concatenate(bad),
-        "another number of cells than in the header": np.concatenate(garbled),
+        "another number of cells than there are columns": np.concatenate(garbled),
     }
     count = len(rows) + sum(map(len, reasons.values()))
     left_out = [(reason, numbers) for reason, numbers in reasons.items() if len(numbers)]
@@ -145,6 +146,31 @@ def make_stream(
         raise LogError(f"{source} has {len(rows)} rows of numbers: it takes at least {LEAST_ROWS}")
     signals = tuple(spool.array() for spool in values)
     return Stream(source, channels, rows.array(), stamps.array(), signals, tuple(left_out))
+
+
+def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
+    """The stream of joints that motors move together, from that of these motors."""
+    channels, signals = list(stream.channels), list(stream.values)
+    for one in maps:
+        matrix = np.array(one.matrix)
+        for quantity, factors in {"position": matrix, "force": np.linalg.inv(matrix).T}.items():
+            places = {c.joint: k for k, c in enumerate(stream.channels) if c.quantity == quantity}
+            here = [places[motor] for motor in one.motors if motor in places]
+            if here and len(here) < len(one.motors):
+                raise LogError(
+                    f"{stream.source} has the {quantity} of {stream.channels[here[0]].joint}, but "
+                    f"not of all motors that move {', '.join(one.joints)}: they must have the same "
+                    "time stamps"
+                )
+            for place, joint, row in zip(here, one.joints, factors, strict=bool(here)):
+                channels[place] = channels[place]._replace(joint=joint)
+                parts = [(factor, stream.values[k]) for factor, k in zip(row, here, strict=True)]
+                signals[place] = mapped_rows(partial(_sum, parts), len(stream.rows))
+    return replace(stream, channels=tuple(channels), values=tuple(signals))
+
+
+def _sum(parts: Sequence[tuple[float, FloatArray]], rows: slice) -> FloatArray:
+    return np.asarray(sum(factor * values[rows] for factor, values in parts), dtype=np.float64)
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None:

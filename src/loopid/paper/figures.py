@@ -9,7 +9,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.paper.experiment import LIMBS, ForceShares
 from loopid.paper.reproduction import EIGHT, ActualFit, PaperReproduction, SimulatedFit
-from loopid.report import BLUE, GREY, ORANGE, RED, drawing, rendered, thinned
+from loopid.report.figures import BLUE, GREY, ORANGE, RED, drawing, rendered, thinned
 
 LIGHT_BLUE = "#9ecae1"
 FORCES = "Inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated."

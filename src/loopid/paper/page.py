@@ -32,7 +32,8 @@ from loopid.paper.structure import (
     TIMES,
     BaseComparison,
 )
-from loopid.report import markdown_table, motions_record, motions_tables, plain_table
+from loopid.report.structure import motions_record, motions_tables
+from loopid.report.tables import markdown_table, plain_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 

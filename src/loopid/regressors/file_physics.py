@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from shlex import quote
 
 import numpy as np
 
@@ -18,7 +19,14 @@ from loopid.kinematics import (
     torque_regressors,
 )
 from loopid.regressors.joint_terms import OF_FILE, JointTerms, joint_state
-from loopid.robot import JOINT_TERMS, JointState, LeftOut, Mechanism, link_frames, shortened
+from loopid.robot import (
+    JointState,
+    LeftOut,
+    Mechanism,
+    joint_term,
+    link_frames,
+    shortened,
+)
 
 SAMPLES = 60  # random states that forces are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off
@@ -92,12 +100,11 @@ def _sized(
             None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
         )
         for j, (name, value) in enumerate(zip(names, values, strict=True)):
-            law = JOINT_TERMS[name.kind]
-            parts = [j]
-            if law.beside:  # a spring counts from where it is slack
-                parts += [names.labels.index(f"{name.link}.{kind}") for kind in law.beside]
+            law, own = joint_term(name.kind), terms.of_joints[name.link]
+            # A spring counts from where it is slack.
+            parts = [j, *(names.labels.index(f"{name.link}.{kind}") for kind in law.beside)]
             force = None if columns is None else columns[..., parts].sum(axis=2)
-            parted = f"{name.link}.Ks" in names.labels and name.kind in JOINT_TERMS["Ks"].beside
+            parted = any(name.kind in joint_term(kind).beside for kind in own)
             if not (np.isnan(value) or parted):
                 what = f"{law.name} of {name.link}"
                 yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
@@ -140,7 +147,7 @@ def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> 
             motion.accelerations @ along,
         )
         signals = [
-            value * np.broadcast_to(JOINT_TERMS[kind].signal(state, JointTerms(()), np), len(q))
+            value * np.broadcast_to(joint_term(kind).signal(state, JointTerms(()), np), len(q))
             for kind, value in left.values.items()
         ]
         force += np.einsum("n,nji,j->ni", np.sum(signals, axis=0), G, along)
@@ -154,15 +161,14 @@ def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
     for joint, values in mechanism.joint_values.items():
         for kind in values:
             if kind not in chosen.get(joint, ()):
-                omitted.setdefault(f"{JOINT_TERMS[kind].name} ({kind})", []).append(joint)
+                omitted.setdefault(f"{joint_term(kind).name} ({kind})", []).append(joint)
     if not omitted:
         return
-    uniform = set(chosen.values())
-    kinds = (*uniform.pop(), OF_FILE) if len(uniform) == 1 else (OF_FILE,)
     listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
-    words = ",".join(kinds)
+    said = [] if terms is None else [terms.choice(mechanism)]
+    words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
-        f"{mechanism.path} gives {listed}, which this model leaves out: --terms {words} includes "
-        f"it, in Python JointTerms.of(robot, {words!r})",
+        f"{mechanism.path} gives {listed}, which this model leaves out: --terms {quote(words)} "
+        f"includes it, in Python JointTerms.of(robot, {words!r})",
         ModelWarning,
     )

@@ -6,7 +6,9 @@ known beforehand, and what a chosen model leaves out of them is told.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics import ClosedMotion
 from loopid.parameters import Parameter, ParameterSet
-from loopid.robot import JOINT_TERMS, JointState, Mechanism
+from loopid.robot import JointState, Mechanism, joint_term
 
-OF_FILE = "file"  # in a choice of terms: whatever the robot file gives
+# In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
+OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
 
 
 @checked_fields
@@ -31,7 +34,7 @@ class JointTerms:
     joints : tuple of str
         Joints with one coordinate, or coordinates such as ``"ball.wx"``; actuated or passive.
     kinds : tuple of str, or tuple of tuples of str
-        ``"Ia"`` drive inertia, ``"Fc"`` Coulomb and ``"Fv"`` viscous friction, ``"Fo"`` offset,
+        Of ``loopid.robot.JOINT_TERMS``, such as ``"Fc"`` Coulomb and ``"Fv"`` viscous friction or
         ``"Ks"`` spring, which brings an offset: of all joints, or one tuple for each.
     dead_zone : float
         Rate (m/s or rad/s) up to which a joint counts as standing: no Coulomb friction.
@@ -69,9 +72,8 @@ class JointTerms:
                 f"kinds must be of all joints, or one tuple for each of {len(self.joints)}, not "
                 f"{len(each)}"
             )
-        for kind in (kind for kinds in self.of_joints.values() for kind in kinds):
-            if kind not in JOINT_TERMS:
-                raise OptionError.unknown("joint term", kind, JOINT_TERMS)
+        for kind in {kind for kinds in self._own_kinds for kind in kinds}:
+            joint_term(kind)
         for name in ("dead_zone", "smoothing"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise OptionError(f"{name} must be a rate from 0 on, not {getattr(self, name)}")
@@ -84,51 +86,117 @@ class JointTerms:
         ----------
         choice : str
             Kinds of all motors with commas between, and ``file`` for what the robot file gives, of
-            motors and passive joints; or ``none``.
+            motors and passive joints; or ``none``. After semicolons more of some joints, as
+            ``elbow: Ks``: a name, a pattern such as ``leg*``, or ``passive`` for all without motor.
 
         Raises
         ------
         OptionError
-            When a word is unknown.
+            When a joint or a word is unknown.
 
         Examples
         --------
         >>> import loopid
-        >>> loopid.JointTerms.of(loopid.load_mechanism("four_bar"), "Fc,Fv,file")
-        JointTerms(joints=('crank_joint',), kinds=('Fc', 'Fv'), dead_zone=0.0, smoothing=0.0)
+        >>> robot = loopid.load_mechanism("five_bar")
+        >>> loopid.JointTerms.of(robot, "Fc,Fv,file").joints
+        ('left_crank_joint', 'right_crank_joint')
         """
-        words = [word.strip() for word in choice.split(",") if word.strip()]
-        if words in ([], ["none"]):
-            return None
-        for word in words:
-            if word not in (*JOINT_TERMS, OF_FILE):
-                raise OptionError.unknown("joint term", word, (*JOINT_TERMS, OF_FILE, "none"))
-        named = [word for word in words if word != OF_FILE]
-        found: dict[str, dict[str, None]] = {
-            joint: dict.fromkeys(named) for joint in mechanism.actuated if named
-        }
-        for joint, values in mechanism.joint_values.items() if OF_FILE in words else ():
-            found.setdefault(joint, {}).update(dict.fromkeys(values))
-        each = tuple(map(tuple, found.values()))
+        found: dict[str, dict[str, None]] = {}
+        for joints, words in _clauses(mechanism, choice):
+            for word in words:
+                if word == OF_FILE:
+                    given = mechanism.joint_values
+                    for joint in given if joints is None else joints:
+                        found.setdefault(joint, {}).update(dict.fromkeys(given.get(joint, ())))
+                    continue
+                joint_term(word, (OF_FILE, NO_TERMS))
+                for joint in mechanism.actuated if joints is None else joints:
+                    found.setdefault(joint, {})[word] = None
+        return cls.of_kinds({joint: tuple(kinds) for joint, kinds in found.items()})
+
+    @classmethod
+    def with_values(
+        cls, mechanism: Mechanism, choice: str
+    ) -> tuple[JointTerms | None, FloatArray | None]:
+        """The terms of a choice such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
+
+        A spring is slack at zero where no ``Fo`` is given.
+        """
+        found: dict[str, dict[str, float]] = {}
+        for joints, words in _clauses(mechanism, choice):
+            for word in words:
+                kind, _, number = (part.strip() for part in word.partition("="))
+                try:
+                    value = float(number)
+                except ValueError:
+                    raise OptionError(
+                        f"terms must be kinds with values, such as Fc=60,Fv=900, not {choice!r}"
+                    ) from None
+                joint_term(kind)
+                for joint in mechanism.actuated if joints is None else joints:
+                    found.setdefault(joint, {})[kind] = value
+        terms = cls.of_kinds({joint: tuple(values) for joint, values in found.items()})
+        if terms is None:
+            return None, None
+        return terms, np.array(
+            [found[p.link].get(p.kind, 0.0) for p in terms.parameters(mechanism)]
+        )
+
+    @classmethod
+    def of_kinds(cls, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms | None:
+        """The terms of each joint; None where there are none."""
+        found = {joint: own for joint, own in kinds.items() if own}
+        each = tuple(found.values())
         if not each:
             return None
         return cls(tuple(found), each[0] if len(set(each)) == 1 else each)
 
+    def choice(self, mechanism: Mechanism) -> str:
+        """The same as a choice for ``of``: kinds of all motors, then what single joints have more.
+
+        Examples
+        --------
+        >>> import loopid
+        >>> robot = loopid.load_mechanism("five_bar")
+        >>> terms = loopid.JointTerms.of(robot, "Fc, Fv; left_crank*: Ks; passive: Fv")
+        >>> terms.choice(robot)
+        'Fc,Fv; passive: Fv; left_crank_joint: Ks,Fo'
+        """
+        kinds, passive = self.of_joints, mechanism.coordinates_of(mechanism.passive)
+
+        def shared(joints: Sequence[str]) -> list[str]:
+            first, *others = (kinds.get(joint, ()) for joint in joints or ("",))
+            return [kind for kind in first if all(kind in own for own in others)]
+
+        motors, others = shared(mechanism.actuated), shared(passive)
+        clauses = [",".join(motors)] if motors else []
+        clauses += [f"{PASSIVE}: {','.join(others)}"] if others else []
+        for joint, own in kinds.items():
+            more = [kind for kind in own if kind not in (others if joint in passive else motors)]
+            clauses += [f"{joint}: {','.join(more)}"] if more else []
+        return "; ".join(clauses)
+
+    @property
+    def _own_kinds(self) -> Sequence[tuple[str, ...]]:
+        """Kinds of each joint, as they were given."""
+        alike = tuple(kind for kind in self.kinds if isinstance(kind, str))
+        return [k for k in self.kinds if not isinstance(k, str)] or [alike] * len(self.joints)
+
     @property
     def of_joints(self) -> dict[str, tuple[str, ...]]:
         """Kinds of each joint, with those that their laws bring along."""
-        alike = tuple(kind for kind in self.kinds if isinstance(kind, str))
-        kinds = [k for k in self.kinds if not isinstance(k, str)] or [alike] * len(self.joints)
         return {
-            joint: tuple(dict.fromkeys(part for kind in own for part in _with_its_parts(kind)))
-            for joint, own in zip(self.joints, kinds, strict=True)
+            joint: tuple(
+                dict.fromkeys(part for kind in own for part in (kind, *joint_term(kind).beside))
+            )
+            for joint, own in zip(self.joints, self._own_kinds, strict=True)
         }
 
     def parameters(self, mechanism: Mechanism) -> ParameterSet:
         """Labels ``<joint>.<kind>``, joint by joint; the names of ``columns``."""
         return ParameterSet(
             tuple(
-                Parameter(joint, kind, JOINT_TERMS[kind].units[index not in mechanism.prismatic])
+                Parameter(joint, kind, joint_term(kind).units[index not in mechanism.prismatic])
                 for joint, kinds in self.of_joints.items()
                 for index in (_index(mechanism, joint, kinds),)
                 for kind in kinds
@@ -149,13 +217,30 @@ class JointTerms:
             index = _index(mechanism, name, kinds)
             state = joint_state(mechanism, motion, name)
             for kind in kinds:
-                signal = np.broadcast_to(JOINT_TERMS[kind].signal(state, self, np), len(G))
+                signal = np.broadcast_to(joint_term(kind).signal(state, self, np), len(G))
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)
 
 
-def _with_its_parts(kind: str) -> tuple[str, ...]:
-    return kind, *(JOINT_TERMS[kind].beside if kind in JOINT_TERMS else ())
+def _clauses(
+    mechanism: Mechanism, choice: str
+) -> Iterator[tuple[tuple[str, ...] | None, list[str]]]:
+    """Joints (None where none are named) and words of each part of a choice."""
+    for clause in choice.split(";"):
+        pattern, named, listed = clause.rpartition(":")
+        words = [word.strip() for word in listed.split(",") if word.strip()]
+        joints = _matching(mechanism, pattern.strip()) if named else None
+        yield joints, [] if words == [NO_TERMS] else words
+
+
+def _matching(mechanism: Mechanism, pattern: str) -> tuple[str, ...]:
+    """Coordinates of a name, of a pattern with wildcards, or of all joints without a motor."""
+    if pattern == PASSIVE:
+        return mechanism.coordinates_of(mechanism.passive)
+    found = tuple(name for name in mechanism.coordinates if fnmatchcase(name, pattern))
+    if not found:
+        raise OptionError.unknown("joint", pattern, (*mechanism.coordinates, PASSIVE))
+    return found
 
 
 def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
@@ -167,7 +252,7 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
         )
     if joint not in mechanism.joints:
         for kind in kinds:
-            if JOINT_TERMS[kind].needs_position:
+            if joint_term(kind).needs_position:
                 raise OptionError(f"{joint} has a rate but no position: it cannot have {kind}")
     return int(indices[0])
 

@@ -246,15 +246,17 @@ def base_record(
     model: str,
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
+    with_lengths: bool = True,
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON, with records of the assembly modes.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven.
-    Coefficients that are made of the robot's lengths are named; those lengths are listed. Where
-    coordinates are free, ``motors_alone`` is what is felt without their rows "= 0".
+    Coefficients that are made of the robot's lengths are named, and those lengths listed, unless
+    ``with_lengths`` is false. Where coordinates are free, ``motors_alone`` is what is felt without
+    their rows "= 0".
     """
-    lengths = named_lengths(mechanism)
+    lengths = named_lengths(mechanism) if with_lengths else ()
     found = [base] if motors_alone is None else [base, motors_alone]
     named = [name_coefficients(one, lengths) for one in found]
     used = {x for names in named for own in names for name in own.values() for x in name.lengths}

@@ -9,7 +9,7 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
-from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut
+from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut, joint_term
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
@@ -57,6 +57,7 @@ __all__ = [
     "SymbolicPose",
     "in_groups",
     "inertia_defects",
+    "joint_term",
     "link_frames",
     "lock_options",
     "named_lengths",

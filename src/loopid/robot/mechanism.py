@@ -273,8 +273,6 @@ class Mechanism:
         where only they themselves tell.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
-    rank_tolerance : float or None
-        The same of observations; None where a gap tells the rank.
     margin : float or None
         Least singularity measure of random poses; None for the default.
     joint_values : mapping
@@ -310,7 +308,6 @@ class Mechanism:
     modes: tuple[AssemblyMode, ...] = ()
     rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
-    rank_tolerance: float | None = None
     margin: float | None = None
     joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()

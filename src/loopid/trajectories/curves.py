@@ -71,7 +71,7 @@ class FourierCurve(Curve):
             raise DataError("a Fourier curve has as many sines as cosines")
         terms = self.at_rest(len(self.shape) // 2)
         off = np.abs(terms @ self.shape)
-        if (off > REST * (np.abs(terms) @ np.abs(self.shape))).any():
+        if (off > REST * (np.abs(terms).sum(axis=0) @ np.abs(self.shape))).any():
             raise DataError(
                 "a Fourier curve must start at rest: for each coordinate the sums of h sine_h and "
                 "of h² cosine_h must be zero"

@@ -1,0 +1,45 @@
+"""Terms of joints in logs: springs of three kinds are found, with intervals that cover them."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, find_force_model
+from loopid.identification import quiet_fit
+from made_runs import modelled, wander
+
+# Linear at a motor, polynomial at the other one, piecewise linear at a passive joint.
+SPRINGS = (
+    "Fc=0.1,Fv=0.05; left_crank_joint: Ks=0.8,Fo=-1.2; right_crank_joint: Ks3=0.3,Ks2=-0.4,Ks=0.5;"
+    "left_coupler_joint: Ks=0.4,Ks@-1.4=0.7,Fo=0.2"
+)
+DRAWS = 40
+
+
+@pytest.fixture(scope="module")
+def sprung(load_once):
+    """A force model with springs, its true values, and a motion that excites all of it."""
+    robot = load_once("five_bar")
+    terms, values = JointTerms.with_values(robot, SPRINGS)
+    model = find_force_model(robot, "full", terms)
+    truth = model.base.values(np.concatenate([robot.standard_parameters(), values]))
+    return model, truth, wander(robot, 4, 20.0, 20.0, size=(0.5, 0.5), harmonics=8)
+
+
+def test_springs_are_found_exactly_without_noise(sprung):
+    model, truth, motion = sprung
+    samples = model.samples(modelled(model, motion, truth, noise=0.0))
+    found = quiet_fit(samples).values
+    assert len(model.joint_columns) == 13  # as many as there are terms: none is folded
+    np.testing.assert_allclose(found, truth, rtol=1e-6, atol=1e-8)
+
+
+def test_intervals_of_springs_cover_them(sprung):
+    model, truth, motion = sprung
+    samples = model.samples(modelled(model, motion, truth, noise=0.0))
+    inside = []
+    for seed in range(DRAWS):
+        error = np.random.default_rng(seed).normal(scale=0.02, size=samples.force.shape)
+        intervals = quiet_fit(samples.with_force(samples.force + error)).intervals()
+        covered = (intervals[:, 0] <= truth) & (truth <= intervals[:, 1])
+        inside.append(covered[model.joint_columns])
+    assert 0.92 <= np.mean(inside) <= 0.98
