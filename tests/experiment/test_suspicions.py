@@ -75,18 +75,18 @@ def moved(scale, shift, columns=slice(None)):
 
 # The five-bar is symmetric: with positions and forces exchanged it is another like it.
 CASES = [
-    ("five_bar", times(1e-3), "force of {0} is 0.00", "force_scale"),
+    ("five_bar", times(1e-3), "force of {0} is 0.000", "force_scale"),
     ("five_bar", times(0.02, 1), "force of {1} is 0.0", "force_scale"),
     ("five_bar", times(-1.0), "force of {0} is -", "sign"),
     ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
     ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
-    ("five_bar", exchanged(False, True), "forces of {0} and {1} look exchanged", ""),
+    ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
     ("five_bar", moved(1.0, 0.05, 0), "positions of {0} look shifted", "position_offset"),
-    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted", "1.0"),
+    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look 1.0", "scale"),
     ("3ups_rpu", times(1e-3), "force of {0} is 0.00", "force_scale"),
     ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
     ("3ups_rpu", offset(50.0), "force of {0} seems to have an offset of ", "Fo"),
-    ("3ups_rpu", exchanged(True, True), "columns of {0} and {1}, positions and forces", ""),
+    ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
     ("3ups_rpu", moved(1.0, 0.05), "positions of {0}, {1}, {2}, {3} look shifted", "0.05"),
 ]
 

@@ -41,14 +41,14 @@ PRIOR, FLAT = 0.5, 10.0
 # Errors count as at least this part of the force: no model is exact.
 MODEL_ERROR = 0.003
 # Logarithm of the ratio of evidences from which a mistake is suspected.
-EVIDENCE = 5.0
+EVIDENCE = 3.0
 # What a mistake must amount to: a ratio of the forces of one motor, and of all; an offset, as a
 # part of the force; a shift, as a part of the range of the positions; a stretch.
 LEAST_GAIN, LEAST_COMMON_GAIN, LEAST_OFFSET = 1.25, 4.0, 0.03
 LEAST_SHIFT, LEAST_STRETCH = 0.02, 0.01
 # Gains that are tried first, and how often nine are tried around the best.
-GAINS = np.concatenate([-np.logspace(4, -4, 33), np.logspace(-4, 4, 33)])
-REFINEMENTS, SPACING = 4, 10 ** (8 / 32)
+GAINS = np.concatenate([-np.logspace(3, -3, 25), np.logspace(-3, 3, 25)])
+REFINEMENTS, SPACING, LARGEST = 4, 10**0.25, 10.0
 # Part of the range of the positions by which they are moved for derivatives, and steps to the best.
 STEP, STEPS = 1e-3, 4
 # Mistakes that are looked for one after the other, and steps to the weights of a fit.
@@ -312,10 +312,16 @@ class _Evidence:
     def gain(self, found: _Explanation, group: list[int]) -> tuple[_Explanation, float, float]:
         """The best explanation by a common factor of some motors' gains, it and its reach."""
         inside = np.isin(np.arange(len(self.names)), group)
-        before, best, factors = found.mistakes.gain, found, np.append(GAINS, 1.0)
+        before, best, columns = found.mistakes.gain, found, found.columns
+        # Larger ones would have all bodies weigh nothing.
+        bodies = columns.terms[:, :, : len(self.bodies)]
+        expected = np.sqrt((columns.known**2 + (bodies**2).sum(axis=2)).mean(axis=0))
+        forces = self.size[list(found.mistakes.forces)]
+        most = LARGEST * (forces / np.maximum(np.abs(before) * expected, TINY))[group].max()
+        factors = np.append(GAINS[np.abs(GAINS) < most], 1.0)
         for step in range(REFINEMENTS + 1):
             gains = np.where(inside, factors[:, None], 1.0) * before
-            tried = self.explained(found.mistakes, found.columns, gains)
+            tried = self.explained(found.mistakes, columns, gains)
             best = max(best, tried, key=_evidence)
             factor = float((best.mistakes.gain / before)[group[0]])
             width = SPACING ** (0.25**step)
@@ -329,7 +335,11 @@ class _Evidence:
             precision += weight * (force @ force)
             mixed += weight * best.mistakes.gain[k] * (table[:, :-2].T @ force)
         left = precision - mixed @ best.covariance @ mixed
-        return best, factor, INTERVAL / float(np.sqrt(max(left, TINY)))
+        deviation = 1 / float(np.sqrt(max(left, TINY)))
+        # A gain of any size and sign is possible beforehand: its logarithm over the range of GAINS.
+        part = np.sqrt(2 * np.pi) * deviation / abs(factor) / (2 * np.log(GAINS[-1] / GAINS[-25]))
+        best = replace(best, evidence=best.evidence + min(float(np.log(part)), 0.0))
+        return best, factor, INTERVAL * deviation
 
     def alternatives(self, found: _Explanation) -> Iterator[_Explanation]:
         """Explanations with one mistake more, for each that is worth a sentence."""
@@ -348,8 +358,8 @@ class _Evidence:
                 yield _named(
                     other,
                     f"the force of {self.names[k]} is {factor:.3g} ± {reach:.2g} times what the "
-                    "bodies and the other motors let expect: is it in another unit, or with "
-                    f"another ratio or sign (force_scale {1 / factor:.3g} in a mapping)?",
+                    "bodies and the other motors let expect: look for another unit, ratio or sign "
+                    f"(force_scale {1 / factor:.3g} in a mapping would undo it)",
                 )
         if len(self.present) > 1:
             other, factor, reach = self.gain(found, self.present)
@@ -357,8 +367,8 @@ class _Evidence:
                 yield _named(
                     other,
                     f"all forces are about {factor:.2g} ± {reach:.1g} times what the robot file "
-                    f"lets expect: are they in another unit (force_scale {1 / factor:.2g} in a "
-                    "mapping)?",
+                    f"lets expect: look for another unit (force_scale {1 / factor:.2g} in a "
+                    "mapping would undo it)",
                 )
 
     def _offsets(self, found: _Explanation) -> Iterator[_Explanation]:
@@ -429,6 +439,7 @@ class _Evidence:
                         break
                     moved = self.explained(mistakes, columns)
                 else:
+                    moved = replace(moved, evidence=linear.evidence)
                     yield self._named_move(moved, group, what, reach)
 
     def _named_move(
