@@ -1,19 +1,21 @@
 """Mistakes in logs are named, motor by motor, whatever the masses of the robot file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from loopid import JointTerms, Noise, find_force_model, prepare_recording, simulate_measurement
+from loopid import JointTerms, Noise, prepare_recording, read_log, simulate_measurement
 from loopid.experiment import suspicions
 from loopid.logs import Log
-from made_runs import friction, quietly, wander
+from made_runs import friction, quietly, record, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
 
 @pytest.fixture(scope="module")
 def runs(load_once):
-    """Logs of a robot, and its force model; bodies up to half as heavy again as in its file."""
+    """What is suspected of a log of a robot; bodies up to half as heavy again as in its file."""
 
     def run(name, seed):
         robot = load_once(name)
@@ -29,15 +31,11 @@ def runs(load_once):
             robot, motion, noise, seed, (factors * bodies).ravel(), *terms
         )
 
-    models = {}
-
     def suspected(name, seed, spoil=lambda position, force: None):
         robot, found = run(name, seed)
         position, force = found.position.copy(), found.force.copy()
         spoil(position, force)
         log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
-        if name not in models:
-            models[name] = find_force_model(robot, "gravity", JointTerms(robot.actuated))
         return suspicions(robot, [quietly(prepare_recording, robot, log)])
 
     return suspected
@@ -109,6 +107,33 @@ def test_nothing_is_suspected_of_what_is_right(runs, name):
         assert one.interval[0] < 1.05
         assert one.interval[1] > 0.95
         assert one.interval[1] - one.interval[0] < 0.3
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "3ups_rpu", "delta"])
+@pytest.mark.parametrize("weight", [1.0, 0.0])
+def test_nothing_is_suspected_of_what_stands_weighs_nothing_or_is_short(load_once, name, weight):
+    robot = load_once(name)
+    terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
+    standard = weight * robot.standard_parameters()
+    short = wander(robot, 3, rate=20.0).select(slice(0, 60))
+    for motion in (stand(robot), short):
+        run = record(robot, motion, terms, standard, noise=0.01)
+        assert suspicions(robot, [run]).sentences == ()
+
+
+REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+
+
+def test_mistakes_in_logs_of_the_real_robots(mechanism, shared):
+    log = read_log(shared / "data" / "upv" / "logs" / REAL[mechanism.name], mechanism)
+    run = prepare_recording(mechanism, log)
+    assert suspicions(mechanism, [run]).sentences == ()
+    assert suspicions(mechanism, run.split(0.6)).sentences == ()
+    for k, factor in enumerate((1 / 28.5, -1.0, 1e-3, 1 / 247)):
+        force = run.force.copy()
+        force[:, k] *= factor
+        (said,) = suspicions(mechanism, [replace(run, force=force)]).sentences
+        assert f"the force of leg{k + 1}_stroke is {'-' if factor < 0 else '0.'}" in said
 
 
 @pytest.mark.validate

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import sqrt
 
 import numpy as np
 
@@ -33,8 +34,9 @@ from loopid.robot import Mechanism
 from loopid.scratch import picked
 from loopid.workers import one_blas_thread
 
-# Samples that are looked at, evenly spread; fewest of a motor; fewest that count as independent.
-MOST_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 300, 30, 10
+# Samples that are looked at, evenly spread, on which exchanged positions are tried first; fewest
+# of a motor, and fewest that count as independent.
+MOST_SAMPLES, FEW_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 300, 90, 30, 10
 # Standard deviation of the robot file's parameters, in sizes of the bodies, and of joint terms, in
 # sizes of the forces.
 PRIOR, FLAT = 0.5, 10.0
@@ -89,7 +91,7 @@ class Suspicions:
     ----------
     recording : str
     gains : tuple of MotorGain
-        Of each motor with enough samples, once mistakes of other motors are undone.
+        Of each motor whose gain the log tells, once mistakes of other motors are undone.
     sentences : tuple of str
         One a mistake: which motors, how much with its 95 % interval, and how to undo it.
     """
@@ -135,8 +137,9 @@ def suspicions(
         gains = []
         for k in evidence.present:
             factors, before = evidence.gain(found, [k])[1:], float(found.mistakes.gain[k])
-            gain, reach = (before * value for value in factors)
-            gains.append(MotorGain(evidence.names[k], gain, (gain - reach, gain + reach)))
+            gain, reach = before * factors[0], abs(before) * factors[1]
+            if reach < max(abs(gain), 1.0):
+                gains.append(MotorGain(evidence.names[k], gain, (gain - reach, gain + reach)))
     return Suspicions(recordings[0].name, tuple(gains), tuple(sentences))
 
 
@@ -192,14 +195,18 @@ class _Evidence:
     """Samples of a log, and what explains them."""
 
     def __init__(
-        self, mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None
+        self,
+        mechanism: Mechanism,
+        recordings: Sequence[Recording],
+        joint_terms: JointTerms | None,
+        most: int = MOST_SAMPLES,
     ) -> None:
-        self.mechanism, self.joint_terms = mechanism, joint_terms
+        self.mechanism, self.recordings, self.joint_terms = mechanism, recordings, joint_terms
         self.names: tuple[str, ...] = recordings[0].actuators
         parts = []
         for recording in recordings:
             rows, motion = (
-                spread_rows(len(recording), MOST_SAMPLES // len(recordings)),
+                spread_rows(len(recording), most // len(recordings)),
                 recording.motion,
             )
             signals = (
@@ -327,15 +334,15 @@ class _Evidence:
             width = SPACING ** (0.25**step)
             factors = factor * np.geomspace(1 / width, width, 9)
         # A factor and the bodies are told from each other by what either changes.
-        precision, mixed = 0.0, np.zeros(len(best.values))
+        precision, mixed = 0.0, np.zeros_like(best.values)
         for k in group:
             table = self._projected(best.columns, best.mistakes, k)
             force = before[k] * table[:, :-1] @ np.append(best.values, 1.0)
             weight = self.independent[k] / best.sigma[k] ** 2 / max(len(table), 1)
-            precision += weight * (force @ force)
+            precision += weight * float(force @ force)
             mixed += weight * best.mistakes.gain[k] * (table[:, :-2].T @ force)
-        left = precision - mixed @ best.covariance @ mixed
-        deviation = 1 / float(np.sqrt(max(left, TINY)))
+        left = precision - float(mixed @ best.covariance @ mixed)
+        deviation = 1 / sqrt(max(left, TINY))
         # A gain of any size and sign is possible beforehand: its logarithm over the range of GAINS.
         part = np.sqrt(2 * np.pi) * deviation / abs(factor) / (2 * np.log(GAINS[-1] / GAINS[-25]))
         best = replace(best, evidence=best.evidence + min(float(np.log(part)), 0.0))
@@ -389,28 +396,34 @@ class _Evidence:
                 )
 
     def _exchanges(self, found: _Explanation) -> Iterator[_Explanation]:
+        few = _Evidence(self.mechanism, self.recordings, self.joint_terms, FEW_SAMPLES)
+        first = few.weighed(found.mistakes)
         for i, j in combinations(self.present, 2):
             swap = {i: j, j: i}
             positions, forces = (
                 tuple(order[swap.get(k, k)] for k in range(len(order)))
                 for order in (found.mistakes.positions, found.mistakes.forces)
             )
-            exchanged, columns = replace(found.mistakes, positions=positions), found.columns
-            others = [(replace(found.mistakes, forces=forces), columns, "forces")]
-            columns = self.columns(exchanged)
+            others = [(replace(found.mistakes, forces=forces), "forces")]
+            moved = replace(found.mistakes, positions=positions)
+            columns = few.columns(moved)
             if columns.closed.mean() >= CLOSING:
-                others.append((exchanged, columns, "positions"))
-                exchanged = replace(exchanged, forces=forces)
-                others.append((exchanged, columns, "positions and forces"))
-            for mistakes, columns, what in others:
-                other = self.explained(mistakes, columns)
-                if all(other.sigma[k] < BETTER * found.sigma[k] for k in (i, j)):
+                for mistakes, what in (
+                    (moved, "positions"),
+                    (replace(moved, forces=forces), "positions and forces"),
+                ):
+                    if _better(few.explained(mistakes, columns), first, i, j):
+                        others.append((mistakes, what))
+            for mistakes, what in others:
+                same = mistakes.positions == found.mistakes.positions
+                other = self.explained(mistakes, found.columns if same else None)
+                if _better(other, found, i, j):
+                    ratios = (f"{other.sigma[k] / found.sigma[k]:.2g}" for k in (i, j))
                     yield _named(
                         other,
                         f"the {what} of {self.names[i]} and {self.names[j]} look exchanged: with "
-                        f"each other's, errors are {other.sigma[i] / found.sigma[i]:.2g} and "
-                        f"{other.sigma[j] / found.sigma[j]:.2g} times as large (exchange the "
-                        "columns in a mapping)",
+                        f"each other's, errors are {' and '.join(ratios)} times as large (exchange "
+                        "the columns in a mapping)",
                     )
 
     def _moves(self, found: _Explanation) -> Iterator[_Explanation]:
@@ -482,6 +495,10 @@ class _Evidence:
 
 def _named(found: _Explanation, sentence: str) -> _Explanation:
     return replace(found, mistakes=replace(found.mistakes, sentence=sentence))
+
+
+def _better(one: _Explanation, other: _Explanation, *motors: int) -> bool:
+    return all(one.sigma[k] < BETTER * other.sigma[k] for k in motors)
 
 
 def _deviation(found: _Explanation) -> float:
