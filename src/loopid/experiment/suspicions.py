@@ -429,11 +429,12 @@ class _Evidence:
     def _moves(self, found: _Explanation) -> Iterator[_Explanation]:
         indices = self.mechanism.velocity_indices(self.names)
         straight, d = np.isin(indices, self.mechanism.prismatic), len(self.names)
-        kinds = [[k for k in self.present if straight[k] == flag] for flag in (True, False)]
-        groups = [*([k] for k in self.present), *(kind for kind in kinds if len(kind) > 1)]
+        moving = [k for k in self.present if self.range[k] > 0]
+        kinds = [[k for k in moving if straight[k] == flag] for flag in (True, False)]
+        groups = [*([k] for k in moving), *(kind for kind in kinds if len(kind) > 1)]
         for what, least in (("shift", LEAST_SHIFT), ("stretch", LEAST_STRETCH)):
             size = self.range if what == "shift" else np.ones(d)
-            slopes = {k: self._slope(found, what, k, STEP * size[k]) for k in self.present}
+            slopes = {k: self._slope(found, what, k, STEP * size[k]) for k in moving}
             for group in groups:
                 unit = size[group].max()
                 slope = np.sum([unit * slopes[k] for k in group], axis=0)
@@ -473,24 +474,18 @@ class _Evidence:
 
     def _slope(self, found: _Explanation, what: str, k: int, step: float) -> FloatArray:
         """Derivative of the explained forces (N, d) by a mistake in the positions of a motor."""
-        before, mistakes = found.columns, found.mistakes
-        step /= mistakes.stretch[k]
-        position = (self.position[:, mistakes.positions[k]] - mistakes.shift[k]) / mistakes.stretch[
-            k
-        ]
-        rates = np.ones(len(self.names))
-        rates[k] -= step if what == "stretch" else 0.0
-        way = (
-            before.motion.projection.G[:, :, k]
-            * (position if what == "stretch" else np.ones_like(position))[:, None]
-        )
-        q = integrate(self.mechanism, before.motion.configurations, -step * way)
-        after = self._columns_at(
-            q, before.own[:, :, 1] * rates, before.own[:, :, 2] * rates, before.closed
-        )
-        x = before.basis @ found.values
-        change = (after.terms - before.terms) @ x + after.known - before.known
-        return np.asarray(change / (step * mistakes.stretch[k]))
+        before, mistakes, rates = found.columns, found.mistakes, np.ones(len(self.names))
+        way = np.full(len(self.q), step / mistakes.stretch[k])
+        if what == "stretch":
+            position = self.position[:, mistakes.positions[k]] - mistakes.shift[k]
+            way *= position / mistakes.stretch[k]
+            rates[k] -= step / mistakes.stretch[k]
+        G = before.motion.projection.G[:, :, k]
+        q = integrate(self.mechanism, before.motion.configurations, -way[:, None] * G)
+        v, a = before.own[:, :, 1] * rates, before.own[:, :, 2] * rates
+        after = self._columns_at(q, v, a, before.closed)
+        change = (after.terms - before.terms) @ (before.basis @ found.values)
+        return np.asarray((change + after.known - before.known) / step)
 
 
 def _named(found: _Explanation, sentence: str) -> _Explanation:
