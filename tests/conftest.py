@@ -258,7 +258,7 @@ def identification(knee, knee_run, once):
     def identified():
         recording = prepare_recording(knee, read_log(knee_run, knee))
         model = find_force_model(knee, "gravity", friction(knee)[0])
-        return identify(model, *split_recordings([recording]))
+        return identify(model, *split_recordings([recording]), term_sets=())
 
     return once("identification", lambda: quietly(identified))
 

@@ -455,6 +455,10 @@ def identify(
         str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
     ] = "gravity",
     terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "Fc,Fv,file",
+    compare_terms: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."),
+    ] = None,
     estimator: Annotated[
         str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
     ] = "wls",
@@ -563,6 +567,7 @@ def identify(
         prior_deviation,
         consistent,
         repair,
+        compare_terms or (),
     )
     if out is not None:
         write_files(out, identification_files(found))

@@ -121,6 +121,24 @@ def test_what_is_not_clear_is_refused_by_name_and_its_advice_helps(load):
     assert analyse(structural_observation(load(*alike), "full")).rank == COUNTS["full"]
 
 
+@pytest.mark.parametrize(("model", "error"), [("full", 1e-8), ("gravity", 4.1e-9)])
+def test_numbers_of_all_digits_that_are_rounded_all_the_same(load, model, error):
+    """As those of a CAD program that is exact to nanometres; the advice leads to the count."""
+    parts, description = parallelogram("3d", 0)
+    (coupler,) = (part for part in parts if "rocker_joint" in part)
+    longer = coupler.replace("0.45 ", f"{0.45 + error * 2**0.5!r} ")
+    parts[parts.index(coupler)] = longer
+    observation = structural_observation(load(parts, description), model)
+    assert observation.geometry is None
+    with pytest.raises(RankError, match="if they are rounded, say so by --rounding") as refused:
+        analyse(observation)
+    rounding = float(str(refused.value).rpartition(" ")[2])
+    robot = load(parts, description | {"rounding": rounding})
+    with pytest.warns(AccuracyWarning, match="made by rounded numbers"):
+        structure = analyse(structural_observation(robot, model))
+    assert structure.rank == COUNTS[model]
+
+
 @pytest.mark.parametrize("robot", ["3ups_rpu", "four_bar", "delta", "6ups"])
 def test_exact_robots_are_not_looked_at_twice(robot):
     mechanism = load_mechanism(robot)

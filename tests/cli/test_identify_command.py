@@ -72,6 +72,20 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
         assert label in page
 
 
+def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files):
+    robot, log, _ = arm_files
+    options = ["--model", "full", "--terms", "Fv; shoulder: Fc", "--compare-terms", "elbow: Ks"]
+    record = run_json("identify", robot, log, *options)
+    assert record["joint_terms"] == {"shoulder": ["Fv", "Fc"], "elbow": ["Fv"]}
+    judged = {entry["terms"]: entry for entry in record["term_sets"]}
+    assert judged["Fv; shoulder: Fc"]["chosen"]
+    assert "elbow: Ks,Fo" in judged
+    for option in ("--terms", "--compare-terms"):
+        done = run("identify", robot, log, option, "wrist: Fc")
+        assert done.code == 2
+        assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
+
+
 @pytest.fixture
 def arm(run_json, arm_files):
     """Identify the serial robot from its first log."""

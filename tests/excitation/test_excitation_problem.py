@@ -1,14 +1,18 @@
+import os
+
 import numpy as np
 import pytest
 
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, MotionLimits, find_force_model, load_mechanism
+from loopid.errors import ModelWarning
 from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA
 from loopid.excitation.limits import Bounds
 from loopid.excitation.problem import Coordinates, Problem, evaluate
 from loopid.excitation.shapes import FourierShape
 from loopid.kinematics import measured_coordinates
+from loopid.loading import collision_regions
 
 
 def problem(mechanism, model, terms=None, platform=False, collisions=None):
@@ -83,3 +87,10 @@ def test_collisions_are_distances_between_links(tmp_path):
     found = Collisions(robot, q)
     assert found.pairs == 1
     np.testing.assert_allclose(found.least(q), np.abs(1 + np.exp(1j * q[:, 1])) - 0.3, atol=1e-6)
+    # A mesh that is no file is not waited for.
+    os.mkfifo(tmp_path / "fore.stl")
+    mesh = f'<mesh filename="file://{tmp_path}/fore.stl"/>'
+    file.write_text(file.read_text().replace("<sphere radius='0.1'/>", mesh))
+    for waits in (lambda: Collisions(robot, q).pairs, lambda: len(collision_regions(robot))):
+        with pytest.warns(ModelWarning, match=r"there is no mesh .*fore\.stl"):
+            assert waits() == 0

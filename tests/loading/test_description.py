@@ -16,6 +16,7 @@ from loopid.errors import (
     MissingFileError,
     MobilityError,
     MobilityWarning,
+    ModelWarning,
     OptionError,
     RobotFileError,
     SingularityWarning,
@@ -299,8 +300,10 @@ def test_an_axis_has_a_direction_and_no_size(size, write_files):
         "closures": [tie("2d", ("hand", "arm"), axes=axes)],
         "name_mot": ["shoulder", "rail", "ball"],
     }
-    robot = load_mechanism(write_files(*files(PARTS, description)))
+    with pytest.warns(ModelWarning, match="is no unit vector: its direction counts") as told:
+        robot = load_mechanism(write_files(*files(PARTS, description)))
     np.testing.assert_array_equal(robot.closures[0].axes, [[1, 0, 0], [0, -1, 0]])
+    assert f"closure hand-arm: axis ({size:g}, 0, 0)" in str(told[0].message)
     assert robot.independent == robot.actuated
 
 

@@ -84,6 +84,13 @@ def test_a_difference_of_ranks_is_warned_of(path):
     assert "singular" in str(told[0].message)
 
 
+def test_so_is_a_rank_that_is_not_clear(write_files):
+    parts, description = folded_robots.folded_four_bar(coupler=folded_robots.LONG + 1e-6)
+    file = write_files(*files(parts, description))
+    with pytest.warns(ReferenceWarning, match=r"MAY DIFFER .*: \? in mode 1, 8 in mode 2"):
+        load_mechanism(file)
+
+
 def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "folded.xml").write_text(folded_robots.FOLDED_MJCF)
@@ -107,6 +114,15 @@ def test_of_open_drawings_the_nearest_mode_is_used(load_files):
     given = list(description["reference"].values())
     for mode in robot.modes:
         np.testing.assert_array_equal(mode.reference[motors], given)
+
+
+@pytest.mark.parametrize("gap", [1e-7, 1e-6, 1e-5])
+def test_rounding_leaves_no_choice_near_a_fold(gap, load_files):
+    parts, description = folded_robots.folded_four_bar(coupler=folded_robots.LONG + gap)
+    drawn = {"bar_crank_joint": 0.05, "bar_coupler_joint": -0.05, "bar_rocker_joint": 0.05}
+    robot = load_files(parts, description | {"reference": drawn})
+    assert robot.modes == ()
+    np.testing.assert_allclose(robot.reference, [0.05, -0.05, 0.05], atol=200 * gap)
 
 
 def test_ordinary_robots_have_nothing_to_choose(mechanism):

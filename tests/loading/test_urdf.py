@@ -474,6 +474,13 @@ def test_joints_of_several_coordinates_are_read(read, kind, freedom):
     assert source.model.joints[1].nv == freedom
 
 
+def test_axes_that_are_no_unit_vectors_are_named(read):
+    arm = joint("shoulder", "base", "arm").replace("0 0 1", "0 2 0")
+    with pytest.warns(ModelWarning, match=r"joint shoulder: axis \(0, 2, 0\) is no unit vector"):
+        read(body("arm"), arm)
+    read(body("arm"), arm.replace("0 2 0", "0 0.70711 0.7071"))
+
+
 FREE = ["shoulder", "wrist", "hub"]
 NUMBERS = 'multiplier="-2" offset="0.5"'
 STILL = 'multiplier="0" offset="0.5"'

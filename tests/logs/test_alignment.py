@@ -36,7 +36,7 @@ def check(aligned, streams, longest=1):
     zero = (streams[0].stamps[0] - EPOCH) / 1e9
     bound = (longest * PERIOD / 1e9 * OMEGA) ** 2 / 8
     expected = np.tile(signal(aligned.time + zero), len(streams))
-    assert np.abs(aligned.position - expected).max() < bound
+    assert np.abs(aligned.signals["position"] - expected).max() < bound
     for number in np.unique(aligned.stretches):
         steps = np.diff(aligned.time[aligned.stretches == number])
         np.testing.assert_allclose(steps, steps.mean(), rtol=1e-9)
@@ -47,7 +47,7 @@ def test_equal_stamps_pass_unchanged():
     stamps = EPOCH + PERIOD * np.arange(500)
     streams = [stream(stamps), stream(stamps, "b")]
     aligned = align(streams)
-    np.testing.assert_allclose(aligned.position[:, :2].T, streams[0].values, atol=1e-13)
+    np.testing.assert_allclose(aligned.signals["position"][:, :2].T, streams[0].values, atol=1e-13)
     np.testing.assert_allclose(aligned.time, 0.01 * np.arange(500), atol=1e-12)
     assert aligned.dropped == ()
 

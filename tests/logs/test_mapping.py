@@ -173,21 +173,29 @@ joint_maps:
     motors: [left, right]
     matrix: [[0.5, -0.5], [1, 1.5]]
 position_scale: {left: 1, leg2_stroke: 1, right: 0.001, leg4_stroke: 1}
+velocity: {left: left.v, leg2_stroke: leg2_stroke.v, right: right.v, leg4_stroke: leg4_stroke.v}
 """
 
 
 @pytest.fixture
-def coupled(write_text, truth):
+def coupled(tmp_path, truth):
     """The motors "left" and "right" move legs 3 and 1, and the second is in mm."""
-    position, force = truth.position.copy(), truth.force.copy()
-    position[:, [2, 0]] = np.linalg.solve(MATRIX, position[:, [2, 0]].T).T
-    force[:, [2, 0]] = force[:, [2, 0]] @ MATRIX
-    rates = [np.gradient(signal, truth.time, axis=0) for signal in (position, truth.position)]
-    powers = [(f * v).sum(axis=1) for f, v in zip((force, truth.force), rates, strict=True)]
+    signals = [truth.position.copy(), truth.force.copy(), truth.motion.velocities.copy()]
+    for signal, to_motors in zip(
+        signals, (np.linalg.inv, np.transpose, np.linalg.inv), strict=True
+    ):
+        signal[:, [2, 0]] = signal[:, [2, 0]] @ to_motors(MATRIX).T
+    powers = (signals[1] * signals[2]).sum(axis=1), (truth.force * truth.motion.velocities).sum(1)
     np.testing.assert_allclose(*powers, atol=1e-9)
-    position[:, 0] *= 1e3
+    signals[0][:, 0] *= 1e3
     joints = "right", "leg2_stroke", "left", "leg4_stroke"
-    return write_text(table(truth.time, position, force, joints))
+    columns = {
+        f"{joint}.{kind}": signal[:, k]
+        for kind, signal in zip(("position", "force", "v"), signals, strict=True)
+        for k, joint in enumerate(joints)
+    }
+    np.savez(tmp_path / "coupled.npz", time=truth.time, **columns)
+    return tmp_path / "coupled.npz"
 
 
 def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
@@ -195,6 +203,7 @@ def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
     assert log.joints == knee.actuated
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
+    np.testing.assert_allclose(log.velocity, truth.motion.velocities, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +221,7 @@ def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
     ],
 )
 def test_wrong_joint_maps_are_explained(knee, coupled, write_mapping, old, new, message):
-    mapping = write_mapping(COUPLED.replace("position_scale", "# ").replace(old, new, 1))
+    mapping = write_mapping(COUPLED.replace(old, new, 1))
     with pytest.raises(LogError, match=message):
         read_log(coupled, knee, mapping)
 
@@ -225,7 +234,7 @@ def test_motors_that_move_joints_together_share_their_stamps(
     folder = write_folder(force=(stamps, truth.force), **positions)
     given = "position: {columns: [enc0_0, enc1_0, enc2_0, enc3_0]}"
     with pytest.raises(LogError, match="of right, but not of all motors that move leg3_stroke, le"):
-        read_log(folder, knee, write_mapping(COUPLED.replace("position_scale", "# ") + given))
+        read_log(folder, knee, write_mapping(COUPLED.split("position_scale")[0] + given))
 
 
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"

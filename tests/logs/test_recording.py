@@ -9,7 +9,7 @@ from logged_runs import LOGS, read_stream
 from loopid import platform_coordinates
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual
-from loopid.logs import Log, prepare_recording, read_log
+from loopid.logs import Log, LogMapping, prepare_recording, read_log
 from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
@@ -56,6 +56,47 @@ def test_without_a_filter_nothing_is_smoothed(knee, truth, log):
     np.testing.assert_array_equal(recording.motion.time, truth.time)
     expected = differentiate(truth.position, 100.0)
     np.testing.assert_allclose(recording.motion.velocities, expected, atol=1e-12)
+
+
+RATES = {
+    "velocity": {"columns": [f"v_{k}" for k in range(4)]},
+    "acceleration": {"columns": [f"a_{k}" for k in range(4)]},
+}
+
+
+def read_with(knee, truth, folder, quantities=(), **options):
+    """The log of coarse encoders, with measured rates of the motors: speeds in mm/s."""
+    velocities, accelerations = 1e3 * truth.motion.velocities, truth.motion.accelerations
+    arrays = {"position": np.round(truth.position, 4), "v": velocities, "a": accelerations}
+    np.savez(folder / "run.npz", time=truth.time, force=truth.force, **arrays)
+    given = {"velocity_scale": 1e-3} | {quantity: RATES[quantity] for quantity in quantities}
+    return read_log(folder / "run.npz", knee, LogMapping(**(given | options)))
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_measured_rates_stand_for_derivatives_of_positions(knee, truth, tmp_path, quantity):
+    errors = []
+    for quantities in ((), (quantity,)):
+        recording = prepare_recording(
+            knee, read_with(knee, truth, tmp_path, quantities), LowPass(10.0)
+        )
+        name = {"velocity": "velocities", "acceleration": "accelerations"}[quantity]
+        exact = getattr(truth.motion, name)[at_times(truth, recording)]
+        errors.append(np.sqrt(((getattr(recording.motion, name) - exact) ** 2).mean()))
+    assert errors[1] < 0.2 * errors[0]
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_rates_that_are_not_those_of_the_positions_are_named(knee, truth, tmp_path, quantity):
+    scale = dict.fromkeys(knee.actuated, 1.0 if quantity == "acceleration" else 0.001)
+    for factor in (2.0, -1.0, 1e-3):
+        wrong = {f"{quantity}_scale": scale | {"leg2_stroke": factor * scale["leg2_stroke"]}}
+        with pytest.raises(LogError, match=f"{quantity} of leg2_stroke is .*{quantity}_") as said:
+            read_with(knee, truth, tmp_path, [quantity], **wrong)
+        assert float(str(said.value).split()[6]) == pytest.approx(factor, rel=0.02)
+    wrong = {f"{quantity}_scale": scale | {"leg2_stroke": 1.15 * scale["leg2_stroke"]}}
+    with pytest.warns(LogWarning, match=f"{quantity} of leg2_stroke is 1.1.* times .* by 1.%"):
+        read_with(knee, truth, tmp_path, [quantity], **wrong)
 
 
 def test_positions_and_forces_are_filtered_alike(knee, log):

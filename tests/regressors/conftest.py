@@ -61,6 +61,7 @@ def joint_signals(joint_positions):
             "Fc+": np.where(v > 0, 1.0, 0.0),
             "Fc-": np.where(v < 0, -1.0, 0.0),
             "Fc~0.7": np.tanh(v / 0.7),
+            "Fs~0.7": np.exp(-v * v / 0.49) * np.sign(v),
             "Fv": v,
             "Fo": np.ones_like(v),
             "Ks": q,

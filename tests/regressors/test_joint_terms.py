@@ -210,3 +210,11 @@ def test_terms_that_no_force_tells_apart_are_folded(knee, tmp_path):
     observation = structural_observation(lift, joint_terms=JointTerms(("lift",), ("Ks",)))
     base = find_base_parameters(observation)
     assert [set(each) for each in base.terms] == [{"load.m", "lift.Fo"}, {"lift.Ks"}]
+
+
+def test_friction_near_standstill_is_told_from_coulomb_friction(load_once):
+    """Random motions would hardly ever be as slow."""
+    robot = load_once("five_bar")
+    terms = JointTerms.of(robot, "Fc,Fv,Fs~0.001,Fc~0.002; passive: Fc,Fs~1e-4")
+    found = find_base_parameters(structural_observation(robot, joint_terms=terms))
+    assert set(terms.parameters(robot).labels) <= set(found.names)

@@ -1,6 +1,7 @@
-"""Lets scripts of this folder find what all tests share, as pytest does."""
+"""Lets scripts of this folder find what all tests share, as pytest does, and writers of logs."""
 
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1]))
+TESTS = Path(__file__).parents[1]
+sys.path += map(str, (TESTS, TESTS / "logs"))

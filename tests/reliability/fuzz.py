@@ -1,7 +1,8 @@
-"""Fuzz the command line: ``python tests/reliability/fuzz.py --calls 2000 [--seed 0]``.
+"""Fuzz the command line: ``python tests/reliability/fuzz.py --calls 2000 [--seed 0] [--logs]``.
 
-Every call must end with exit code 0, or 2 and one sentence; with no traceback, no half-written
-file and nothing left among the temporary files. A call can be repeated by its number: ``--only``.
+With ``--logs`` all calls read a log of some format, most of them spoilt. Every call must end with
+exit code 0, or 2 and one sentence; with no traceback, no half-written file, nothing left among the
+temporary files, and within ``PATIENCE``. A call can be repeated by its number: ``--only``.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from unittest.mock import patch
 import beside_tests  # noqa: F401
 import typer
 from material import Material
+from spoilt_logs import drawn
 
 from loopid import cli
 from loopid.cli import app
@@ -94,6 +96,21 @@ def calls(material: Material, seed: int, numbers: range) -> Iterator[Call]:
     """Calls of these numbers; each depends on its seed and number alone."""
     for number in numbers:
         yield _Maker(material, Random(f"{seed} {number}")).call(number)
+
+
+def log_calls(material: Material, seed: int, numbers: range) -> Iterator[Call]:
+    """As ``calls``, of logs that are drawn for each; their files are removed afterwards."""
+    for number in numbers:
+        random, place = Random(f"{seed} {number}"), material.folder / f"log{number}"
+        place.mkdir()
+        log = drawn(place, material.logs["arm"][0], random)
+        words = ["identify", str(material.robots["arm"][0]), *log]
+        if random.random() < 0.1:
+            words += ["--rows", random.choice(("20:", "1:300", "390:9000", "2:3"))]
+        outs = [str(place / "out")] * (random.random() < 0.05)
+        words += ["--out", *outs] if outs else []
+        yield Call(number, tuple(words), tuple(outs))
+        shutil.rmtree(place, ignore_errors=True)
 
 
 class _Maker:
@@ -200,13 +217,14 @@ class _Maker:
         return self.random.random() < part
 
 
-PATIENCE = 90.0  # s
+PATIENCE = 20.0  # s of the processor
+HANGING = 300.0  # s, after which a call is stopped
 ERROR, WARNING = "loopid: error: ", "loopid: warning: "
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Exit code, what was printed, files that changed, and the exception that came through."""
+    """What a call has done: its code, both streams, files, time, and what came through."""
 
     code: int
     out: str
@@ -214,6 +232,7 @@ class Outcome:
     changed: frozenset[Path] = frozenset()
     left: frozenset[str] = frozenset()
     raised: str = ""
+    seconds: float = 0.0  # of the processor
 
     @property
     def errors(self) -> list[str]:
@@ -226,25 +245,26 @@ class TooSlowError(Exception):
 
 def run(call: Call, folder: Path) -> Outcome:
     """Run a call with a folder to work in and an empty one for temporary files."""
-    before = _contents(folder)
+    before, start = _contents(folder), time.process_time()
     with tempfile.TemporaryDirectory() as temporary:
         with _captured() as streams, _temporary_folder(temporary):
             code, raised = _exit_code(call)
+        seconds = time.process_time() - start
         left = frozenset(path.name for path in Path(temporary).iterdir())
     out, err = (stream.read_bytes().decode("utf-8", "replace") for stream in streams)
     for stream in streams:
         stream.unlink()
     after = _contents(folder)
     changed = frozenset(p for p in {*before, *after} if before.get(p) != after.get(p))
-    return Outcome(code, out, err, changed, left, raised)
+    return Outcome(code, out, err, changed, left, raised, seconds)
 
 
 def _exit_code(call: Call) -> tuple[int, str]:
     def too_slow(*_: object) -> None:
-        raise TooSlowError(f"more than {PATIENCE:g} s")
+        raise TooSlowError(f"more than {HANGING:g} s")
 
     previous = signal.signal(signal.SIGALRM, too_slow)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    signal.setitimer(signal.ITIMER_REAL, HANGING)
     try:
         with patch.object(sys, "argv", ["loopid", *call.words]), warnings.catch_warnings():
             warnings.simplefilter("default")
@@ -333,6 +353,8 @@ def faults(call: Call, found: Outcome) -> list[str]:
     strange = [x for x in found.err.splitlines() if not x.startswith((ERROR, WARNING))]
     if strange and not usage:
         wrong.append(f"more than sentences on the error stream: {strange[0]!r:.300}")
+    if found.seconds > PATIENCE:
+        wrong.append(f"took more than {PATIENCE:g} s")
     if found.left:
         wrong.append(f"left in the temporary folder: {', '.join(sorted(found.left))}")
     return wrong
@@ -398,8 +420,10 @@ def small_paper(stack: ExitStack) -> None:
     stack.enter_context(patch("loopid.paper.reproduce_paper", few))
 
 
-def fuzz(folder: Path, numbers: range, seed: int = 0, report=None) -> dict[str, list[str]]:
-    """Run calls; faults by command line."""
+def fuzz(
+    folder: Path, numbers: range, seed: int = 0, report=None, made=calls
+) -> dict[str, list[str]]:
+    """Run calls, as they are drawn; faults by command line."""
     found: dict[str, list[str]] = {}
     material = Material(folder)
     material.logs, material.mapping, material.motions, material.fit  # noqa: B018
@@ -409,7 +433,7 @@ def fuzz(folder: Path, numbers: range, seed: int = 0, report=None) -> dict[str, 
         small_paper(stack)
         stack.callback(os.chdir, Path.cwd())
         os.chdir(work)
-        for call in calls(material, seed, numbers):
+        for call in made(material, seed, numbers):
             outcome = run(call, folder)
             wrong = faults(call, outcome)
             if wrong:
@@ -424,10 +448,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--calls", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="Number of the first call.")
+    parser.add_argument("--logs", action="store_true", help="Only calls with drawn logs.")
     parser.add_argument("--only", type=int, help="Number of a single call.")
     parser.add_argument("--log", type=Path, help="Write what each call answered to a file.")
     given = parser.parse_args()
-    numbers = range(given.calls) if given.only is None else range(given.only, given.only + 1)
+    numbers = (
+        range(given.first, given.calls) if given.only is None else range(given.only, given.only + 1)
+    )
     codes, start, answers = Counter(), time.perf_counter(), []
 
     def report(call, outcome, wrong) -> None:
@@ -442,7 +470,7 @@ def main() -> int:
             given.log.write_text("".join(answers), errors="backslashreplace")
 
     with tempfile.TemporaryDirectory() as folder:
-        found = fuzz(Path(folder), numbers, given.seed, report)
+        found = fuzz(Path(folder), numbers, given.seed, report, log_calls if given.logs else calls)
     for (command, code), count in sorted(codes.items()):
         sys.stdout.write(f"{command!r:.20}: exit code {code} in {count} calls\n")
     sys.stdout.write(f"{len(found)} of {len(numbers)} calls broke a promise\n")

@@ -2,12 +2,12 @@
 
 import warnings
 
-from fuzz import fuzz
+import pytest
+from fuzz import calls, fuzz, log_calls
 
-CALLS = 60
 
-
-def test_commands_answer_or_refuse_in_one_sentence(tmp_path):
+@pytest.mark.parametrize(("made", "count"), [(calls, 60), (log_calls, 12)])
+def test_commands_answer_or_refuse_in_one_sentence(tmp_path, made, count):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert fuzz(tmp_path, range(CALLS)) == {}
+        assert fuzz(tmp_path, range(count), made=made) == {}

@@ -230,6 +230,24 @@ def test_candidates_are_recorded_with_their_errors(identification):
             np.testing.assert_array_equal(entry[part]["r_squared"], quality.r_squared)
 
 
+def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(identification):
+    found, record = identification.term_sets, identification_record(identification)
+    assert record["joint_terms"] == {
+        joint: ["Fc", "Fv"] for joint in identification.force_model.mechanism.actuated
+    }
+    assert [entry["terms"] for entry in record["term_sets"]] == ["none", "Fv", "Fc,Fv", "Fc,Fv,Fo"]
+    assert [entry["chosen"] for entry in record["term_sets"]] == [False, False, True, False]
+    for entry, each in zip(record["term_sets"], found.sets, strict=True):
+        for k, bodies in enumerate(("robot_file", "fitted_bodies")):
+            assert entry[bodies]["error"] == each.errors[k].mean
+            assert entry[bodies]["enough"] == (found.enough[k] is each)
+    (sentence,) = [text for text in findings(identification) if "Joint terms: Fc,Fv" in text]
+    assert "Fc,Fv is enough with fitted bodies" in sentence
+    assert "Try" not in sentence
+    other = replace(identification, term_sets=replace(found, chosen=found.sets[0]))
+    assert any("Try --terms Fc,Fv." in text for text in findings(other))
+
+
 def test_what_is_not_finite_is_null(identification):
     candidate = identification.candidates[1]
     empty = replace(candidate.validation, residual_rms=np.full(4, np.nan))

@@ -131,7 +131,10 @@ def analyse(observation: Observation) -> Structure:
         rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
     except RankError as error:
         between = right[(values > LEAST_UNCLEAR * values[0]) & (values < MOST_UNCLEAR * values[0])]
-        concerned = _concerned(observation, columns, between)
+        faint = values[
+            (values < ROUND_OFF_CEILING * values[0]) & (values > LEAST_UNCLEAR * values[0])
+        ]
+        concerned = _concerned(observation, columns, between, faint / values[0])
         raise RankError(f"{error}; {concerned}") from None
     if rank == observation.rows < len(columns):
         raise RankError(
@@ -159,11 +162,12 @@ def warn_of_faint(observation: Observation, structure: Structure) -> None:
     if most == rank or structure.noise:
         return
     combinations = structure.row_factor[most:] / values[most:rank, None]
+    faint = values[most:rank] / values[0]
     warn(
         f"{rank - most} of the {rank} singular values that count are below {FAINT:g} of the "
         f"largest, down to {values[rank - 1] / values[0]:.1e}: rounded or nearly special geometry "
         f"makes such values, and then the rank is at most {most}; "
-        f"{_concerned(observation, structure.columns, combinations)}",
+        f"{_concerned(observation, structure.columns, combinations, faint)}",
         AccuracyWarning,
     )
 
@@ -241,12 +245,23 @@ def _geometry_noise(observation: Observation) -> _Noise | None:
     return None
 
 
-def _concerned(observation: Observation, columns: IntArray, combinations: FloatArray) -> str:
-    """What combinations (k, n) of the parameters in columns are of, and what to do about them."""
+def _concerned(
+    observation: Observation,
+    columns: IntArray,
+    combinations: FloatArray,
+    faint: FloatArray | None = None,
+) -> str:
+    """What combinations (k, n) of the parameters in columns are of, and what to do about them.
+
+    Where nothing is known of a rounding, it may be one that made faint relative singular values.
+    """
     weight = np.abs(combinations).max(axis=0, initial=0.0)
     leading = np.argsort(-weight.round(DIGITS), kind="stable")[:NAMED]
     names = [observation.parameters[columns[k]] for k in sorted(leading) if weight[k] > 0]
     text, how = ", ".join(name.label for name in names), "write its numbers with more digits"
+    if observation.geometry is None and faint is not None and len(faint):
+        rounding = 10.0 ** np.ceil(np.log10(faint.max() * observation.length))
+        how += f", or, if they are rounded, say so by --rounding {rounding:g}"
     if observation.geometry is not None:
         places = observation.geometry.places
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))

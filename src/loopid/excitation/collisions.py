@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from loopid.arrays import FloatArray
 from loopid.errors import ModelWarning, warn
-from loopid.loading import find_files
+from loopid.loading import find_files, unread_mesh
 from loopid.robot import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
@@ -71,6 +71,8 @@ def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
         return pin.GeometryModel()
     folders = [str(folder) for folder in files.tree.absolute().parents]
     try:
+        if reason := unread_mesh(files.tree):  # Pinocchio waits for pipes
+            raise ValueError(reason)
         geometry = pin.buildGeomFromUrdf(
             mechanism.model, str(files.tree), pin.GeometryType.COLLISION, package_dirs=folders
         )

@@ -27,6 +27,7 @@ from loopid.experiment.identify import (
 )
 from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
 from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
+from loopid.experiment.term_sets import TermComparison, TermSet, compare_terms
 
 __all__ = [
     "DEFAULT_FRACTION",
@@ -41,8 +42,11 @@ __all__ = [
     "MotorGain",
     "PayloadFit",
     "Suspicions",
+    "TermComparison",
+    "TermSet",
     "WeakDirection",
     "cad_prior",
+    "compare_terms",
     "distributed_problem",
     "drive_gains",
     "exciting_motion",

@@ -25,6 +25,7 @@ from loopid.experiment.identifiability import (
     identifiability,
 )
 from loopid.experiment.suspicions import Suspicions, suspicions
+from loopid.experiment.term_sets import TermComparison, compare_terms
 from loopid.identification import (
     BayesianRidge,
     Estimator,
@@ -45,6 +46,7 @@ from loopid.identification import (
 )
 from loopid.logs import Recording
 from loopid.parameters import html_table
+from loopid.regressors import JointTerms
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion
 
@@ -149,6 +151,8 @@ class Identification:
         Physically consistent parameters, where they were asked for.
     suspicions : tuple of Suspicions
         What may be wrong with each log.
+    term_sets : TermComparison or None
+        What sets of joint terms buy on the validation data, where it was asked for.
     """
 
     force_model: ForceModel
@@ -163,6 +167,7 @@ class Identification:
     informed: FitResult | None = None
     prior_deviation: float | None = None
     suspicions: tuple[Suspicions, ...] = ()
+    term_sets: TermComparison | None = None
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -284,6 +289,7 @@ def identify(
     prior_deviation: float | None = None,
     consistent: str | None = None,
     repair: bool = False,
+    term_sets: Sequence[str] | None = None,
 ) -> Identification:
     """Fit a force model to recordings, and judge the fit on recordings that it has not seen.
 
@@ -312,6 +318,9 @@ def identify(
         ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
     repair : bool
         Whether physically inconsistent bodies of the robot file are repaired for that.
+    term_sets : sequence of str, optional
+        Compare sets of joint terms on the validation data: the usual ones and these
+        (``compare_terms``).
 
     Raises
     ------
@@ -353,6 +362,8 @@ def identify(
             f"estimator {name!r} takes {wanted or 'no'} reference motions, one for each recording "
             f"to fit if it is {InstrumentalVariables.name!r}, not {len(references)}"
         )
+    for choice in term_sets or ():
+        JointTerms.of(force_model.mechanism, choice)  # refused before the work, if at all
     for run in validation:
         if any(np.array_equal(run.force, other.force) for other in training):
             warn(
@@ -430,6 +441,10 @@ def identify(
 
         given = samples.problem, fitted, force_model.base, force_model.standard_prior
         bodies = consistent_fit(*given, regularisation=consistent, repair=repair)
+    compared = None
+    if term_sets is not None and fitted.noise is not None:
+        runs = training, validation, fitted.noise, deviation
+        compared = compare_terms(force_model, *runs, term_sets, n_jobs)
     return Identification(
         force_model,
         tuple(training),
@@ -443,6 +458,7 @@ def identify(
         informed,
         deviation,
         suspected,
+        compared,
     )
 
 

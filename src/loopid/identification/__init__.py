@@ -30,10 +30,12 @@ from loopid.identification.result import (
 )
 from loopid.identification.robust import Bisquare, Huber
 from loopid.identification.selection import (
+    PredictionError,
     Reduction,
     ReductionStep,
     eliminate,
     influence,
+    prediction_errors,
     truncated_values,
 )
 
@@ -51,6 +53,7 @@ __all__ = [
     "InstrumentalVariables",
     "NoiseModel",
     "OrdinaryLeastSquares",
+    "PredictionError",
     "Prior",
     "Quality",
     "Reduction",
@@ -67,6 +70,7 @@ __all__ = [
     "fit_in_steps",
     "fit_quality",
     "influence",
+    "prediction_errors",
     "quiet_fit",
     "truncated_values",
     "warn_of_insignificant",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -148,8 +149,7 @@ def eliminate(
 
     At each step the parameter with the largest relative standard deviation goes back to its
     reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
-    chosen whose validation error is not clearly above the least: within one standard error of it
-    [Breiman1984] and two of the difference, or within 2 %.
+    chosen whose validation error is not clearly above the least (``PredictionError``).
 
     Parameters
     ----------
@@ -194,24 +194,19 @@ def eliminate(
             raise OptionError.unknown("parameter to keep", name, names.labels)
     full = working_fit(training, estimator)
     scale = _error_scale(full.result)
-    steps = _eliminations(full, training, validation, start, keep, scale)
-    best = min(steps, key=lambda step: step.validation_error)
-    # Of the differences at each time: what both steps share, as a disturbance that neither
-    # explains, does not count as uncertainty.
-    least = _squares(validation, best.values, scale)
-    for k, step in enumerate(steps):
-        if step is not best:
-            more = _squares(validation, step.values, scale) - least
-            excess, error = _mean(validation, more, scale)
-            steps[k] = replace(step, excess=excess, excess_error=error)
-
-    def supported(step: ReductionStep) -> bool:
-        # One standard error of the best is wide where a disturbance that no step explains makes all
-        # of them uncertain; two of the difference are not.
-        uncertainty = min(best.standard_error, CLEARLY * step.excess_error)
-        return step.excess <= max(uncertainty, NO_CONSEQUENCE * best.validation_error)
-
-    chosen = [step for step in steps if supported(step)][-1]
+    steps = _eliminations(full, training, start, keep, scale)
+    errors = prediction_errors(validation, [step.values for step in steps], scale)
+    steps = [
+        replace(
+            step,
+            validation_error=found.mean,
+            standard_error=found.standard_error,
+            excess=found.excess,
+            excess_error=found.excess_error,
+        )
+        for step, found in zip(steps, errors, strict=True)
+    ]
+    chosen = [step for step, found in zip(steps, errors, strict=True) if found.as_good][-1]
     columns = [names.labels.index(label) for label in chosen.labels]
     result = quiet_fit(training.reduced(columns, start), estimator)
     return Reduction(names, start, tuple(steps), chosen, result)
@@ -232,12 +227,11 @@ def _error_scale(full: FitResult) -> FloatArray:
 def _eliminations(
     full: WorkingFit,
     training: FitSamples,
-    validation: FitSamples,
     reference: FloatArray,
     keep: Sequence[str],
     scale: FloatArray,
 ) -> list[ReductionStep]:
-    """Steps from all parameters down to those to keep, or to one.
+    """Steps from all parameters down to those to keep, or to one, not validated yet.
 
     Weights, working samples and error model stay those of the full fit, so that no sample is needed
     again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
@@ -252,7 +246,6 @@ def _eliminations(
         values[columns] = 0.0
         Q, T = np.linalg.qr(R[:, columns])
         values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
-        error, spread = _mean(validation, _squares(validation, values, scale), scale)
         squares = training.problem.residual_squares(values) * scale**2
         steps.append(
             ReductionStep(
@@ -261,8 +254,8 @@ def _eliminations(
                 relative_std=relative,
                 values=values,
                 training_error=float(squares.sum() / training.problem.rows),
-                validation_error=error,
-                standard_error=spread,
+                validation_error=np.nan,
+                standard_error=np.nan,
             )
         )
         free = [k for k, j in enumerate(columns) if labels[j] not in keep]
@@ -273,6 +266,55 @@ def _eliminations(
         deviations = relative_deviation(errors, (values - reference)[columns])
         worst = max(free, key=lambda k: deviations[k])
         dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
+
+
+class PredictionError(NamedTuple):
+    """How well values predict data that were not fitted, beside others.
+
+    Attributes
+    ----------
+    mean, standard_error : float
+        Mean square of scaled residuals over all actuators.
+    excess, excess_error : float
+        Of the mean over that of the best values, and its standard error; 0 for the best.
+    as_good : bool
+        Whether the mean is not clearly above the least: within one standard error of it
+        [Breiman1984] and two of the difference, or within 2 %.
+    """
+
+    mean: float
+    standard_error: float
+    excess: float
+    excess_error: float
+    as_good: bool
+
+
+def prediction_errors(
+    validation: FitSamples, candidates: Sequence[FloatArray], scale: FloatArray
+) -> list[PredictionError]:
+    """Errors of several values (n,) on the same data, each beside the best of them.
+
+    Parameters
+    ----------
+    scale : FloatArray
+        (dof,), that residuals are multiplied by; 0 leaves an actuator out.
+    """
+    means = [_mean(validation, _squares(validation, values, scale), scale) for values in candidates]
+    best = int(np.argmin([mean for mean, _ in means]))
+    least, found = _squares(validation, candidates[best], scale), list[PredictionError]()
+    for k, (values, (mean, error)) in enumerate(zip(candidates, means, strict=True)):
+        # Of the differences at each time: what both share, as a disturbance that neither explains,
+        # does not count as uncertainty.
+        excess, excess_error = 0.0, 0.0
+        if k != best:
+            more = _squares(validation, values, scale) - least
+            excess, excess_error = _mean(validation, more, scale)
+        # One standard error of the best is wide where a disturbance that none explains makes all
+        # of them uncertain; two of the difference are not.
+        uncertainty = min(means[best][1], CLEARLY * excess_error)
+        as_good = excess <= max(uncertainty, NO_CONSEQUENCE * means[best][0])
+        found.append(PredictionError(mean, error, excess, excess_error, as_good))
+    return found
 
 
 def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from loopid.loading.description import (
     find_motion_file,
 )
 from loopid.loading.load import load_mechanism
-from loopid.loading.regions import collision_regions
+from loopid.loading.regions import collision_regions, unread_mesh
 from loopid.loading.rounding import nearly_special
 from loopid.loading.urdf import parse_xml, read_urdf_file
 
@@ -21,4 +21,5 @@ __all__ = [
     "nearly_special",
     "parse_xml",
     "read_urdf_file",
+    "unread_mesh",
 ]

@@ -5,6 +5,7 @@ Kinds and their keys come from ``CLOSURE_KINDS``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +15,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from loopid.errors import RobotFileError
+from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure, link_frames
 from loopid.yaml_files import Section
 
@@ -148,8 +149,18 @@ def _closure(
         )
     default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
+    for axis in dict.fromkeys((first, second)):
+        warn_of_size(f"{file}: closure {frame_a}-{frame_b}", axis)
     axes = _unit(first), _unit(second)
     return LoopClosure(closure.type, frame_a, frame_b, ids, axes, closure.length or 0.0)
+
+
+def warn_of_size(where: str, axis: Iterable[float]) -> None:
+    """Warn of an axis whose length hardly is that of a rounded unit vector."""
+    numbers = [*axis]
+    if not 0.9 < math.hypot(*numbers) < 1.1:
+        text = ", ".join(f"{number:g}" for number in numbers)
+        warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
 
 
 def _unit(axis: Vector) -> Vector:

@@ -63,6 +63,7 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
 # leaves no choice.
 NEAR = 0.2
+CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
 # Of observations that only tell a rank: rows, and the part of the limits from which poses are.
 ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
@@ -208,12 +209,12 @@ def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]
     mechanism, measure = closed[0], _measure(closed)
     if mechanism.rows == 0:
         return True
-    moved = difference(mechanism, drawn[None], mechanism.reference[None])
-    near = float(np.abs(moved / mechanism.coordinate_scales).max()) <= NEAR
-    open_by = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
-    was_closed = largest_residual(mechanism, drawn[None])[0] <= open_by
-    clear = measure >= (NEAR_SINGULARITY if was_closed else FOLDED)
-    return near and clear and (set(mechanism.joints) <= {*given} or not _outside(mechanism))
+    steps = difference(mechanism, drawn[None], mechanism.reference[None])
+    moved = float(np.abs(steps / mechanism.coordinate_scales).max())
+    # Other modes are as far away as the singularity where they meet, or farther.
+    clear = measure >= max(NEAR_SINGULARITY, min(FOLDED, CLEAR * moved))
+    inside = set(mechanism.joints) <= {*given} or not _outside(mechanism)
+    return moved <= NEAR and clear and inside
 
 
 def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
@@ -249,21 +250,22 @@ def _in_a_mode(
     singular = why_singular(*closed) if drawn_is_closed else ""
     if len(modes) > 1:
         modes = tuple(replace(mode, rank=_rank(mechanism, mode)) for mode in modes)
-    known = {mode.rank for mode in modes} - {None}
+    ranks = {mode.rank for mode in modes}
     text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
     if singular:
         text += "; the reference is a regular pose a step of the motors away"
     if len(modes) > 1:
         text += f"; {len(modes)} assembly modes were found, mode 1 is used"
-    if len(known) > 1:
+    if len(ranks) > 1:
         listed = ", ".join(f"{mode.rank or '?'} in mode {k}" for k, mode in enumerate(modes, 1))
-        text += f", and THEIR NUMBERS OF BASE PARAMETERS DIFFER (full model): {listed}"
+        differ = "MAY DIFFER" if None in ranks else "DIFFER"
+        text += f", and THEIR NUMBERS OF BASE PARAMETERS {differ} (full model): {listed}"
     if len(modes) > 1:
         text += (
             "; to choose another, put its 'reference' into the YAML, as 'loopid check "
             f"{mechanism.path}' prints it"
         )
-    if len(known) > 1:
+    if len(ranks) > 1:
         warn(f"{mechanism.path}: {text}", ReferenceWarning)
     elif singular:
         warn(f"{mechanism.path}: {text}", SingularityWarning)

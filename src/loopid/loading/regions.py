@@ -134,6 +134,16 @@ def _sizes(shape: Element, attribute: str, count: int = 1) -> FloatArray:
     return values
 
 
+def unread_mesh(file: Path) -> str:
+    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
+    try:
+        for mesh in parse_xml(file).iterfind("link/collision/geometry/mesh"):
+            _mesh_file(required(mesh, "filename"), file)
+    except (FileNotFoundError, RobotFileError) as error:
+        return str(error)
+    return ""
+
+
 def _mesh_points(shape: Element, file: Path) -> FloatArray:
     import trimesh  # here, as it takes a while to import
 

@@ -19,7 +19,7 @@ from lxml import etree
 from pydantic import ValidationError
 
 from loopid.errors import RobotFileError
-from loopid.loading.closures import ClosureDescription
+from loopid.loading.closures import ClosureDescription, warn_of_size
 from loopid.loading.description import Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import (
@@ -89,6 +89,8 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
     """
     urdf = read_urdf_file(path)
     links, joints = urdf.robot.links, urdf.robot.joints
+    for joint in joints:
+        warn_of_size(f"{path}: joint {joint.name}", joint.axis)
     with naming(path):
         model = build_model(urdf, floating_base)
         mimics = {} if free_mimics else _mimics(joints)

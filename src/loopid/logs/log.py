@@ -14,7 +14,7 @@ import numpy as np
 
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.errors import DataError, LogError, MissingFileError, OptionError
+from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
 from loopid.logs.formats import (
@@ -28,7 +28,7 @@ from loopid.logs.formats import (
     rows_between,
     stream_name,
 )
-from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
+from loopid.logs.mapping import QUANTITIES, ColumnFinder, LogMapping, read_mapping
 from loopid.logs.streams import (
     Dropped,
     Stream,
@@ -41,6 +41,9 @@ from loopid.logs.streams import (
 from loopid.robot import Mechanism, lock_options
 from loopid.scratch import finite_rows, kept, sample_rows
 
+# Time over which measured rates are compared with positions, in s; how far they may differ with a
+# warning, and the ratio (or its inverse) from which on they are something else.
+COMPARED_OVER, APART, WRONG_GAIN = 0.5, 0.1, 1.25
 # The first that accepts a path reads it.
 FORMATS: tuple[type[LogFormat], ...] = (
     BagFormat,
@@ -74,6 +77,8 @@ class Log:
         (m,), force from which each drive saturates; None where nothing is known.
     idle_speed : float or None
         Speed in m/s or rad/s at or below which a motor counts as standing.
+    velocity, acceleration : FloatArray or None
+        (N, m) in units of the positions and s, where they were measured.
     """
 
     name: str
@@ -85,6 +90,8 @@ class Log:
     dropped: tuple[Dropped, ...] = ()
     saturation: FloatArray | None = None
     idle_speed: float | None = None
+    velocity: FloatArray | None = None
+    acceleration: FloatArray | None = None
 
     def __post_init__(self) -> None:
         time = finite_rows(self.time, "time")
@@ -97,9 +104,10 @@ class Log:
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
         object.__setattr__(self, "time", kept(time))
         object.__setattr__(self, "stretches", kept(numbers, np.int64))
-        for name in ("position", "force"):
-            values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
-            object.__setattr__(self, name, kept(values))
+        for name in QUANTITIES:
+            if name in ("position", "force") or getattr(self, name) is not None:
+                values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
+                object.__setattr__(self, name, kept(values))
         if self.saturation is not None:
             object.__setattr__(self, "saturation", frozen(self.saturation))
 
@@ -203,8 +211,57 @@ def read_log(
     saturation = None
     if mapping.saturation is not None:
         saturation = np.array(mapping.by_joint(str(place), "saturation", joints))
-    name, aligned = stream_name(place.resolve()), align(streams, joints)
-    return Log(name, joints, *aligned, saturation, mapping.idle_speed)
+    time, signals, stretches, dropped = align(streams, joints)
+    log = Log(
+        name=stream_name(place.resolve()),
+        joints=joints,
+        time=time,
+        **signals,
+        stretches=stretches,
+        dropped=dropped,
+        saturation=saturation,
+        idle_speed=mapping.idle_speed,
+    )
+    check_rates(log)
+    return log
+
+
+def check_rates(log: Log) -> None:
+    """Refuse measured velocities and accelerations that are not those of the positions.
+
+    Compared are differences of positions over some time, with integrals over the same time: noise
+    and the delays of filters in drives do not matter there.
+    """
+    for order, quantity in enumerate(("velocity", "acceleration"), 1):
+        measured: FloatArray | None = getattr(log, quantity)
+        if measured is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            changes: list[FloatArray] = []
+            for part in log.parts():
+                count, integral = part.stop - part.start, measured[part, k]
+                lag = max(1, min(round(COMPARED_OVER * log.rate(part)), (count - 1) // (2 * order)))
+                for _ in range(order):
+                    steps = (integral[1:] + integral[:-1]) / (2 * log.rate(part))
+                    integral = np.append(0.0, np.cumsum(steps))
+                both = np.stack([integral, log.position[part, k]])
+                for _ in range(order):
+                    both = both[:, lag:] - both[:, :-lag]
+                changes.append(both)
+            given, expected = np.concatenate(changes, axis=1)
+            size = float(expected @ expected)
+            if size == 0:  # it stands
+                continue
+            gain, off = float(given @ expected) / size, given - expected
+            apart = float(np.sqrt(off @ off / size))
+            said = (
+                f"{log.name}: the {quantity} of {joint} is {gain:.3g} times what its position "
+                f"says, and differs from it by {apart:.0%} (root mean square)"
+            )
+            if not 1 / WRONG_GAIN < gain < WRONG_GAIN:
+                raise LogError(f"{said}: is it in another unit ({quantity}_scale), or of another?")
+            if apart > APART:
+                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", LogWarning)
 
 
 def read_streams(

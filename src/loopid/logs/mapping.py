@@ -29,6 +29,8 @@ WITH_NUMBER = {
     "position": ("position", "joint_position"),
     "force": ("force", "effort", "torque", "control_action"),
 }
+# All that is read, in this order.
+QUANTITIES = ("position", "force", "velocity", "acceleration")
 # Columns that a message lists.
 MOST_LISTED = 30
 # Condition number from which a joint map is no true one.
@@ -121,8 +123,9 @@ class LogMapping(Section):
     """Which columns hold time, positions and forces, and in which units.
 
     All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
-    ``stream:column``, or list the columns in the order of the motors. Values times the scale, plus
-    the offset, are in m or rad, and N or N m; numbers hold for all joints, or are given by joint.
+    ``stream:column``, or list the columns in the order of the motors; so do ``velocity`` and
+    ``acceleration`` where those that were measured are to be used. Values times the scale, plus
+    the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
 
@@ -138,10 +141,16 @@ class LogMapping(Section):
     time: TimeColumns | None = None
     position: Columns | None = None
     force: Columns | None = None
+    velocity: Columns | None = None
+    acceleration: Columns | None = None
     position_scale: OneOrEach[Finite] = 1.0
     position_offset: OneOrEach[Finite] = 0.0
     force_scale: OneOrEach[Finite] = 1.0
     force_offset: OneOrEach[Finite] = 0.0
+    velocity_scale: OneOrEach[Finite] = 1.0
+    velocity_offset: OneOrEach[Finite] = 0.0
+    acceleration_scale: OneOrEach[Finite] = 1.0
+    acceleration_offset: OneOrEach[Finite] = 0.0
     saturation: OneOrEach[Positive] | None = None
     idle_speed: Positive | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
@@ -157,7 +166,7 @@ class LogMapping(Section):
 
     @model_validator(mode="after")
     def _scales_are_not_zero(self) -> LogMapping:
-        for name in ("position_scale", "force_scale"):
+        for name in (f"{quantity}_scale" for quantity in QUANTITIES):
             scale = getattr(self, name)
             if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
                 raise ValueError(f"{name} must not be 0")
@@ -233,7 +242,7 @@ class Place(NamedTuple):
 class Channel(NamedTuple):
     """What a column holds: value = scale * number + offset, in SI units."""
 
-    quantity: str  # "position" or "force"
+    quantity: str  # of QUANTITIES
     joint: str
     column: str
     scale: float
@@ -272,9 +281,11 @@ class ColumnFinder:
     mapping: LogMapping
 
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
-        """The columns of positions and forces by stream, that of the first position first."""
+        """The columns of all quantities by stream, that of the first position first."""
         found: dict[Place, Channel] = {}
-        for quantity in ("position", "force"):
+        for quantity in QUANTITIES:
+            if quantity not in WITH_JOINT and getattr(self.mapping, quantity) is None:
+                continue
             places = self._motor_columns(joints, quantity)
             if len(places) != len(joints):
                 raise LogError(
@@ -287,8 +298,8 @@ class ColumnFinder:
             for joint, place, *linear in zip(joints, places, scales, offsets, strict=True):
                 if place in found:
                     raise LogError(
-                        f"{self.source}: column {place.column!r} is mapped twice: each position "
-                        "and force has a column of its own"
+                        f"{self.source}: column {place.column!r} is mapped twice: each "
+                        f"{quantity} has a column of its own"
                     )
                 found[place] = Channel(quantity, joint, place.column, *linear)
         streams: dict[str, list[Channel]] = {}
@@ -331,7 +342,7 @@ class ColumnFinder:
 
     def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
         """Columns of a quantity in the order of the motors."""
-        given = self.mapping.position if quantity == "position" else self.mapping.force
+        given: Columns | None = getattr(self.mapping, quantity)
         if isinstance(given, StreamColumns):
             return self._listed(given)
         if given is not None:

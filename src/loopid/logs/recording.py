@@ -315,7 +315,7 @@ def default_lowpass(log: Log) -> LowPass:
 def filter_log(
     log: Log, lowpass: LowPass | None, saturation: FloatArray, decimate: bool, trim: bool
 ) -> tuple[Filtered, tuple[Dropped, ...]]:
-    """Filter, differentiate twice, and then keep as many samples as the cut-off calls for.
+    """Filter, differentiate what was not measured, and keep the samples that the cut-off asks for.
 
     The saturation (m,) is infinite for drives without; ``decimate`` leaves out samples, and
     ``trim`` the ends of the stretches.
@@ -366,8 +366,13 @@ def filter_log(
             signal = smooth(log.position[part, k])
             position[at] = signal[inner]
             signal = differentiate(signal, rate)
+            if log.velocity is not None:
+                signal = smooth(log.velocity[part, k])
             velocity[at] = signal[inner]
-            acceleration[at] = differentiate(signal, rate)[inner]
+            signal = differentiate(signal, rate)
+            if log.acceleration is not None:
+                signal = smooth(log.acceleration[part, k])
+            acceleration[at] = signal[inner]
     tables = position, velocity, acceleration, force, saturated
     filtered = Filtered(log.time[samples], *tables, log.stretches[samples])
     return filtered, tuple(dropped)

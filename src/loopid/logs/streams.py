@@ -17,7 +17,7 @@ import numpy as np
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
-from loopid.logs.mapping import Channel, JointMap, TimeColumn
+from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
 from loopid.robot import Mechanism
 from loopid.scratch import Spool, empty_columns, mapped_rows, release_pages
 
@@ -86,7 +86,7 @@ class Stream:
     left_out: tuple[tuple[str, IntArray], ...] = ()  # why rows were, and their numbers
 
     def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
-        """Joints whose position or force is here, and the values (R,)."""
+        """Joints of which a quantity is here, and the values (R,)."""
         for channel, values in zip(self.channels, self.values, strict=True):
             release_pages()
             if channel.quantity == quantity:
@@ -153,7 +153,8 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
     channels, signals = list(stream.channels), list(stream.values)
     for one in maps:
         matrix = np.array(one.matrix)
-        for quantity, factors in {"position": matrix, "force": np.linalg.inv(matrix).T}.items():
+        for quantity in QUANTITIES:
+            factors = np.linalg.inv(matrix).T if quantity == "force" else matrix
             places = {c.joint: k for k, c in enumerate(stream.channels) if c.quantity == quantity}
             here = [places[motor] for motor in one.motors if motor in places]
             if here and len(here) < len(one.motors):
@@ -332,8 +333,7 @@ class Aligned(NamedTuple):
     """Streams on one grid."""
 
     time: FloatArray  # (N,) in s from the first stamp of the first stream
-    position: FloatArray  # (N, m), one column a motor
-    force: FloatArray  # (N, m)
+    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor
     stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
@@ -365,7 +365,8 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
         )
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
-    tables = {what: empty_columns(len(time), len(joints)) for what in ("position", "force")}
+    there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
+    tables = {quantity: empty_columns(len(time), len(joints)) for quantity in there}
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():
             for joint, values in stream.signals(quantity):
@@ -376,7 +377,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))
     dropped += _outside(times[0], grids, step)
-    return Aligned(time, tables["position"], tables["force"], stretches, tuple(dropped))
+    return Aligned(time, tables, stretches, tuple(dropped))
 
 
 def _spans(time: FloatArray) -> FloatArray:

@@ -12,10 +12,11 @@ from loopid.regressors.closed_loop import (
     tree_regressor,
 )
 from loopid.regressors.file_physics import FileForce, file_forces, warn_of_omitted
-from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.regressors.joint_terms import NO_TERMS, OF_FILE, JointTerms
 from loopid.regressors.structural import structural_observation
 
 __all__ = [
+    "NO_TERMS",
     "OF_FILE",
     "FileForce",
     "ForceParts",

@@ -23,7 +23,7 @@ from loopid.kinematics import (
 from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
-from loopid.robot import Mechanism, in_groups
+from loopid.robot import Mechanism, in_groups, joint_term
 from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
@@ -124,8 +124,27 @@ def _random_regressors(
             yield gravity_regressor(mechanism, q)
             continue
         rates = random_motions(mechanism, len(q), generator)
+        if joint_terms is not None:
+            rates = _slowed(mechanism, joint_terms, rates[0]), rates[1]
         kept.add(q, *rates)
         yield motion_regressor(mechanism, closed_motion(mechanism, q, *rates), model, joint_terms)
+
+
+def _slowed(mechanism: Mechanism, terms: JointTerms, velocities: FloatArray) -> FloatArray:
+    """Velocities (N, dof), in parts so small that what friction does near standstill shows."""
+    narrow = [
+        (joint, joint_term(kind).at)
+        for joint, kinds in terms.of_joints.items()
+        for kind in kinds
+        if "~" in kind
+    ]
+    gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
+    slowed = velocities.copy()
+    for k, (joint, rate) in enumerate(narrow, 1):
+        unit = mechanism.coordinate_scales[mechanism.velocity_indices([joint])[0]]
+        usual = unit * np.sqrt(gravity / mechanism.length)
+        slowed[k :: len(narrow) + 1] *= min(1.0, 2 * rate / usual)
+    return slowed
 
 
 def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> Iterator[FloatArray]:

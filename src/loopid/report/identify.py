@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
         Identifiability,
         Identification,
         Suspicions,
+        TermComparison,
         WeakDirection,
     )
-    from loopid.identification import FitResult
+    from loopid.identification import FitResult, PredictionError
     from loopid.logs import Recording
 
 CAPTIONS = {
@@ -47,6 +49,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
     from loopid.saved import SavedFit  # here, as the other reports do without it
 
     model, told, consistent = found.force_model, found.identifiability, found.consistent
+    terms = model.joint_terms
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -59,6 +62,9 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "recommended": found.recommended.name,
         "recommended_fit": SavedFit.of(model, found.recommended_fit).record(),
         "prior_deviation": json_value(found.prior_deviation),
+        "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
+        "term_sets": found.term_sets and _term_sets(found.term_sets),
+        "fitted_bodies_pay": found.term_sets and found.term_sets.bodies_pay,
         "identifiability": {
             **_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
@@ -124,6 +130,25 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
     }
 
 
+def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
+    return [
+        {
+            "terms": each.choice,
+            "chosen": each is found.chosen,
+            **{
+                bodies: {
+                    "fitted": each.parameters[k],
+                    "error": each.errors[k].mean,
+                    "standard_error": json_value(each.errors[k].standard_error),
+                    "enough": each is found.enough[k],
+                }
+                for k, bodies in enumerate(("robot_file", "fitted_bodies"))
+            },
+        }
+        for each in found.sets
+    ]
+
+
 def findings(found: Identification) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
     cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
@@ -137,6 +162,8 @@ def findings(found: Identification) -> list[str]:
         "file.",
     ]
     said += [f"In {one.recording}, {text}." for one in found.suspicions for text in one.sentences]
+    if found.term_sets is not None:
+        said.append(_terms_finding(found.term_sets))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
@@ -158,6 +185,21 @@ def findings(found: Identification) -> list[str]:
         "it gives no value of are zero."
     )
     return said
+
+
+def _terms_finding(found: TermComparison) -> str:
+    with_file, fitted = found.enough
+    said = (
+        f"Joint terms: {found.chosen.choice}. On new data {fitted.choice} is enough with fitted "
+        f"bodies (squared error {_error_text(fitted.errors[1])}), {with_file.choice} with those of "
+        f"the robot file ({_error_text(with_file.errors[0])})"
+    )
+    said += f": fitted bodies are {'' if found.bodies_pay else 'not '}clearly better."
+    return said if fitted is found.chosen else f"{said} Try --terms {quote(fitted.choice)}."
+
+
+def _error_text(error: PredictionError) -> str:
+    return f"{error.mean:.3g} ± {error.standard_error:.2g}"
 
 
 def _recommendation(found: Identification) -> str:
@@ -215,6 +257,7 @@ def identification_tables(found: Identification) -> list[Table]:
         _essential_table(found),
         *([] if found.consistent is None else [_consistent_table(found.consistent)]),
         _candidates_table(found),
+        *([] if found.term_sets is None else [_terms_table(found.term_sets)]),
         _noise_table(found),
         _gains_table(found),
         _dropped_table(found),
@@ -297,6 +340,20 @@ def _candidates_table(found: Identification) -> Table:
             table.add_row(f"{actuator}, {name}", *cells)
     ratios = ["1", *("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in found.candidates[1:])]
     table.add_row("squared error, new", *ratios)
+    return table
+
+
+def _terms_table(found: TermComparison) -> Table:
+    """What each set of joint terms buys, with the bodies of the robot file and fitted ones."""
+    columns = "terms", ">fitted", ">bodies of the robot file", ">fitted", ">bodies fitted"
+    title = "joint terms: squared error on new data ± std, in error variances of the fit"
+    table = plain_table(title, *columns)
+    for each in found.sets:
+        cells = [each.choice + (" (chosen)" if each is found.chosen else "")]
+        for k in (0, 1):
+            best = " enough" if each is found.enough[k] else ""
+            cells += [str(each.parameters[k]), _error_text(each.errors[k]) + best]
+        table.add_row(*cells)
     return table
 
 

@@ -103,6 +103,16 @@ class BackwardFriction(CoulombFriction):
         return math.fmin(super().signal(joint, terms, math), 0.0)
 
 
+class StribeckFriction(CoulombFriction):
+    """Fs exp(-(q̇ / rate)²) sign q̇: what friction has more near standstill [Armstrong1994]."""
+
+    name = "Stribeck friction"
+
+    def signal(self, joint: JointState, terms: Any, math: Any) -> Any:
+        sign = CoulombFriction().signal(joint, terms, math)
+        return math.exp(-((joint.rate / self.at) ** 2)) * sign
+
+
 class ViscousFriction(JointTerm):
     """Fv q̇: damping."""
 
@@ -175,6 +185,7 @@ JOINT_TERMS: dict[str, type[JointTerm]] = {
     "Fc+": ForwardFriction,
     "Fc-": BackwardFriction,
     "Fc~RATE": SmoothCoulombFriction,
+    "Fs~RATE": StribeckFriction,
     "Fv": ViscousFriction,
     "Fo": Offset,
     "Ks": Spring,
