@@ -1,9 +1,13 @@
 """Joint states by name: whoever sends them, in whatever order, on whatever topic."""
 
+import sqlite3
+from contextlib import closing
+
 import numpy as np
 import pytest
 from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
 
+from loopid import files
 from loopid.errors import LogError, LogWarning, OptionError
 from loopid.logs import LogMapping, read_log
 
@@ -217,3 +221,54 @@ def test_bad_mappings_are_refused_in_python_too(content, message):
     with pytest.raises(OptionError, match=message) as caught:
         LogMapping(**content)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("storage", "packed"),
+    [
+        ("ros1", None),
+        ("ros1", "BZ2"),
+        ("ros1", "LZ4"),
+        ("db3", "message"),
+        ("db3", "file"),
+        ("mcap", "message"),
+        ("mcap", "file"),
+        ("mcap", "storage"),
+    ],
+)
+def test_packed_bags_stand_for_no_more_than_measurements(
+    knee, run, tmp_path, monkeypatch, storage, packed
+):
+    ros = storage if storage == "ros1" else "ros2"
+    messages = list(states(ros, knee.actuated, *run))
+    messages.append((int(run[0][-1]), TOPIC, joint_state(ros, run[0][-1], ["x" * 10**6])))
+    if packed is None:  # not packed, but messages lie in turns in both halves of the file
+        messages, chunk = messages[:-1:2] + messages[1:-1:2], 20_000
+        path = write_ros1(tmp_path / "run.bag", messages, packed, chunk)
+    elif ros == "ros1":
+        path = write_ros1(tmp_path / "run.bag", messages, packed)
+    else:
+        path = write_ros2(tmp_path / "run", messages, storage, packed)
+    check(read_log(path, knee), run)
+    monkeypatch.setattr(files, "UNPACKED_BYTES", 1000)
+    monkeypatch.setattr(files, "UNPACKED_RATIO", 5)
+    with pytest.raises(LogError, match=r"stores [\d,]+ bytes, but they stand for .* 5 times$"):
+        read_log(path, knee)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "ALTER TABLE message_definitions RENAME TO old;"
+        "CREATE VIEW message_definitions AS WITH RECURSIVE n(topic_type) AS "
+        "(SELECT 'x' UNION ALL SELECT topic_type FROM n) SELECT * FROM n",
+        "ALTER TABLE messages ADD COLUMN more BLOB AS (zeroblob(1000000000))",
+    ],
+)
+def test_tables_of_sqlite_that_are_computed_are_refused(knee, run, tmp_path, change):
+    path = write_ros2(tmp_path / "run", states("ros2", knee.actuated, *run), "db3")
+    with closing(sqlite3.connect(path / "run.db3")) as database:
+        database.executescript(change)
+    for place in (path, path / "run.db3"):
+        with pytest.raises(LogError, match=r"run\.db3: 'message\w+' is computed, and no table of"):
+            read_log(place, knee)

@@ -85,7 +85,10 @@ def positions(robot, compiled, q):
     """MuJoCo's configuration: quaternions with w first, angles for points on a circle."""
     found = np.zeros(compiled.nq)
     for name in robot.joints:
-        joint, start = robot.joint(name), int(compiled.joint(name).qposadr[0])
+        joint = robot.joint(name)
+        free = joint.shortname() == "JointModelFreeFlyer"  # need not have a name in MuJoCo
+        number = compiled.body(robot.links[0]).jntadr[0] if free else compiled.joint(name).id
+        start = int(compiled.jnt_qposadr[number])
         own = q[joint.idx_q : joint.idx_q + joint.nq]
         if joint.nv == 1:
             found[start] = np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0]

@@ -181,7 +181,7 @@ MODELS = ("gravity", "full")
 
 def base_words(draw: Draw, file: Path) -> tuple[str, ...]:
     model = MODELS[draw.number % len(MODELS)]
-    return "base", str(file), "--model", model, "--samples", "60", "--time-limit", "5", "--json"
+    return "base", str(file), "--model", model, "--samples", "60", "--json"
 
 
 @cache

@@ -31,8 +31,12 @@ STREAMS = """position: {shoulder: "a:shoulder.position", elbow: "a:elbow.positio
 force: {stream: b, columns: [shoulder.force, elbow.force]}
 time: {column: time}
 """
+RATES = """velocity: {shoulder: shoulder.position, elbow: elbow.position}
+acceleration: {stream: run, columns: [time, elbow.force]}
+velocity_scale: 0.5
+"""
 CHOSEN = "topic: /joint_states\n", "group: /run\n", "format: csv\n", "idle_speed: 0.01\n"
-MAPPINGS = (MAPPING, NUMBERED, COUPLED, STREAMS, *CHOSEN, "")
+MAPPINGS = (MAPPING, NUMBERED, COUPLED, STREAMS, RATES, *CHOSEN, "")
 
 NAMES = (
     "time", "TIME", "", "shoulder", "shoulder.position", "time_ns", "sec", "nanosec", "a\nb", "1",
@@ -233,8 +237,8 @@ def _states(ros: str, columns: Columns, random: Random):
     stamps = np.clip(stamps, 0, 4e18).astype(np.int64)
     kind, often = random.choice(("", "", "order", "lost", "length", "twice", "zero", "odd")), 0.1
     for k, stamp in enumerate(stamps.tolist()):
-        names, q = list(joints), [float(column[k]) for column in values]
-        f = [float(column[k]) for column in forces]
+        names, q = list(joints), [float(np.real(column[k])) for column in values]
+        f = [float(np.real(column[k])) for column in forces]
         received = stamp
         if kind == "zero":
             stamp = 0

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import sqlite3
 from array import array
-from collections.abc import Generator, Mapping, Sequence
+from bz2 import BZ2Decompressor
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.errors import LogError, LogWarning, warn
-from loopid.files import why_no_file
+from loopid.files import plausible, require_plausible, why_no_file
 from loopid.logs.formats import (
     LARGEST_STAMP,
+    MOST_COLUMNS,
     NO_STAMP,
     Batch,
     LogFormat,
     array_batch,
     optional,
     refusals,
+    require_few_rows,
 )
 from loopid.yaml_files import LARGE, load_yaml
 
@@ -33,6 +40,10 @@ DESCRIPTION = "metadata.yaml"
 JOURNALS = ("-wal", "-journal")
 # Topics that a message lists.
 MOST_LISTED = 30
+UNPACKING = Lock()
+# Views and generated columns of SQLite, which can be without end.
+COMPUTED = """SELECT m.name FROM sqlite_master m LEFT JOIN pragma_table_xinfo(m.name) c
+WHERE m.type = 'view' OR c.hidden"""
 
 
 class Topic:
@@ -65,6 +76,8 @@ class Topic:
             messages, cells = self.columns.setdefault(name, (array("q"), array("d")))
             messages.append(number)
             cells.append(value)
+        if len(self.columns) > MOST_COLUMNS:
+            raise LogError(f"{self.source} has more than {MOST_COLUMNS:,} columns")
 
 
 class BagFormat(LogFormat):
@@ -89,12 +102,13 @@ class BagFormat(LogFormat):
         with optional("rosbags"):
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
-        with refusals(self.path, "ROS bag that can be read"):
+        with refusals(self.path, "ROS bag that can be read"), bounded_unpacking(self.path):
             _refuse_unfinished(self.path)
             # The message has been the same in all distributions.
             usual = get_typestore(Stores.ROS2_HUMBLE)
             with AnyReader([self.path], default_typestore=usual) as bag:
                 counts = self._chosen(bag.topics)
+                require_few_rows(self.path, sum(counts.values()))
                 topics = {name: Topic(f"{self.path} {name}") for name in counts}
                 connections = [c for c in bag.connections if c.topic in topics]
                 for connection, received, data in bag.messages(connections):
@@ -157,6 +171,63 @@ class BagFormat(LogFormat):
         yield array_batch(topic.source, columns, messages + 1)
 
 
+@contextmanager
+def bounded_unpacking(path: Path) -> Iterator[None]:
+    """Let rosbags unpack no more from a bag than measurements can be packed; else a LogError.
+
+    Chunks, messages and files are counted as often as they are unpacked. rosbags looks up what
+    unpacks them in tables of its own, which are changed meanwhile, by one thread at a time.
+    """
+    from lz4.frame import LZ4FrameDecompressor
+    from rosbags.rosbag1 import reader as ros1
+    from rosbags.rosbag2 import reader as ros2
+    from rosbags.rosbag2 import storage_mcap as mcap
+
+    files = path.iterdir() if path.is_dir() else (path,)
+    stored = sum(file.stat().st_size for file in files if not why_no_file(file))
+    unpacked, zstd = 0, ros2.zstd
+
+    def counted(content: bytes) -> bytes:
+        nonlocal unpacked
+        unpacked += len(content)
+        require_plausible(path, unpacked, stored)
+        return content
+
+    def unpacker(machine: Callable[[], Any]) -> Callable[..., bytes]:
+        def unpack(data: bytes, *_: int) -> bytes:
+            one = machine()
+            content = counted(one.decompress(data, max_length=plausible(stored) - unpacked + 1))
+            if not one.eof:
+                raise EOFError("packed data end too early")
+            return content
+
+        return unpack
+
+    @contextmanager
+    def opened(*given: Any) -> Iterator[Any]:
+        with zstd.open(*given) as content:
+            yield SimpleNamespace(read=lambda size: counted(content.read(size)))
+
+    zstandard = unpacker(zstd.ZstdDecompressor)
+    changes: list[tuple[dict[str, Any], str, Any]] = [
+        (ros1.decompressors, "none", counted),
+        (ros1.decompressors, "bz2", unpacker(BZ2Decompressor)),
+        (ros1.decompressors, "lz4", unpacker(LZ4FrameDecompressor)),
+        (mcap.DECOMPRESSORS, "lz4", unpacker(LZ4FrameDecompressor)),
+        (mcap.DECOMPRESSORS, "zstd", zstandard),
+        (vars(ros2), "zstd", SimpleNamespace(decompress=zstandard, open=opened)),
+    ]
+    with UNPACKING:
+        before = [table[key] for table, key, _ in changes]
+        try:
+            for table, key, new in changes:
+                table[key] = new
+            yield
+        finally:
+            for (table, key, _), old in zip(changes, before, strict=True):
+                table[key] = old
+
+
 def _refuse_unfinished(path: Path) -> None:
     """Refuse what rosbags would read in part, or fail to open with another reason than the true."""
     if path.is_dir() and not (path / DESCRIPTION).exists():
@@ -178,6 +249,11 @@ def _refuse_unfinished(path: Path) -> None:
     odd = [mark for mark in "#?%" if mark in str(path)]
     if odd and (path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3*")))):
         raise LogError(f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it")
+    for file in sorted(path.glob("*.db3")) if path.is_dir() else [path][: path.suffix == ".db3"]:
+        with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
+            computed = database.execute(COMPUTED).fetchone()
+        if computed is not None:
+            raise LogError(f"{file}: {computed[0]!r} is computed, and no table of a bag")
 
 
 def _refuse_elsewhere(path: Path) -> None:
