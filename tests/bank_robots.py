@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 
 from bank_doc import table
 from loopid import load_mechanism, random_configurations
@@ -26,6 +27,12 @@ ROBOTS = list(COUNTS)
 MODELS = ("full", "gravity")
 GAP = 1e6
 POSES = 50  # at least half as many rows again as columns with an effect, for each of the robots
+
+
+def few_of(names, *few):
+    """Names as parameters: a few in an ordinary run, all in ``make validate``."""
+    validate = pytest.mark.validate
+    return [pytest.param(name, marks=() if name in few else validate) for name in names]
 
 
 def count(robot, column):

@@ -39,11 +39,15 @@ def body(name, centre=(0.1, 0.02, -0.03), mass=1.0):
     return BODY.format(name=name, centre=numbers(centre), mass=mass)
 
 
+def unit(axis):
+    return (np.array(axis) / np.linalg.norm(axis)).tolist()
+
+
 def joint(
     name, parent, child, xyz=(0, 0, 0), axis=Z, kind="revolute", rpy=(0, 0, 0), limits=(-3, 3)
 ):
     limit = "" if kind in ("fixed", "continuous") else LIMIT.format(*limits)
-    texts = (numbers(values) for values in (xyz, axis, rpy))
+    texts = (numbers(values) for values in (xyz, unit(axis), rpy))
     fields = dict(zip(("xyz", "axis", "rpy"), texts, strict=True))
     return JOINT.format(name=name, kind=kind, parent=parent, child=child, limit=limit, **fields)
 
@@ -126,7 +130,9 @@ def loop(kind, seed=0, axes=None):
     parts.append(
         frame("pivot", "ground", place.act(np.array(apart)), pin.rpy.matrixToRpy(place.rotation))
     )
-    more = {"length": ROD} if kind == "distance" else {"axes": axes} if axes else {}
+    more = {"axes": [unit(axis) for axis in axes]} if axes else {}
+    if kind == "distance":
+        more["length"] = ROD
     reference = dict(zip(list(model.names)[1:], angles.tolist(), strict=True))
     return parts, {
         "closures": [tie(kind, ("end", "pivot"), **more)],

@@ -71,7 +71,10 @@ def load_once():
     return cache(load_mechanism)
 
 
-@pytest.fixture(scope="session", params=["3ups_rpu", "5p"])
+KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind
+
+
+@pytest.fixture(scope="session", params=KNEES)
 def mechanism(request, load_once):
     return load_once(request.param)
 

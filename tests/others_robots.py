@@ -10,7 +10,17 @@ from loopid import load_mechanism, random_configurations
 
 COLUMNS = ("model", "coordinates", "closure rank", "freedoms", "left free", "full", "gravity")
 ROWS = {row["model"]: row for row in table(*COLUMNS)}
+LARGE = ("gepetto/digit_like/robot.yaml", "gepetto/disney_like/robot.yaml",
+         "gepetto/robot_delta/robot.yaml", "mjcf/cassie.xml")  # fmt: skip
 FRESH = 6  # poses that no base parameters are found from
+
+
+def each(cases):
+    """Cases, tuples or names of models alone; those of large models run in ``make validate``."""
+    return [
+        pytest.param(*own, marks=[pytest.mark.validate] if own[0] in LARGE else [])
+        for own in ((case,) if isinstance(case, str) else case for case in cases)
+    ]
 
 
 def path(shared, name):

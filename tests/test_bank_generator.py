@@ -200,9 +200,9 @@ def stretched(value, factor):
     return value * factor()
 
 
-@settings(max_examples=2)
+@settings(max_examples=1)
 @given(draw=st.data())
-@pytest.mark.parametrize("robot", ["four_bar", "five_bar", "3rpr", "3rrr", "6ups", "delta"])
+@pytest.mark.parametrize("robot", ["five_bar", "3rrr", "delta"])
 def test_other_dimensions_have_the_same_counts(robot, draw):
     dimensions = row(robot)
     for key in {"ground", "platform", "lengths", "half_width"} & set(dimensions):

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 from loopid.base_parameters import ChoiceProblem, Structure
-from loopid.base_parameters.search.tree import Block
 from loopid.parameters import KINDS, ParameterSet
 
 # Choices that are not equal to round-off should not tie by chance either.
@@ -28,17 +27,6 @@ def structure(null_vectors, mixing=None):
     U = np.linalg.svd(null_vectors)[0]
     rows = U[:, d:].T if mixing is None else mixing @ U[:, d:].T
     return Structure(parameters(n), np.arange(n), np.ones(n), n - d, 1e15, U[:, :d], rows)
-
-
-def block_of(vectors):
-    """A block of vectors (n, k) that each stand for themselves."""
-    n = len(vectors)
-    groups = tuple(np.array([row]) for row in range(n))
-    return Block(np.arange(n), vectors, vectors, groups, selects_dependent=True)
-
-
-def all_selections(block):
-    return [np.array(rows) for rows in combinations(range(block.size), block.count)]
 
 
 def random_structure(n, d, seed=0):

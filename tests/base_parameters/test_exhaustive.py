@@ -1,7 +1,6 @@
 """Exhaustive search in chunks, tasks and processes: nothing is lost on the way."""
 
 import re
-from itertools import combinations, pairwise
 from math import comb
 from unittest.mock import patch
 
@@ -11,9 +10,9 @@ from choice_problems import BASES, brute_force, problems, random_bases, random_s
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExhaustiveSearch
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
 from loopid.base_parameters.search import exhaustive
-from loopid.base_parameters.search.exhaustive import best_in_range, nothing_yet, unrank
+from loopid.base_parameters.search.exhaustive import unrank
 from loopid.errors import OptionError, SearchError
 
 ONE = ExhaustiveSearch(workers=1)
@@ -32,14 +31,14 @@ def agree(problem, chunk, task):
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @given(data=st.data())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_the_determinant_screen_never_loses_the_optimum(criterion, data):
     problem = data.draw(problems(st.one_of(*BASES.values()), criterion))
     agree(problem, data.draw(st.integers(1, 9)), data.draw(st.integers(1, 40)))
 
 
 @given(problems(random_bases(9), "regressor", decades=6.0), st.integers(1, 5))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
     agree(problem, chunk, 1000)
 
@@ -71,19 +70,6 @@ def test_huge_condition_numbers_do_not_overflow(monkeypatch):
     assert ONE.search(problem).condition_number == pytest.approx(brute.least, rel=1e-9)
 
 
-@given(st.integers(0, 100), st.lists(st.integers(0, 70), max_size=4))
-def test_ranges_merge_to_the_whole(seed, cuts):
-    vectors = random_structure(8, 4, seed).null_basis
-    total, best = comb(8, 4), nothing_yet(4)
-    ends = [0, *sorted(cuts), total]
-    for first, last in pairwise(ends):
-        best = best.merge(best_in_range(vectors, np.inf, (first, last)))
-    whole = best_in_range(vectors, np.inf, (0, total))
-    assert best.value == whole.value
-    assert best.ties == whole.ties
-    np.testing.assert_array_equal(best.selections, whole.selections)
-
-
 def test_ties_beyond_those_listed_are_still_counted(monkeypatch):
     problem = ChoiceProblem(structure(np.ones((12, 1))))
     monkeypatch.setattr(exhaustive, "MOST_TIES", 3)
@@ -103,7 +89,8 @@ def test_few_of_many_parameters_are_no_problem():
     problem = ChoiceProblem(random_structure(70, 2), "regressor")
     found = ONE.search(problem)
     assert found.evaluated == found.candidates == comb(70, 2)
-    assert found.condition_number == pytest.approx(brute_force(problem).least, rel=1e-9)
+    least = ExactSearch().search(problem).condition_number
+    assert found.condition_number == pytest.approx(least, rel=1e-9)
 
 
 def test_progress_counts_up_to_the_total(monkeypatch):
@@ -145,14 +132,7 @@ def rank(combination, size):
     return before
 
 
-@given(st.integers(0, 11).flatmap(lambda n: st.tuples(st.just(n), st.integers(0, n))))
-def test_the_order_is_that_of_itertools(case):
-    n, k = case
-    expected = np.array(list(combinations(range(n), k)), dtype=int).reshape(comb(n, k), k)
-    np.testing.assert_array_equal(unrank(np.arange(comb(n, k)), n, k), expected)
-
-
-SIZES = [(62, 31), (66, 30), (70, 68), (200, 198), (300, 8), (1000, 3), (5000, 1), (40, 40)]
+SIZES = [(66, 30), (200, 198), (300, 8), (40, 40)]
 
 
 @pytest.mark.parametrize(("n", "k"), SIZES)

@@ -80,7 +80,7 @@ GEOMETRIES = st.fixed_dictionaries(
 
 
 @given(GEOMETRIES)
-@settings(max_examples=10)
+@settings(max_examples=4)
 def test_random_geometries(table, observe_robot, strokes_around, geometry):
     home = table["3ups_rpu"]["home"]
     try:

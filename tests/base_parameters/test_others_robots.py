@@ -9,13 +9,13 @@ from loopid import find_base_parameters, structural_observation
 from loopid.errors import RankError
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
-from others_robots import FRESH, ROWS, load, path, poses
+from others_robots import FRESH, ROWS, each, load, path, poses
 
 CLAIMS = [(name, model) for name in ROWS for model in MODELS if ROWS[name][model]]
 LEVEL = "urdf_plus/six_bar.urdf"
 
 
-@pytest.mark.parametrize(("name", "model"), CLAIMS)
+@pytest.mark.parametrize(("name", "model"), each(CLAIMS))
 def test_base_parameters_are_as_many_as_documented_and_give_all_forces(name, model, shared):
     file = path(shared, name)
     robot, q = load(file)[0], poses(file)

@@ -56,7 +56,7 @@ def pseudocode(V2, r, n_star, cond_limit, variant):
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("variant", ["pseudocode", "text"])
 @given(data=st.data())
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_the_same_answer_as_the_pseudocode(variant, criterion, data):
     S = data.draw(structures(st.one_of(*BASES.values())))
     alpha = data.draw(st.sampled_from([0.1, 0.25, 0.5]))

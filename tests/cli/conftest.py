@@ -39,6 +39,12 @@ def run(monkeypatch, capsys):
 
 
 @pytest.fixture
+def blank_figures(monkeypatch):
+    """Figures are left empty where they are not what is tested: drawing takes seconds."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+
+
+@pytest.fixture
 def run_json(run):
     def call(*arguments: str) -> dict:
         done = run(*arguments, "--json")

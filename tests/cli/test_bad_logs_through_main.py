@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-POSITIONS, FORCES = range(1, 5), range(5, 9)
+POSITIONS = range(1, 5)
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +65,9 @@ def times(columns, factor):
     return change
 
 
-def exchange(one, other, axis=1):
+def exchange(one, other):
     def change(rows):
-        view = rows if axis else rows.T
-        view[:, [one, other]] = view[:, [other, one]]
+        rows[[one, other]] = rows[[other, one]]
 
     return change
 
@@ -87,7 +86,7 @@ ALL = slice(None)
     ("change", "words"),
     [
         (put(slice(200, 900), 2, np.nan), ["spoilt"]),
-        (exchange(300, 301, axis=0), ["time must increase"]),
+        (exchange(300, 301), ["time must increase"]),
         (times(POSITIONS, 1e3), ["outside its limits", "0.001"]),
         (times(POSITIONS, 1e-3), ["outside its limits", "1000"]),
         (times([0], 1e3), ["median step", "0.001"]),
@@ -108,11 +107,8 @@ def test_a_log_that_says_nothing_is_refused(identify, table, change, words):
     ("change", "words"),
     [
         (put(slice(200, 203), 2, np.nan), ["spoilt", "3"]),
-        (times(FORCES, 1e3), ["force"]),
         (times([8], -1.0), ["the force of leg4_stroke is -", "force_scale"]),
-        (exchange(5, 8), [""]),
         (put(ALL, 1, None), ["leg1_stroke", "never changes"]),
-        (put(ALL, 5, None), ["leg1_stroke", "never changes"]),
     ],
 )
 def test_what_looks_wrong_is_said(identify, table, change, words):
@@ -161,7 +157,7 @@ spoilers = st.tuples(
 )
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(spoilt=st.lists(spoilers, min_size=1, max_size=3))
 def test_no_spoilt_log_ends_in_a_traceback(run, arm_files, tmp_path, spoilt):
     robot, log, _ = arm_files

@@ -1,10 +1,11 @@
 import json
 
 import numpy as np
+import pytest
 
 import loopid
 
-QUICK = ("--starts", "1", "--iterations", "12", "--time-limit", "120", "--solver", "slsqp")
+QUICK = ("--starts", "1", "--iterations", "5", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
     "criterion",
     "condition_number",
@@ -16,6 +17,7 @@ KEYS = {
 }
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_files_say_what_the_record_says(run, tmp_path):
     done = run("excite", "five_bar", "--out", tmp_path, "--json", "--duration", "6", *QUICK)
     assert done.code == 0
@@ -49,6 +51,7 @@ def test_files_say_what_the_record_says(run, tmp_path):
     assert loopid.review_motion(robot, followed).problems == ()
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_motions_command_reads_every_shape(run, tmp_path):
     for shape in ("spline", "poses"):
         out = tmp_path / shape

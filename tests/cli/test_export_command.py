@@ -136,6 +136,7 @@ def test_bodies_far_heavier_than_in_the_file_are_refused(run, tmp_path):
     assert run("export", "five_bar", fit, "--urdf", new, "--any-mass").code == 0
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_advice_for_heavy_bodies_leads_to_a_robot_file(run, arm_files, tmp_path):
     pytest.importorskip("clarabel", reason="needs pip install 'loopid[sdp]'")
     text, heavy = Path(arm_files[0]).read_text(), tmp_path / "light.urdf"

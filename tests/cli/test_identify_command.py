@@ -260,6 +260,7 @@ def test_unidentifiable_combinations_are_refused_with_the_motion_to_add(run, arm
     assert_refused(done, ["'truncate'", "error, prior"])
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_values_of_the_robot_file_are_marked_everywhere(
     run, run_json, arm_files, elbow_log, tmp_path
 ):
@@ -318,6 +319,7 @@ def test_the_width_of_the_prior_is_an_option(run, run_json, arm_files):
     assert_refused(done, ["'bayes'"])
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_physically_consistent_parameters_are_written(run, run_json, arm_files, tmp_path):
     pytest.importorskip("clarabel")
     command = "identify", *arm_files[:2], "--consistent", "entropic"

@@ -64,12 +64,10 @@ def test_the_nine_motions_can_be_run(run_json):
         assert 0 < max(motion["speeds"].values()) < 0.05
 
 
-def test_the_nine_motions_are_a_table_of_nine_lines(run):
-    done = run("motions", "3ups_rpu", "--rate", "1")
-    assert done.code == 0
-    assert done.err == ""
-    names = re.findall(r"^ {2}(\d) ", done.out, flags=re.MULTILINE)
-    assert names == list("123456789")
+def test_motions_are_a_table_of_a_line_each(run):
+    done = run("motions", "five_bar", "--rate", "1")
+    assert (done.code, done.err) == (0, "")
+    assert re.findall(r"^ {2}(\w+) +\d", done.out, flags=re.MULTILINE) == ["sweep"]
 
 
 def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp_path):
@@ -182,28 +180,14 @@ def test_the_version_is_told(run):
     assert done.out == f"loopid {importlib.metadata.version('loopid')}\n"
 
 
-@pytest.mark.parametrize(
-    ("words", "found"),
-    [
-        ("loopid ", set(COMMANDS)),
-        ("loopid base --se", {"--search", "--seed"}),
-    ],
-)
-def test_shells_complete_commands_and_options(words, found):
+def test_shells_complete_options():
     # As the script of --show-completion asks for it, here of the module's own entry point.
-    place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    place = {"COMP_WORDS": "loopid base --se", "COMP_CWORD": "2"}
     asked = os.environ | place | {"_LOOPID_COMPLETE": "complete_bash"}
     script = [sys.executable, "-m", "loopid"]
     done = subprocess.run(script, env=asked, capture_output=True, text=True, check=True)
-    assert set(done.stdout.split()) == found
+    assert set(done.stdout.split()) == {"--search", "--seed"}
     assert done.stderr == ""
-
-
-def test_the_module_is_the_command_line():
-    script = [sys.executable, "-m", "loopid", "check", "nowhere"]
-    done = subprocess.run(script, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("loopid: error: nowhere does not exist")
 
 
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly():
@@ -228,10 +212,18 @@ def test_a_result_that_does_not_fit_on_the_disk_is_told():
     assert done.stderr.count("\n") == 1
 
 
+@pytest.fixture
+def odd_robot(tmp_path, arm_files):
+    """File of a robot that is warned of: no body has such inertias."""
+    text = Path(arm_files[0]).read_text()
+    (tmp_path / "odd.urdf").write_text(text.replace('izz="0.025"', 'izz="0.9"'))
+    return str(tmp_path / "odd.urdf")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
 @pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full"])
-def test_a_result_is_printed_though_nobody_hears_warnings(stream, arm_files):
-    words = [sys.executable, "-m", "loopid", "identify", *arm_files[:2], "--json"]
+def test_a_result_is_printed_though_nobody_hears_warnings(stream, odd_robot):
+    words = [sys.executable, "-m", "loopid", "check", odd_robot, "--json"]
     script = f"exec {' '.join(words)} {stream}"
     done = subprocess.run(script, shell=True, stdout=subprocess.PIPE, text=True, check=True)
     assert json.loads(done.stdout)["mechanism"] == "small"
@@ -270,13 +262,12 @@ def test_no_room_for_temporary_files_is_told(tmp_path):
     assert last.endswith("set TMPDIR to a folder with more room")
 
 
-def test_warnings_of_a_process_of_its_own_are_single_lines(arm_files):
-    script = [sys.executable, "-c", "from loopid.cli import main; main()"]
-    arguments = ["identify", *arm_files[:2], "--json"]
-    done = subprocess.run([*script, *arguments], capture_output=True, text=True, check=True)
+def test_warnings_of_a_process_of_its_own_are_single_lines(odd_robot):
+    script = [sys.executable, "-m", "loopid", "check", odd_robot, "--json"]
+    done = subprocess.run(script, capture_output=True, text=True, check=True)
     json.loads(done.stdout)
     assert all(line.startswith("loopid: warning: ") for line in done.stderr.splitlines())
-    assert done.stderr.count("\n") <= 3
+    assert 1 <= done.stderr.count("\n") <= 3
 
 
 @pytest.mark.parametrize("command", [["paper"], ["identify", "3ups_rpu", "nowhere.csv"]])

@@ -23,19 +23,19 @@ def legs(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def identified(run_json, legs):
-    """Records of the same log, each leg for itself and all alike."""
-    options = ("--model", "full", "--terms", "none")
-    return [run_json("identify", "3rrr", legs, *options, *tied) for tied in ((), ("--tied",))]
-
-
-def test_legs_made_alike_are_identified_together(identified):
-    untied, tied = (record["fit"]["base_parameters"] for record in identified)
+@pytest.mark.usefixtures("blank_figures")
+def test_legs_made_alike_are_identified_together_and_named_by_their_group(run, legs, tmp_path):
+    options, printed, records = ("--model", "full", "--terms", "none", "--out"), [], []
+    for more in ((), ("--tied",)):
+        done = run("identify", "3rrr", legs, *options, tmp_path, *more)
+        assert done.code == 0, done.err
+        printed.append(done.out)
+        records.append(json.loads((tmp_path / "identification.json").read_text()))
+    untied, tied = (record["fit"]["base_parameters"] for record in records)
     owners = {entry["name"].rpartition(".")[0] for entry in tied}
     assert owners == {"upper", "lower", "platform"}
     assert {entry["name"].rpartition(".")[0] for entry in untied} > {"leg1_upper", "leg2_lower"}
-    for entry, truth in zip(tied, identified[1]["robot_file"], strict=True):
+    for entry, truth in zip(tied, records[1]["robot_file"], strict=True):
         assert abs(entry["value"] - truth) < 4.5 * entry["standard_error"]
     for name in ("upper.my", "lower.Izz"):
         errors = [
@@ -43,16 +43,10 @@ def test_legs_made_alike_are_identified_together(identified):
             for entries in (tied, untied)
         ]
         assert errors[0] < 0.8 * errors[1]
-
-
-def test_reports_of_legs_made_alike_name_the_group(run, legs, tmp_path):
-    options = ("--model", "full", "--terms", "none", "--tied", "--out", tmp_path)
-    done = run("identify", "3rrr", legs, *options)
-    assert done.code == 0, done.err
-    saved = json.loads((tmp_path / "identification.json").read_text())
-    for text in (done.out, (tmp_path / "report.md").read_text(), *saved["expressions"]):
+    page = (tmp_path / "report.md").read_text()
+    for text in (printed[1], page, *records[1]["expressions"]):
         assert not any(f"leg{k}_{part}" in text for k in (1, 2, 3) for part in ("upper", "lower"))
-    assert "upper.mx" in done.out
+    assert "upper.mx" in printed[1]
 
 
 def write(folder, robot, moved, far=0.2, **more):

@@ -89,6 +89,7 @@ def test_terms_without_values_are_refused(terms, run):
     assert "must be kinds with values, such as Fc=60,Fv=900" in found.err
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
     out = tmp_path / "out"
     found = run("predict", str(saved), str(LOG), "--out", str(out), "--json")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from bank_robots import ROBOTS, count
+from bank_robots import count
 from closure_robots import body, files, joint, urdf
 from folded_robots import folded_row
 from linkages import BARS, LINKAGES, four_bar
@@ -361,7 +361,6 @@ def test_the_time_limit_is_enforced_until_it_is_felt(run, monkeypatch):
 
 # Every robot of docs/mechanisms.md
 
-KNEES = ("3ups_rpu", "5p")
 LEVEL = "urdf_plus/six_bar.urdf"
 
 
@@ -380,21 +379,20 @@ def consistent(record):
     )
 
 
-@pytest.mark.parametrize("robot", [*ROBOTS, *KNEES])
-def test_bundled_robots_are_checked(run_json, robot):
+@pytest.mark.parametrize("robot", ["four_bar", "delta", "6ups_crosses"])
+def test_bundled_robots_are_checked_and_counted(run_json, robot):
     record = run_json("check", robot)
     assert consistent(record)
     assert record["undetermined"] == record["redundant_actuation"] == []
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_bundled_robots_are_counted(run_json, robot):
     record = run_json("base", robot)
     assert record["rank"] == len(record["base_parameters"]) == count(robot, "gravity")
     assert record["search"]["certified"]
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize(
+    "name",
+    ["urdf_plus/mini_cheetah_leg.urdf", "mjcf/robotiq_2f85.xml", "gepetto/5bar_linkage/robot.yaml"],
+)
 def test_models_of_others_are_checked(run_json, name, shared):
     record = run_json("check", path(shared, name))
     assert consistent(record)

@@ -8,7 +8,7 @@ from loopid import MotionLimits, design_excitation
 from loopid.errors import AssemblyError, ExcitationWarning, MissingExtraError, OptionError
 from loopid.kinematics import closed_motion
 
-QUICK = {"starts": 1, "iterations": 20, "time_limit": 120.0, "solver": "slsqp"}
+QUICK = {"starts": 1, "iterations": 10, "time_limit": 120.0, "solver": "slsqp"}
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_the_same_seed_gives_the_same_motion(five_bar, design):
 
 def test_each_criterion_wins_by_its_own_measure(five_bar):
     found = {
-        name: design_excitation(five_bar, criterion=name, **(QUICK | {"iterations": 60})).criteria
+        name: design_excitation(five_bar, criterion=name, **(QUICK | {"iterations": 20})).criteria
         for name in ("D", "A", "E", "condition")
     }
     assert max(found, key=lambda name: found[name].log_det) == "D"
@@ -69,7 +69,7 @@ def test_each_criterion_wins_by_its_own_measure(five_bar):
 
 @pytest.mark.parametrize("shape", ["spline", "poses"])
 def test_other_shapes_keep_the_limits_too(five_bar, shape):
-    found = design_excitation(five_bar, shape=shape, **QUICK)
+    found = design_excitation(five_bar, shape=shape, **(QUICK | {"iterations": 4}))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
 
@@ -77,7 +77,7 @@ def test_other_shapes_keep_the_limits_too(five_bar, shape):
 def test_platform_coordinates():
     robot = loopid.load_mechanism("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
-    quick = QUICK | {"iterations": 4}
+    quick = QUICK | {"iterations": 1}
     found = design_excitation(robot, limits=limits, coordinates="platform", size=2, **quick)
     assert found.violations == 0
     assert found.motion.names == robot.platform.names

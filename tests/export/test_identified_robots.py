@@ -19,7 +19,6 @@ from made_runs import modelled, wander
 ROUND_TRIP = 1e-9
 CASES = [
     ("3ups_rpu", "gravity", ("Fc", "Fv")),
-    ("3ups_rpu", "full", ("Fc", "Fv")),
     ("five_bar", "full", ("Ia", "Fc", "Fv")),
 ]
 

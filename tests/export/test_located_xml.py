@@ -125,23 +125,6 @@ def without_numbers(text):
     return INERTIAL.sub(lambda match: NUMBERS.sub(r"\1#", match.group()), text)
 
 
-def walk(tag):
-    yield tag
-    for child in tag.children:
-        yield from walk(child)
-
-
-@given(text=robots(), encoding=st.sampled_from(ENCODINGS))
-def test_places_are_those_that_a_parser_finds(text, encoding):
-    content = encoded(text, encoding)
-    xml = locate(content)
-    assert xml.edited([]) == content
-    own = [(tag.name, set(tag.attributes)) for tag in walk(xml.root)]
-    for (name, keys), (tag, attributes) in zip(own, attributes_of(content), strict=True):
-        assert name.rpartition(":")[2] == etree.QName(tag).localname
-        assert {key for key in keys if not key.startswith("xmlns")} == set(attributes)
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from feasible_changes import changed, forces, forces_of_file, pseudo, relative, solid, standard
 
+from bank_robots import few_of
 from closure_robots import body, frame, joint, urdf
 from loopid import JointTerms, bundled_robots, load_mechanism
 from loopid.errors import DataError, FeasibilityError, OptionError, OutputError, RobotFileError
@@ -33,7 +34,7 @@ def saved(folder, mechanism, parameters, urdf_folder):
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
 @pytest.mark.parametrize("model", ["full", "gravity"])
-@pytest.mark.parametrize("robot", bundled_robots())
+@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta"))
 def test_bundled_robots_round_trip(tmp_path, urdf_folder, load_once, robot, model):
     mechanism = load_once(robot)
     parameters = changed(mechanism, model)
@@ -65,11 +66,10 @@ def test_robots_of_others_round_trip(tmp_path, robot_data, robot):
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
-@pytest.mark.parametrize("model", ["full", "gravity"])
-@pytest.mark.parametrize("robot", bundled_robots())
-def test_the_files_own_parameters_change_no_byte(load_once, urdf_folder, robot, model):
+@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta"))
+def test_the_files_own_parameters_change_no_byte(load_once, urdf_folder, robot):
     mechanism = load_once(robot)
-    content = updated_robot_file(mechanism, mechanism.standard_parameters(model))
+    content = updated_robot_file(mechanism, mechanism.standard_parameters())
     assert content == (urdf_folder / f"{robot}.urdf").read_bytes()
 
 

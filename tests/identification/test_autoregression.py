@@ -15,10 +15,8 @@ from loopid.identification.correlation import (
     Autoregression,
     ErrorModel,
     burg_covariances,
-    lagged_grams,
     run_lengths,
 )
-from smooth_data import autoregressive
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
 
@@ -44,14 +42,6 @@ def test_covariances_are_those_of_the_process(reflected):
     np.testing.assert_allclose(
         model.covariances, long_covariances(model, model.order + 1), rtol=1e-6, atol=1e-8
     )
-
-
-@given(reflections)
-def test_a_model_has_the_covariances_it_was_made_of(reflected):
-    model = model_of(reflected)
-    again = Autoregression.of_covariances(model.covariances)
-    np.testing.assert_allclose(again.coefficients, model.coefficients, rtol=1e-5, atol=1e-7)
-    assert again.variance == pytest.approx(model.variance, rel=1e-5)
 
 
 @given(reflections, st.integers(0, 1000))
@@ -106,17 +96,6 @@ def test_the_order_and_model_are_found():
     assert len(white) == 1
 
 
-def test_gaps_are_never_predicted_across():
-    rng = np.random.default_rng(0)
-    errors = autoregressive(rng, (30_000,), 0.9)
-    used = rng.random(30_000) < 0.9
-    pieces = (slice(0, 100), slice(100, 30_000))
-    spoilt = np.where(used, errors, 1e9)
-    model = Autoregression.of_covariances(burg_covariances(spoilt, run_lengths(used, pieces)))
-    assert model.covariances[0] == pytest.approx(1.0, rel=0.1)
-    assert model.covariances[1] / model.covariances[0] == pytest.approx(0.9, abs=0.02)
-
-
 @pytest.mark.parametrize("cutoff", [0.4, 0.1, 0.03])
 def test_models_of_filtered_errors_keep_the_slow_part(cutoff):
     # What matters to smooth motion: the variance of sums over long times, 1 before and after.
@@ -159,8 +138,8 @@ def burg_step_by_step(errors, runs):
     return np.array(covariances) / (1 + WHITE_FLOOR)
 
 
-@pytest.mark.parametrize("size", [1, 64, 10_000])
-@pytest.mark.parametrize("poles", [[], [0.98], [1.8, -0.97]])
+@pytest.mark.parametrize("size", [1, 64])
+@pytest.mark.parametrize("poles", [[], [1.8, -0.97]])
 def test_burgs_sums_are_those_of_prediction_errors(set_block_rows, size, poles):
     rng, pieces = np.random.default_rng(0), (slice(0, 500), slice(500, 1600))
     errors = lfilter([1.0], np.append(1.0, np.negative(poles)), rng.normal(size=1600))
@@ -171,29 +150,3 @@ def test_burgs_sums_are_those_of_prediction_errors(set_block_rows, size, poles):
     expected = burg_step_by_step(errors, runs)[: len(found)]
     assert len(found) > len(poles)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * expected[0])
-
-
-@given(st.lists(st.booleans(), min_size=3, max_size=40), st.integers(1, 9))
-def test_runs_end_at_gaps_and_stretches(used, size):
-    used, cut = np.array(used), len(used) // 2
-    pieces = slice(0, cut), slice(cut, len(used))
-    expected = []
-    for t, present in enumerate(used):
-        before = expected[t - 1] if t not in (0, cut) else 0
-        expected.append(before + 1 if present else 0)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("loopid.scratch.BLOCK_ROWS", size)
-        np.testing.assert_array_equal(run_lengths(used, pieces), expected)
-
-
-@pytest.mark.parametrize("size", [1, 7, 1000])
-def test_lagged_sums_stay_within_pieces(set_block_rows, size):
-    X = np.random.default_rng(0).normal(size=(60, 3))
-    pieces = slice(0, 4), slice(4, 5), slice(5, 60)
-    expected = np.zeros((7, 3, 3))
-    for piece in pieces:
-        x = X[piece]
-        for k in range(min(7, len(x))):
-            expected[k] += x[: len(x) - k].T @ x[k:]
-    set_block_rows(size)
-    np.testing.assert_allclose(lagged_grams(X, pieces, 6), expected, atol=1e-12)

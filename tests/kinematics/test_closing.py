@@ -91,7 +91,7 @@ def with_bars(kind, bars, reference):
 
 
 @pytest.mark.parametrize("kind", ["hinge", "2d"])
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(bars=st.tuples(*[lengths] * 4), angle=st.floats(-2.9, 2.9))
 def test_a_four_bar_loads_exactly_where_its_crank_can_be(kind, bars, angle, load_files):
     assume(abs(reach(bars, angle)) > CLEAR)
@@ -105,7 +105,7 @@ def test_a_four_bar_loads_exactly_where_its_crank_can_be(kind, bars, angle, load
     assert largest_residual(robot, robot.reference[None])[0] < 1e-10
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(bars=st.tuples(*[lengths] * 4))
 def test_without_a_reference_a_four_bar_loads_where_its_bars_form_a_loop(bars, load_files):
     spare = sum(bars) - 2 * max(bars)
@@ -121,7 +121,7 @@ def test_without_a_reference_a_four_bar_loads_where_its_bars_form_a_loop(bars, l
     assert -spare / np.sqrt(3) - 1e-3 < left < -spare + 1e-3
 
 
-@pytest.mark.parametrize("name", ["hinge four-bar", "ball rssr", "6d loop", "geared five-bar"])
+@pytest.mark.parametrize("name", ["ball rssr"])
 def test_loading_without_a_reference_is_repeatable(name, load_files):
     parts, description = LINKAGES[name]
     blank = description | {"reference": {}}
@@ -129,7 +129,7 @@ def test_loading_without_a_reference_is_repeatable(name, load_files):
     np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.parametrize("kind", ["3d", "6d", "hinge", "universal", "prismatic", "cylindrical"])
+@pytest.mark.parametrize("kind", ["3d", "prismatic"])
 def test_loops_are_found_for_motors_alone(kind, load_files):
     parts, description = loop(kind, seed=4)
     motor = description["reference"]["joint1"]

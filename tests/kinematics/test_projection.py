@@ -30,9 +30,7 @@ from loopid.kinematics import (
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 CASES = {
     "3ups_rpu": None,
-    "5p": None,
     "3ups_rpu by limb 4": LIMB_4,
-    "5p by limb 4": LIMB_4,
     "pinned bar": None,
     "welded bar": None,
     "welded knee": None,
@@ -268,7 +266,7 @@ def in_millimetres(geometry, robot):
     }
 
 
-@pytest.fixture(scope="module", params=["3ups_rpu", "5p", "3ups_rpu welded"])
+@pytest.fixture(scope="module", params=["3ups_rpu", "3ups_rpu welded"])
 def pair(request, generator, write_robot, weld):
     name, _, welded = request.param.partition(" ")
     robot = generator.read_table()[name]

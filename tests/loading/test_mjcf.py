@@ -244,7 +244,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(
     trees=st.lists(TREES, min_size=1, max_size=3),
     last=st.sampled_from(["free", "hinge", "slide", "ball"]),

@@ -11,7 +11,7 @@ from bank_robots import moved
 from loopid import load_mechanism, mobility, random_configurations
 from loopid.errors import InertiaWarning, MobilityWarning, ReferenceWarning
 from loopid.robot import lock_options
-from others_robots import ROWS, load, path, poses
+from others_robots import ROWS, each, load, path, poses
 
 # What the motors leave free, by hand. Unnamed: the motors are as many as the freedoms.
 FREE = {
@@ -64,7 +64,7 @@ def test_every_model_is_in_the_table(shared):
     assert {str(file.relative_to(shared / "models")) for file in files} == set(ROWS)
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", each(ROWS))
 def test_mobility_is_as_counted_by_hand(name, shared):
     robot, categories = load(path(shared, name))
     found, row = mobility(robot), ROWS[name]
@@ -79,7 +79,7 @@ def test_mobility_is_as_counted_by_hand(name, shared):
     assert categories == WARNED.get(name, set())
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", each(ROWS))
 def test_all_poses_are_closed(name, shared):
     robot, _ = load(path(shared, name))
     assert robot.closure_residual == 0.0
@@ -97,7 +97,7 @@ def test_all_poses_are_closed(name, shared):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("name", FREE)
+@pytest.mark.parametrize("name", each(FREE))
 def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
     file = path(shared, name)
     options = lock_options(load(file)[0]).replace("--lock ", "").split()
@@ -106,7 +106,7 @@ def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
     assert len(robot.independent) == len(robot.actuated)
 
 
-@pytest.mark.parametrize("name", SPINNING)
+@pytest.mark.parametrize("name", each(SPINNING))
 def test_what_is_left_free_is_the_spin_of_one_thing(name, shared):
     """The motors at rest, whatever moves noticeably turns about one line."""
     robot, _ = load(path(shared, name))

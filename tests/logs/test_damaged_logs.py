@@ -144,7 +144,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
 @example(spoil=[(lose, 0.0, 1)])
@@ -163,7 +163,7 @@ def test_spoilt_tables(case, spoil):
 
 COUNT = 120
 FORMATS = ["csv.gz", "npz", "parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]
-CASES = 40
+CASES = 16
 
 
 @pytest.fixture(scope="session")

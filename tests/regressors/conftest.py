@@ -7,7 +7,7 @@ import pytest
 from loopid import project, random_configurations
 from loopid.kinematics import random_motions
 
-NAMES = ("3ups_rpu", "5p", "pinned bar", "welded bar", "welded knee")
+NAMES = ("3ups_rpu", "pinned bar", "welded bar", "welded knee")
 
 
 @pytest.fixture(scope="session")

@@ -5,9 +5,14 @@ import warnings
 import pytest
 from fuzz import calls, fuzz, log_calls
 
+MANY = [
+    pytest.param(made, range(*numbers), marks=pytest.mark.validate)
+    for made, numbers in ((calls, (20, 300)), (log_calls, (8, 60)))
+]
 
-@pytest.mark.parametrize(("made", "count"), [(calls, 60), (log_calls, 12)])
-def test_commands_answer_or_refuse_in_one_sentence(tmp_path, made, count):
+
+@pytest.mark.parametrize(("made", "numbers"), [(calls, range(20)), (log_calls, range(8)), *MANY])
+def test_commands_answer_or_refuse_in_one_sentence(tmp_path, made, numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert fuzz(tmp_path, range(count), made=made) == {}
+        assert fuzz(tmp_path, numbers, made=made) == {}

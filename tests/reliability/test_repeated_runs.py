@@ -15,6 +15,14 @@ import loopid
 from loopid.cli import main
 from made_runs import ARM, logged, wander
 
+# Figures are left empty: that they are the same again is tested where they are drawn.
+PROGRAM = """
+from matplotlib.figure import Figure
+Figure.savefig = lambda *_, **__: None
+from loopid.cli import main
+main()
+"""
+
 
 @pytest.fixture(scope="module")
 def arm_files(tmp_path_factory):
@@ -39,7 +47,7 @@ def start(arm_files):
     def call(run, out, hashes, jobs):
         words = [*command(run, out), "--jobs", str(jobs)]
         return subprocess.Popen(
-            [sys.executable, "-c", "from loopid.cli import main; main()", *words],
+            [sys.executable, "-c", PROGRAM, *words],
             cwd=arm_files, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env=os.environ | {"PYTHONHASHSEED": str(hashes), "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
@@ -56,6 +64,7 @@ def alone(arm_files):
         with pytest.MonkeyPatch.context() as patch, threadpool_limits(1), quiet():
             patch.chdir(arm_files)
             patch.setattr(sys, "argv", ["loopid", *command(run, f"alone{run}")])
+            patch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
             with redirect_stdout(printed), suppress(SystemExit):
                 main()
         return printed.getvalue(), contents(arm_files / f"alone{run}")

@@ -116,7 +116,7 @@ def axes_of(monkeypatch, module, drawer, part):
 def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, identification):
     axes = axes_of(monkeypatch, identify_figures, draw_forces, identification)
     recording = identification.validation[0]
-    W = identification.force_model.regressor(recording.motion)
+    W = identification.force_model.samples(recording).regressor
     predictions = [
         W @ candidate.values for candidate in (identification.baseline, identification.essential)
     ]

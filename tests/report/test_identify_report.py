@@ -156,8 +156,8 @@ def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_the_recommended_fit_is_said_listed_and_saved(identification):
-    files, found = identification_files(identification), identification
+def test_the_recommended_fit_is_said_listed_and_saved(files, identification):
+    found = identification
     assert found.recommended is found.candidates[3]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
@@ -188,7 +188,8 @@ def test_findings_are_sentences_and_count_the_essential_parameters(identificatio
     )
     kept = len(identification.reduction.result.parameters)
     assert any(text.startswith(f"{kept} of 23 parameters are essential") for text in said)
-    assert any("cut-off of the filter: 2.5 Hz" in text for text in said)
+    cutoff = identification.training[0].cutoff
+    assert any(f"cut-off of the filter: {cutoff:.3g} Hz" in text for text in said)
     plain = tuple(replace(part, cutoff=None) for part in identification.training)
     said = findings(replace(identification, training=plain))
     assert any("unfiltered" in text for text in said)
@@ -224,7 +225,7 @@ def test_recordings_are_recorded_with_what_was_left_out(identification):
         (entry,), (recording,) = part, recordings
         assert (entry["name"], entry["samples"]) == ("run", len(recording))
         assert entry["used"] == recording.used.sum(axis=0).tolist()
-        assert entry["cutoff"] == pytest.approx(2.5, rel=1e-3)
+        assert entry["cutoff"] == recording.cutoff
         assert any("stands still" in reason for reason in entry["dropped"])
 
 
@@ -253,8 +254,9 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(identificati
         for k, bodies in enumerate(("robot_file", "fitted_bodies")):
             assert entry[bodies]["error"] == each.errors[k].mean
             assert entry[bodies]["enough"] == (found.enough[k] is each)
-    (sentence,) = [text for text in findings(identification) if "Joint terms: Fc,Fv" in text]
-    assert "Fc,Fv is enough with fitted bodies" in sentence
+    assert "Joint terms: Fc,Fv." in findings(identification)
+    (sentence,) = [text for text in findings(identification) if "On new data" in text]
+    assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
     other = replace(identification, term_sets=replace(found, chosen=found.sets[0]))
     assert any("Try --terms Fc,Fv." in text for text in findings(other))

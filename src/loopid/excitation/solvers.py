@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingExtraError
@@ -134,6 +133,8 @@ def by_slsqp(search: Search, start: FloatArray) -> None:
     def criterion(y: FloatArray) -> float:
         value = search.value(y)
         return OUT_OF_REACH if value is None else value.f
+
+    from scipy.optimize import minimize  # slow to import
 
     minimize(
         criterion,

@@ -15,7 +15,7 @@ from loopid.arrays import FloatArray, IntArray, finite
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification import FitProblem, FitSamples, Prior
-from loopid.kinematics import closed_motion, random_configurations, random_motions
+from loopid.kinematics import closed_motion, project, random_configurations, random_motions
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.regressors import (
@@ -24,7 +24,13 @@ from loopid.regressors import (
     structural_observation,
     warn_of_omitted,
 )
-from loopid.robot import Mechanism
+from loopid.robot import (
+    CoulombFriction,
+    JointState,
+    JointTerm,
+    Mechanism,
+    joint_term,
+)
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
 from loopid.workers import Progress, ordered_map
@@ -169,7 +175,8 @@ class ForceModel:
         n_jobs : int
             Processes that compute the regressor; the result is the same to the bit.
         """
-        W, used, least = self.regressor(recording.motion, n_jobs), recording.used, None
+        W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
+        used, least = recording.used, None
         free = np.isin(recording.actuators, self.mechanism.free)
         if free.any():
             prior = self.prior
@@ -181,6 +188,32 @@ class ForceModel:
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         data = self.parameters, recording.actuators, W, recording.force
         return FitSamples.of(*data, used, recording.stretches, least)
+
+    def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
+        """The regressor (N, dof, n) with friction of motors that jumps filtered as the forces are.
+
+        What is smooth comes out the same whether the motion is filtered or the forces are.
+        """
+        history, terms, steps = recording.history, self.joint_terms, {}
+        for j in self.joint_columns:
+            parameter = self.parameters[j]
+            joint, law = parameter.link, joint_term(parameter.kind)
+            if history and joint in history.joints and isinstance(law, CoulombFriction):
+
+                def signal(rate: FloatArray, law: JointTerm = law) -> FloatArray:
+                    return np.asarray(law.signal(JointState(None, rate, None), terms, np))
+
+                (index,) = self.mechanism.velocity_indices([joint])
+                steps[j] = int(index), history.lowpassed(joint, signal)
+
+        def stepped(rows: slice) -> FloatArray:
+            block = np.array(W[rows])
+            G = project(self.mechanism, recording.motion.configurations[rows]).G
+            for j, (index, column) in steps.items():
+                block[:, :, j] = G[:, index] * column[rows, None]
+            return block
+
+        return mapped_rows(stepped, len(W)) if steps else W
 
 
 @checked

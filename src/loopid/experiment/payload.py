@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite, frozen
@@ -95,7 +95,7 @@ class PayloadFit:
             When the forces tell the mass only together with other parameters.
         """
         alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
-        mass, factor = self.mass, student.ppf(0.5 + level / 2, self.fit.degrees_of_freedom)
+        mass, factor = self.mass, stdtrit(self.fit.degrees_of_freedom, 0.5 + level / 2)
         for axis, kind in enumerate(GRAVITY_KINDS[1:]):
             if kind in alone:
                 rows = [alone["m"], alone[kind]]
@@ -156,7 +156,7 @@ class GainFit:
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (dof, 2) of the gains."""
-        reach = student.ppf(0.5 + level / 2, self.degrees_of_freedom)
+        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2)
         reach = reach * np.sqrt(np.diag(self.covariance))
         return np.stack([self.gains - reach, self.gains + reach], axis=1)
 

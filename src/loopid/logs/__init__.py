@@ -2,7 +2,13 @@
 
 from loopid.logs.log import Log, read_log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.recording import SINGULARITY_MARGIN, Recording, default_lowpass, prepare_recording
+from loopid.logs.recording import (
+    SINGULARITY_MARGIN,
+    RateHistory,
+    Recording,
+    prepare_recording,
+)
+from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
 
 __all__ = [
@@ -10,8 +16,10 @@ __all__ = [
     "Dropped",
     "Log",
     "LogMapping",
+    "MotionSpectrum",
+    "RateHistory",
     "Recording",
-    "default_lowpass",
+    "motion_spectrum",
     "prepare_recording",
     "read_log",
     "read_mapping",

@@ -230,40 +230,42 @@ def bounded_unpacking(path: Path) -> Iterator[None]:
 
 def _refuse_unfinished(path: Path) -> None:
     """Refuse what rosbags would read in part, or fail to open with another reason than the true."""
-    if path.is_dir() and not (path / DESCRIPTION).exists():
-        raise LogError(
-            f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
-            "give one of the files in it"
-        )
-    if path.is_dir():  # before rosbags, which reads whatever it says
-        load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
     if path.is_dir():
         _refuse_elsewhere(path)
-    beside = path.iterdir() if path.is_dir() else (Path(f"{path}{end}") for end in JOURNALS)
-    for file in sorted(beside):
+        files = sorted(path.iterdir())
+    else:
+        files = [path, *(Path(f"{path}{end}") for end in JOURNALS)]
+    for file in files:
         if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:
             raise LogError(
                 f"{path} was not closed: {file.name} holds messages that are not in it "
                 "yet; open and close it with SQLite to bring them in"
             )
     odd = [mark for mark in "#?%" if mark in str(path)]
-    if odd and (path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3*")))):
+    if odd and any(".db3" in file.suffixes for file in files):  # packed ones, too
         raise LogError(f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it")
-    for file in sorted(path.glob("*.db3")) if path.is_dir() else [path][: path.suffix == ".db3"]:
-        with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
-            computed = database.execute(COMPUTED).fetchone()
-        if computed is not None:
-            raise LogError(f"{file}: {computed[0]!r} is computed, and no table of a bag")
+    for file in files:
+        if file.suffix == ".db3":
+            with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
+                computed = database.execute(COMPUTED).fetchone()
+            if computed is not None:
+                raise LogError(f"{file}: {computed[0]!r} is computed, and no table of a bag")
 
 
 def _refuse_elsewhere(path: Path) -> None:
-    """Refuse a bag whose description is no such thing, or names files that are not in it."""
-    content = load_yaml(path / DESCRIPTION, LogError, LARGE, any_text=True)
+    """Refuse a folder whose description is missing, no such thing, or names files elsewhere."""
+    description = path / DESCRIPTION
+    if not description.exists():
+        raise LogError(
+            f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
+            "give one of the files in it"
+        )
+    content = load_yaml(description, LogError, LARGE, any_text=True)  # rosbags reads any size
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     names = about.get("relative_file_paths") if isinstance(about, dict) else None
     if not isinstance(names, list):
-        raise LogError(f"{path / DESCRIPTION} does not list the files of a bag")
+        raise LogError(f"{description} does not list the files of a bag")
     for name in map(str, names):
         reason = why_no_file(path / name) if Path(name).name == name else "is not in the folder"
         if reason:
-            raise LogError(f"{path / DESCRIPTION}: {name} {reason}")
+            raise LogError(f"{description}: {name} {reason}")

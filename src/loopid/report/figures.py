@@ -94,6 +94,7 @@ def rendered(figure: Figure, name: str) -> dict[str, bytes]:
             stream = io.BytesIO()
             figure.savefig(stream, format=kind, **options)
             files[f"{name}.{kind}"] = stream.getvalue()
+            figure.set_layout_engine("none")  # laid out once
     return files
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from loopid.regressors import NO_TERMS
 from loopid.report.tables import (
     json_text,
     json_value,
@@ -161,6 +162,9 @@ def findings(found: Identification) -> list[str]:
         f"data excite {told.rank} of them, and tell {told.well_determined} better than the robot "
         "file.",
     ]
+    terms = found.force_model.joint_terms
+    choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
+    said.append(f"Joint terms: {choice}.")
     said += [f"In {one.recording}, {text}." for one in found.suspicions for text in one.sentences]
     if found.term_sets is not None:
         said.append(_terms_finding(found.term_sets))
@@ -188,14 +192,19 @@ def findings(found: Identification) -> list[str]:
 
 
 def _terms_finding(found: TermComparison) -> str:
-    with_file, fitted = found.enough
-    said = (
-        f"Joint terms: {found.chosen.choice}. On new data {fitted.choice} is enough with fitted "
-        f"bodies (squared error {_error_text(fitted.errors[1])}), {with_file.choice} with those of "
-        f"the robot file ({_error_text(with_file.errors[0])})"
+    with_file, fitted = (
+        f"{'these are' if each is found.chosen else f'{each.choice} are'} enough with "
+        f"{bodies} (squared error {_error_text(each.errors[k])})"
+        for k, (each, bodies) in enumerate(
+            zip(found.enough, ("the bodies of the robot file", "fitted bodies"), strict=True)
+        )
     )
-    said += f": fitted bodies are {'' if found.bodies_pay else 'not '}clearly better."
-    return said if fitted is found.chosen else f"{said} Try --terms {quote(fitted.choice)}."
+    said = (
+        f"On new data {fitted}, {with_file}: fitted bodies are "
+        f"{'' if found.bodies_pay else 'not '}clearly better."
+    )
+    best = found.enough[1]
+    return said if best is found.chosen else f"{said} Try --terms {quote(best.choice)}."
 
 
 def _error_text(error: PredictionError) -> str:

@@ -34,7 +34,7 @@ def draw_forces(found: Identification) -> dict[str, bytes]:
     recording, joints = found.validation[0], found.force_model.mechanism.independent
     rows = thinned(len(recording))
     time, gaps = recording.motion.time[rows], ~recording.used[rows]
-    W = found.force_model.regressor(recording.motion.select(rows))
+    W = found.samples[1].regressor[rows]
     baseline, essential = W @ found.baseline.values, W @ found.essential.values
     reach = prediction_reach(W, found.essential.covariance)
     with drawing(len(joints), height=1.3) as (figure, axes):

@@ -9,7 +9,14 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
-from loopid.robot.joint_terms import JOINT_TERMS, JointState, JointTerm, LeftOut, joint_term
+from loopid.robot.joint_terms import (
+    JOINT_TERMS,
+    CoulombFriction,
+    JointState,
+    JointTerm,
+    LeftOut,
+    joint_term,
+)
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
@@ -43,6 +50,7 @@ __all__ = [
     "TRANSLATIONS",
     "AssemblyMode",
     "Body",
+    "CoulombFriction",
     "FramePair",
     "InertiaDefect",
     "JointCoupling",

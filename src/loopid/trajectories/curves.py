@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray, finite, frozen
@@ -118,6 +117,8 @@ class SplineCurve(Curve):
 
     @staticmethod
     def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        from scipy.interpolate import make_interp_spline  # slow to import
+
         knots = np.linspace(0.0, seconds, count + 2)
         rest = [(1, np.zeros(count)), (2, np.zeros(count))]
         through = np.eye(count + 2)[:, 1:-1]
