@@ -81,7 +81,7 @@ CASES = [
     ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
     ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
-    ("five_bar", moved(1.0, 0.05, 0), "positions of {0} look shifted", "position_offset"),
+    ("five_bar", moved(1.0, 0.1, 0), "positions of {0} look shifted", "position_offset"),
     ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look 1.0", "scale"),
     ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
