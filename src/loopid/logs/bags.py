@@ -21,6 +21,7 @@ from loopid.files import plausible, require_plausible, why_no_file
 from loopid.logs.formats import (
     LARGEST_STAMP,
     MOST_COLUMNS,
+    MOST_LISTED,
     NO_STAMP,
     Batch,
     LogFormat,
@@ -38,8 +39,6 @@ STAMP, RECEIVED = "time_ns", "received_ns"
 DESCRIPTION = "metadata.yaml"
 # What SQLite leaves beside a file that was not closed, with messages that are not yet in it.
 JOURNALS = ("-wal", "-journal")
-# Topics that a message lists.
-MOST_LISTED = 30
 UNPACKING = Lock()
 # Views and generated columns of SQLite, which can be without end.
 COMPUTED = """SELECT m.name FROM sqlite_master m LEFT JOIN pragma_table_xinfo(m.name) c

@@ -17,7 +17,7 @@ from functools import cached_property
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import IO, TYPE_CHECKING, Any, ClassVar, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -55,6 +55,8 @@ WIDEST = 1000
 # Bytes of unpacked chunks of an HDF5 file that are kept for each array, and of one of them.
 CACHE_BYTES, LARGEST_CHUNK = 2**24, 2**28
 LONGEST_REASON = 200
+# Columns or topics that a message lists.
+MOST_LISTED = 30
 
 
 class Batch(NamedTuple):
@@ -349,16 +351,6 @@ class Column(NamedTuple):
     place: Any = ...  # index behind that of the rows, or name of the field
 
 
-class Array(Protocol):
-    """Rows that a file holds, (R,) or (R, k), and that are read in order."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-    @property
-    def dtype(self) -> np.dtype[Any]: ...
-    def __getitem__(self, rows: slice) -> NDArray[Any]: ...
-
-
 class ArrayFormat(LogFormat):
     """Streams of arrays: one (R,) is a column; a matrix ``x`` (R, k) has ``x_0`` to ``x_k-1``."""
 
@@ -370,8 +362,8 @@ class ArrayFormat(LogFormat):
         """Columns by name, for each stream that has any."""
 
     @abstractmethod
-    def _opened(self, arrays: Iterable[str]) -> AbstractContextManager[Mapping[str, Array]]:
-        """Arrays by name, to be read."""
+    def _opened(self, arrays: Iterable[str]) -> AbstractContextManager[Mapping[str, Any]]:
+        """Arrays (R,) or (R, k) by name, whose rows are read in order."""
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {stream: tuple(columns) for stream, columns in self._streams.items()}
@@ -424,7 +416,7 @@ class NpzFormat(ArrayFormat):
         return {stream_name(self.path): columns}
 
     @contextmanager
-    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Array]]:
+    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Any]]:
         with ZipFile(self.path) as archive, ExitStack() as files:
             members = {name.removesuffix(".npy"): name for name in archive.namelist()}
             yield {a: ZippedArray(self.path, archive, members[a], files) for a in arrays}
@@ -483,7 +475,7 @@ class Hdf5Format(ArrayFormat):
     kind = "HDF5 file"
 
     @contextmanager
-    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Array]]:
+    def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Any]]:
         with self._file() as file:
             found = {name: file[name] for name in arrays}
             for array in found.values():

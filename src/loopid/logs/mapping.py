@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 from loopid.arguments import checked
 from loopid.arrays import IntArray
 from loopid.errors import LogError, MissingFileError, OptionError
-from loopid.logs.formats import NO_STAMP, UNITS, LogFormat, stamps_in
+from loopid.logs.formats import MOST_LISTED, NO_STAMP, UNITS, LogFormat, stamps_in
 from loopid.yaml_files import Section, first_problem, read_yaml
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ WITH_NUMBER = {
 }
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")
-# Columns that a message lists.
-MOST_LISTED = 30
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
 
