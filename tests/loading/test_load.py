@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from closure_robots import X, body, files, joint
 from loopid import (
     bundled_robots,
     load_mechanism,
@@ -289,16 +288,3 @@ def test_a_hinge_that_becomes_a_ball_starts_at_its_angle(load_files):
     )
     k = robot.joint("ball").idx_q
     np.testing.assert_allclose(robot.reference[k : k + 4], [0, 0, np.sin(0.2), np.cos(0.2)])
-
-
-def test_names_of_joints_do_not_decide_the_poses(write_files):
-    """Pinocchio sorts branches by name."""
-    parts = [body("arm"), body("hand"), body("wheel"), joint("b", "arm", "hand", (0.4, 0, 0))]
-    found = []
-    for one, other in (("a", "c"), ("c", "a")):
-        axles = joint(one, "ground", "arm"), joint(other, "ground", "wheel", (0.5, 0, 0), X)
-        robot = load_mechanism(write_files(*files([*parts, *axles], {})))
-        q = random_configurations(robot, 5)
-        found.append(q[:, robot.velocity_indices([one, "b", other])])
-        assert robot.actuated == (one, "b", other)
-    np.testing.assert_array_equal(*found)

@@ -46,7 +46,6 @@ from loopid.robot import (
     joint_term,
     link_frames,
     odd_masses,
-    ordered_joints,
     unequal_links,
 )
 
@@ -217,7 +216,7 @@ def _locked_values(
 def _motors(file: Path, tree: TreeSource, locked: Mapping[str, float | None]) -> tuple[str, ...]:
     """Joints with motors that are not locked; all with one coordinate where no file says."""
     model, motors = tree.model, tree.description.name_mot
-    joints = ordered_joints(model)
+    joints = list(model.names)[1:]
     if motors is None:
         motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
     elif isinstance(motors, str):

@@ -604,8 +604,21 @@ class Mechanism:
 
     @cached_property
     def joint_ranks(self) -> dict[str, int]:
-        """Rank of each joint in an order that neither names nor the order of a file decide."""
-        return {name: rank for rank, name in enumerate(ordered_joints(self.model))}
+        """Rank of each joint in an order that neither names nor the order of a file decide.
+
+        Joints follow their parents, and siblings one another by where and how they move.
+        """
+        paths: list[tuple[Any, ...]] = [()]
+        for k in range(1, self.model.njoints):
+            joint, place = self.model.joints[k], self.model.jointPlacements[k]
+            data, neutral = joint.createData(), pin.neutral(self.model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            inertia = self.model.inertias[k].toDynamicParameters()
+            parts = (place.translation, place.rotation, data.S, inertia)
+            own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
+            paths.append((*paths[self.model.parents[k]], (*own, joint.shortname())))
+        order = sorted(range(1, len(paths)), key=lambda k: paths[k])
+        return {self.joints[k - 1]: rank for rank, k in enumerate(order)}
 
     @cached_property
     def coordinate_order(self) -> tuple[str, ...]:
@@ -749,21 +762,3 @@ def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
                 f"(tolerance {ALIKE:g})"
             )
     return tuple(found)
-
-
-def ordered_joints(model: pin.Model) -> list[str]:
-    """Names of joints in an order that neither names nor the order of a file decide.
-
-    Joints follow their parents, and siblings one another by where and how they move.
-    """
-    paths: list[tuple[Any, ...]] = [()]
-    for k in range(1, model.njoints):
-        joint, place = model.joints[k], model.jointPlacements[k]
-        data, neutral = joint.createData(), pin.neutral(model)
-        joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
-        inertia = model.inertias[k].toDynamicParameters()
-        parts = (place.translation, place.rotation, data.S, inertia)
-        own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
-        paths.append((*paths[model.parents[k]], (*own, joint.shortname())))
-    order = sorted(range(1, len(paths)), key=lambda k: paths[k])
-    return [model.names[k] for k in order]
