@@ -107,7 +107,7 @@ def test_a_log_that_says_nothing_is_refused(identify, table, change, words):
     ("change", "words"),
     [
         (put(slice(200, 203), 2, np.nan), ["spoilt", "3"]),
-        (times([8], -1.0), ["leg4_stroke points the other way"]),
+        (times([8], -1.0), ["the force of leg4_stroke is -", "force_scale"]),
         (put(ALL, 1, None), ["leg1_stroke", "never changes"]),
     ],
 )

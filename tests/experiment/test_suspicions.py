@@ -1,22 +1,23 @@
 """Mistakes in logs are named, motor by motor, whatever the masses of the robot file."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from loopid import JointTerms, Noise, find_force_model, prepare_recording, simulate_measurement
+from loopid import JointTerms, Noise, prepare_recording, read_log, simulate_measurement
 from loopid.experiment import suspicions
 from loopid.logs import Log
 from loopid.trajectories import LowPass
-from made_runs import friction, quietly, wander
+from made_runs import friction, quietly, record, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
 
 @pytest.fixture(scope="module")
 def runs(load_once):
-    """Logs of a robot, and its force model; bodies up to half as heavy again as in its file."""
+    """What is suspected of a log of a robot; bodies up to half as heavy again as in its file."""
 
     @cache
     def run(name, seed):
@@ -33,16 +34,12 @@ def runs(load_once):
             robot, motion, noise, seed, (factors * bodies).ravel(), *terms
         )
 
-    models = {}
-
     def suspected(name, seed, spoil=lambda position, force: None):
         robot, found = run(name, seed)
         position, force = found.position.copy(), found.force.copy()
         spoil(position, force)
         log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
-        if name not in models:
-            models[name] = find_force_model(robot, "gravity", JointTerms(robot.actuated))
-        return suspicions(models[name], quietly(prepare_recording, robot, log, LowPass(2.5)))
+        return suspicions(robot, [quietly(prepare_recording, robot, log, LowPass(2.5))])
 
     return suspected
 
@@ -79,15 +76,15 @@ def moved(scale, shift, columns=slice(None)):
 
 # The five-bar is symmetric: with positions and forces exchanged it is another like it.
 CASES = [
-    ("five_bar", times(1e-3), "force of {0} is 0.00", "force_scale"),
+    ("five_bar", times(1e-3), "force of {0} is 0.000", "force_scale"),
     ("five_bar", times(-1.0), "force of {0} is -", "sign"),
     ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
     ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
-    ("five_bar", exchanged(False, True), "forces of {0} and {1} look exchanged", ""),
-    ("five_bar", moved(1.0, 0.05, 0), "positions of {0} look shifted", "position_offset"),
-    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted", "1.0"),
+    ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
+    ("five_bar", moved(1.0, 0.1, 0), "positions of {0} look shifted", "position_offset"),
+    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look 1.0", "scale"),
     ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
-    ("3ups_rpu", exchanged(True, True), "columns of {0} and {1}, positions and forces", ""),
+    ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
     ("3ups_rpu", moved(1.0, 0.05), "positions of {0}, {1}, {2}, {3} look shifted", "0.05"),
 ]
 
@@ -110,6 +107,38 @@ def test_nothing_is_suspected_of_what_is_right(runs, name):
         assert one.interval[0] < 1.05
         assert one.interval[1] > 0.95
         assert one.interval[1] - one.interval[0] < 0.3
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "3ups_rpu", "delta"])
+def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
+    robot = load_once(name)
+    terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
+    short = wander(robot, 3, rate=20.0).select(slice(0, 60))
+    for motion in (stand(robot), short):
+        run = record(robot, motion, terms, noise=0.01)
+        assert suspicions(robot, [run]).sentences == ()
+
+
+REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+
+
+@pytest.fixture(scope="module")
+def real(mechanism, shared):
+    log = read_log(shared / "data" / "upv" / "logs" / REAL[mechanism.name], mechanism)
+    return prepare_recording(mechanism, log)
+
+
+def test_nothing_is_suspected_of_the_real_robots(mechanism, real):
+    assert suspicions(mechanism, real.split(0.6)).sentences == ()
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(("k", "factor"), [(0, 1 / 28.5), (1, -1.0), (2, 1e-3), (3, 1 / 247)])
+def test_mistakes_in_logs_of_the_real_robots(mechanism, real, k, factor):
+    force = real.force.copy()
+    force[:, k] *= factor
+    (said,) = suspicions(mechanism, [replace(real, force=force)]).sentences
+    assert f"the force of leg{k + 1}_stroke is {'-' if factor < 0 else '0.'}" in said
 
 
 @pytest.mark.validate

@@ -98,10 +98,22 @@ def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(iden
 
 
 def test_what_was_left_out_is_listed(identification):
-    table = identification_tables(identification)[5]
+    tables = identification_tables(identification)
+    (table,) = [table for table in tables if str(table.title) == "left out"]
     reasons = [str(cell) for cell in table.columns[1].cells]
     assert reasons == [part.reason for part in identification.training[0].dropped]
     assert "leg4_stroke stands still" in reasons
+
+
+def test_suspicions_are_findings_and_gains_are_listed(identification):
+    record = identification_record(identification)
+    (listed,) = record["suspicions"]
+    assert (listed["recording"], listed["sentences"]) == ("run", [])
+    assert [gain["joint"] for gain in listed["gains"]] == record["actuators"]
+    (found,) = identification.suspicions
+    told = replace(found, sentences=("the force of leg1_stroke is 1000 times",))
+    suspected = replace(identification, suspicions=(told,))
+    assert "In run, the force of leg1_stroke is 1000 times." in findings(suspected)
 
 
 def blaming(identification):

@@ -25,6 +25,7 @@ from loopid.experiment.identifiability import (
     fit_excited,
     identifiability,
 )
+from loopid.experiment.suspicions import Suspicions, suspicions
 from loopid.experiment.term_sets import TermComparison, compare_terms
 from loopid.identification import (
     BayesianRidge,
@@ -151,6 +152,8 @@ class Identification:
         What the training data tell of the parameters that were fitted to them.
     consistent : ConsistentFit or None
         Physically consistent parameters, where they were asked for.
+    suspicions : tuple of Suspicions
+        What may be wrong with each log.
     term_sets : TermComparison or None
         What sets of joint terms buy on the validation data, where it was asked for.
     """
@@ -166,6 +169,7 @@ class Identification:
     consistent: ConsistentFit | None = None
     informed: FitResult | None = None
     prior_deviation: float | None = None
+    suspicions: tuple[Suspicions, ...] = ()
     term_sets: TermComparison | None = None
     sweep: BandSweep | None = None
 
@@ -332,6 +336,8 @@ def identify(
     ExcitationWarning
         Of unidentifiable combinations that the robot file's values are kept for, and of weakly
         identifiable ones.
+    LogWarning
+        Of mistakes that would explain the forces of a log clearly better (``suspicions``).
 
     Examples
     --------
@@ -368,6 +374,7 @@ def identify(
                 f"{run.name} is fitted and validates: its errors say nothing of new data",
                 LogWarning,
             )
+    suspected = _suspected(force_model, (*training, *validation, *friction))
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
@@ -459,9 +466,23 @@ def identify(
         bodies,
         informed,
         deviation,
+        suspected,
         compared,
         sweep,
     )
+
+
+def _suspected(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Suspicions, ...]:
+    """What may be wrong with each log, its parts taken together; warns of it."""
+    logs: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        logs.setdefault(recording.name, []).append(recording)
+    mechanism, terms = force_model.mechanism, force_model.joint_terms
+    found = tuple(suspicions(mechanism, parts, terms) for parts in logs.values())
+    for one in found:
+        for sentence in one.sentences:
+            warn(f"{one.recording}: {sentence}", LogWarning)
+    return found
 
 
 def _gathered(

@@ -1,57 +1,68 @@
-"""What may be wrong with a recording: mistakes that would explain its forces clearly better.
+"""What may be wrong with a log: mistakes that would explain its forces clearly better.
 
 The forces are explained by the bodies of the robot file, whose parameters may be off by half, and
-by friction. Then each mistake that is often made is undone in turn: forces of a motor in other
-units or with another sign, an offset, columns of two motors exchanged, positions that are shifted
-or stretched. One that leaves far less unexplained is suspected, and undone before the next is
-looked for. Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
+by friction of each motor, which is projected out. Then each mistake that is often made is undone in
+turn: forces of a motor in other units or with another sign, an offset, columns of two motors
+exchanged, positions that are shifted or stretched. One that raises the evidence [MacKay1992] of the
+data clearly is suspected, and undone before the next is looked for. Wrong bodies alone do not look
+like a mistake of one motor: all motors carry them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import sqrt
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, spread_rows
-from loopid.experiment.force_model import ForceModel, body_sizes
-from loopid.kinematics import JointCoordinates, closed_motion, singularity_measure, try_assemble
+from loopid.experiment.force_model import body_sizes
+from loopid.kinematics import (
+    ClosedMotion,
+    JointCoordinates,
+    closed_motion,
+    integrate,
+    singularity_measure,
+    try_assemble,
+)
 from loopid.logs import SINGULARITY_MARGIN, Recording
-from loopid.regressors import motion_regressor
+from loopid.regressors import JointTerms, motion_regressor
+from loopid.robot import Mechanism
 from loopid.scratch import picked
 from loopid.workers import one_blas_thread
 
-# Samples that are looked at, evenly spread, those on which exchanged motors are tried, and fewest
-# of a motor.
-MOST_SAMPLES, FEW_SAMPLES, LEAST_SAMPLES = 300, 90, 30
-# Standard deviation of the robot file's parameters, in sizes of the bodies, and of what nothing is
-# known of, in sizes of the forces.
+# Samples that are looked at, evenly spread, on which exchanged positions are tried first; fewest
+# of a motor, and fewest that count as independent.
+MOST_SAMPLES, FEW_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 300, 90, 30, 10
+# Standard deviation of the robot file's parameters, in sizes of the bodies, and of joint terms, in
+# sizes of the forces.
 PRIOR, FLAT = 0.5, 10.0
 # Errors count as at least this part of the force: no model is exact.
 MODEL_ERROR = 0.003
-# Difference of logarithms of likelihoods from which a mistake is suspected.
-EVIDENCE = 6.0
-# From these errors, as a part of the force, or squares of deviations from the robot file on,
-# mistakes are tried that change the forces much.
-STRANGE_ERROR, STRANGE_BODIES = 0.05, 20.0
+# Logarithm of the ratio of evidences from which a mistake is suspected.
+EVIDENCE = 3.0
 # What a mistake must amount to: a ratio of the forces of one motor, and of all; an offset, as a
 # part of the force; a shift, as a part of the range of the positions; a stretch.
 LEAST_GAIN, LEAST_COMMON_GAIN, LEAST_OFFSET = 1.25, 4.0, 0.03
 LEAST_SHIFT, LEAST_STRETCH = 0.02, 0.01
-# Part of the range of the positions by which they are moved for derivatives.
-STEP = 1e-3
-# Mistakes that are looked for one after the other, steps to the weights of a fit, and of
-# Gauss-Newton.
-ROUNDS, ITERATIONS, STEPS = 3, 8, 4
-CONVERGED = 1e-3  # relative, of a gain
-# Part of the samples whose loops must close once a mistake is undone.
-CLOSING = 0.9
+# Gains that are tried first, and how often nine are tried around the best.
+GAINS = np.concatenate([-np.logspace(3, -3, 25), np.logspace(-3, 3, 25)])
+REFINEMENTS, SPACING, LARGEST = 4, 10**0.25, 10.0
+# Part of the range of the positions by which they are moved for derivatives, and steps to the best.
+STEP, STEPS = 1e-3, 4
+# Mistakes that are looked for one after the other, and steps to the weights of a fit.
+ROUNDS, ITERATIONS = 3, 8
+# From these errors, as a part of the force, or squares of deviations from the robot file on,
+# exchanged columns are tried, the slowest.
+STRANGE_ERROR, STRANGE_BODIES = 0.05, 20.0
+BETTER = 0.8  # errors of exchanged motors, over those before
+CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
+SILENT = 1e-6  # relative, squared, of combinations of parameters that hardly change a force
+TINY = 1e-300
 INTERVAL = 1.96  # standard deviations
-TINY = 1e-12
-SILENT = 1e-9  # part of the force that a column without effect has
 
 
 @dataclass(frozen=True)
@@ -74,20 +85,62 @@ class MotorGain:
 
 @dataclass(frozen=True)
 class Suspicions:
-    """What is suspected of a recording.
+    """What is suspected of a log.
 
     Attributes
     ----------
     recording : str
     gains : tuple of MotorGain
-        Of each motor with enough samples, as it was measured.
+        Of each motor whose gain the log tells, once mistakes of other motors are undone.
     sentences : tuple of str
-        One a mistake: which motors, and how to undo it.
+        One a mistake: which motors, how much with its 95 % interval, and how to undo it.
     """
 
     recording: str
     gains: tuple[MotorGain, ...] = ()
     sentences: tuple[str, ...] = ()
+
+
+@checked
+def suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> Suspicions:
+    """Look for mistakes in a log that would explain its forces clearly better.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    recordings : sequence of Recording
+        Parts of one log, at least one.
+    joint_terms : JointTerms, optional
+        Explanations, too, beside friction and drive inertia of the motors.
+
+    Returns
+    -------
+    Suspicions
+        Empty where fewer than 30 samples of each motor can be used.
+    """
+    nothing = Suspicions(recordings[0].name)
+    if mechanism.free or not mechanism.standard_parameters("full").any():
+        return nothing  # positions that were not measured, or nothing to compare with
+    with one_blas_thread():
+        evidence = _Evidence(mechanism, recordings, joint_terms)
+        if not evidence.present:
+            return nothing
+        found, sentences = evidence.weighed(_Mistakes.none(len(evidence.names))), []
+        for _ in range(ROUNDS):
+            best = max(evidence.alternatives(found), key=lambda one: one.evidence, default=found)
+            if best.evidence - found.evidence < EVIDENCE or best.mistakes.sentence in sentences:
+                break
+            found = evidence.weighed(best.mistakes)
+            sentences.append(found.mistakes.sentence)
+        gains = []
+        for k in evidence.present:
+            factors, before = evidence.gain(found, [k])[1:], float(found.mistakes.gain[k])
+            gain, reach = before * factors[0], abs(before) * factors[1]
+            if reach < max(abs(gain), 1.0):
+                gains.append(MotorGain(evidence.names[k], gain, (gain - reach, gain + reach)))
+    return Suspicions(recordings[0].name, tuple(gains), tuple(sentences))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +152,31 @@ class _Mistakes:
     gain: FloatArray  # (d,), measured over true
     shift: FloatArray  # (d,), measured = stretch * true + shift
     stretch: FloatArray  # (d,)
-    offset: BoolArray  # (d,), whether there may be one
+    offset: FloatArray  # (d,), of the measured force
     sentence: str = ""
 
     @classmethod
     def none(cls, d: int) -> _Mistakes:
-        order = tuple(range(d))
-        return cls(order, order, np.ones(d), np.zeros(d), np.ones(d), np.zeros(d, dtype=bool))
+        order, one = tuple(range(d)), np.ones(d)
+        return cls(order, order, one, 0 * one, one, 0 * one)
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Forces by unit of what explains them, once mistakes in the positions are undone."""
+
+    known: FloatArray  # (N, d), by the robot file
+    terms: FloatArray  # (N, d, p), by standard deviation of bodies and joint terms
+    basis: FloatArray  # (p, r) orthonormal combinations that change forces
+    motion: ClosedMotion
+    own: FloatArray  # (N, d, 3), sign, velocity and acceleration: friction and drive inertia
+    closed: BoolArray  # (N,)
+    extra: FloatArray | None = None  # (N, d), by standard deviation of one more unknown
+
+    def explaining(self, k: int, rows: BoolArray) -> FloatArray:
+        """What explains the force of a motor in some samples (R, n + 1), the robot file last."""
+        extra = [] if self.extra is None else [self.extra[rows, k]]
+        return np.column_stack([self.terms[rows, k] @ self.basis, *extra, self.known[rows, k]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,84 +184,57 @@ class _Explanation:
     """How the forces are explained once mistakes are undone."""
 
     mistakes: _Mistakes
-    columns: tuple[FloatArray, BoolArray]  # forces (N, d, n) by unit of all that explains; closed
-    values: FloatArray  # (n,)
-    errors: FloatArray  # (d,), root mean squares of what is left, as it was measured
+    columns: _Columns
+    evidence: float  # logarithm
+    values: FloatArray  # (n,), in standard deviations
+    covariance: FloatArray  # (n, n)
     sigma: FloatArray  # (d,), what errors count as
-    independent: FloatArray  # (d,), samples
-    deviations: FloatArray  # (n,), of the values
-    surprise: float  # of the bodies' parameters
-
-    def better_than(self, other: _Explanation) -> float:
-        """Difference of the logarithms of the likelihoods."""
-        ratio = np.log(other.sigma / self.sigma)
-        ratio += ((other.errors / other.sigma) ** 2 - (self.errors / self.sigma) ** 2) / 2
-        # What is unexplained in either is no noise, and its samples depend on each other.
-        independent = np.minimum(self.independent, other.independent)
-        return float(independent @ ratio + (other.surprise - self.surprise) / 2)
-
-
-@checked
-def suspicions(force_model: ForceModel, recording: Recording) -> Suspicions:
-    """Look for mistakes in a recording that would explain its forces clearly better.
-
-    Parameters
-    ----------
-    force_model : ForceModel
-        Its joint terms are explanations, too; bodies count with all their parameters.
-    recording : Recording
-
-    Returns
-    -------
-    Suspicions
-    """
-    if force_model.mechanism.free:  # their positions were not measured
-        return Suspicions(recording.name)
-    with one_blas_thread():
-        evidence = _Evidence(force_model, recording, MOST_SAMPLES)
-        few = _Evidence(force_model, recording, FEW_SAMPLES)
-        if not evidence.present:
-            return Suspicions(recording.name)
-        found = evidence.explained(_Mistakes.none(len(recording.actuators)))
-        sentences = []
-        for _ in range(ROUNDS):
-            worth = ((one.better_than(found), one) for one in evidence.alternatives(found, few))
-            best = max(worth, key=lambda pair: pair[0], default=(0.0, found))
-            if best[0] < EVIDENCE or best[1].mistakes.sentence in sentences:
-                break
-            found = best[1]
-            sentences.append(found.mistakes.sentence)
-        gains = tuple(evidence.gain(found, k) for k in evidence.present)
-    return Suspicions(recording.name, gains, tuple(sentences))
 
 
 class _Evidence:
-    """Samples of a recording, and what explains them."""
+    """Samples of a log, and what explains them."""
 
-    def __init__(self, force_model: ForceModel, recording: Recording, most: int) -> None:
-        self.model, self.mechanism = force_model, force_model.mechanism
-        self.names, motion = recording.actuators, recording.motion
-        rows = spread_rows(len(recording), most)
-        self.q, self.v = picked(motion.configurations, rows), picked(motion.velocities, rows)
-        self.a, self.force = picked(motion.accelerations, rows), picked(recording.force, rows)
-        self.used: BoolArray = picked(recording.used, rows)
-        positions = JointCoordinates(self.mechanism, self.names).read(self.q.copy())
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        recordings: Sequence[Recording],
+        joint_terms: JointTerms | None,
+        most: int = MOST_SAMPLES,
+    ) -> None:
+        self.mechanism, self.recordings, self.joint_terms = mechanism, recordings, joint_terms
+        self.names: tuple[str, ...] = recordings[0].actuators
+        parts = []
+        for recording in recordings:
+            rows, motion = (
+                spread_rows(len(recording), most // len(recordings)),
+                recording.motion,
+            )
+            signals = (
+                motion.configurations,
+                motion.velocities,
+                motion.accelerations,
+                recording.force,
+                recording.used,
+            )
+            parts.append([picked(signal, rows) for signal in signals])
+        self.q, self.v, self.a, self.force, self.used = map(
+            np.concatenate, zip(*parts, strict=True)
+        )
+        positions = JointCoordinates(mechanism, self.names).read(self.q.copy())
         self.position = np.unwrap(positions, axis=0)  # of joints that turn without end
         self.range = np.ptp(self.position, axis=0)
-        squares = np.where(self.used, self.force**2, 0.0).sum(axis=0)
-        count = self.used.sum(axis=0)
-        self.size = np.sqrt(squares / np.maximum(count, 1))
-        motors = np.isin(self.names, self.mechanism.actuated)
+        count = np.maximum(self.used.sum(axis=0), 1)
+        self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / count)
+        motors = np.isin(self.names, mechanism.actuated)
         self.present = np.flatnonzero(motors & (count >= LEAST_SAMPLES) & (self.size > 0)).tolist()
-        self.bodies = self.mechanism.standard_parameters("full")
-        self.known = PRIOR * body_sizes(self.mechanism, "full")
+        self.bodies = mechanism.standard_parameters("full")
+        self.independent = np.full(len(self.names), float(LEAST_INDEPENDENT))  # samples of each
 
-    def columns(self, mistakes: _Mistakes) -> tuple[FloatArray, BoolArray]:
-        """Forces (N, d, n) by unit of what explains them, and which samples close (N,)."""
-        order, d = list(mistakes.positions), len(self.names)
+    def columns(self, mistakes: _Mistakes) -> _Columns:
+        """What explains the forces, at the positions as they are once mistakes are undone."""
+        order = list(mistakes.positions)
         q, v, a, closed = self.q, self.v, self.a, np.ones(len(self.q), dtype=bool)
-        moved = mistakes.shift.any() or (mistakes.stretch != 1).any() or order != [*range(d)]
-        if moved:
+        if mistakes.shift.any() or (mistakes.stretch != 1).any() or order != sorted(order):
             position = (self.position[:, order] - mistakes.shift) / mistakes.stretch
             v, a = v[:, order] / mistakes.stretch, a[:, order] / mistakes.stretch
             found = try_assemble(self.mechanism, position, start=q)
@@ -199,274 +243,263 @@ class _Evidence:
                 singularity_measure(self.mechanism, q) >= SINGULARITY_MARGIN
             )
             q = np.where(closed[:, None], q, self.q)
+        return self._columns_at(q, v, a, closed)
+
+    def _columns_at(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, closed: BoolArray
+    ) -> _Columns:
         whole = closed_motion(self.mechanism, q, v, a)
-        K = motion_regressor(self.mechanism, whole, "full", self.model.joint_terms)
-        own = np.zeros((*v.shape, 4 * d))
-        for k, signal in enumerate((np.sign(v), v, a, np.broadcast_to(mistakes.offset, v.shape))):
-            own[:, np.arange(d), k * d + np.arange(d)] = signal
-        return np.concatenate([K, own], axis=2), closed
+        K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
+        p = len(self.bodies)
+        joints = np.sqrt((K[:, :, p:] ** 2).mean(axis=(0, 1)))
+        deviations = np.append(
+            PRIOR * body_sizes(self.mechanism, "full"),
+            FLAT * self.size.max() / np.where(joints > 0, joints, np.inf),
+        )
+        terms, known = K * deviations, K[:, :, :p] @ self.bodies
+        size = np.sqrt((known**2).mean(axis=0))
+        flat = (terms / np.where(size > 0, size, np.inf)[:, None]).reshape(-1, len(deviations))
+        squares, basis = np.linalg.eigh(flat.T @ flat)
+        basis = basis[:, squares > SILENT * squares[-1]]
+        own = np.stack([np.sign(v), v, a], axis=2)
+        return _Columns(known, terms, basis, whole, own, closed)
+
+    def _projected(self, columns: _Columns, mistakes: _Mistakes, k: int) -> FloatArray:
+        """What explains the force of a motor, and the force (R, n + 2), less its friction."""
+        j = mistakes.forces[k]
+        rows = self.used[:, j] & columns.closed
+        force = self.force[rows, j] - mistakes.offset[k]
+        table, own = np.column_stack([columns.explaining(k, rows), force]), columns.own[rows, k]
+        return np.asarray(table - own @ np.linalg.lstsq(own, table, rcond=1e-9)[0])
 
     def explained(
         self,
         mistakes: _Mistakes,
-        columns: tuple[FloatArray, BoolArray] | None = None,
-        extra: FloatArray | None = None,
-        without: int | None = None,
+        columns: _Columns | None = None,
+        gains: FloatArray | None = None,
     ) -> _Explanation:
-        """Fit what explains the forces, extra columns (N, d, k) among it, or without a motor."""
-        terms, closed = self.columns(mistakes) if columns is None else columns
-        whole = terms if extra is None else np.concatenate([terms, extra], axis=2)
-        force, used = self.force[:, mistakes.forces], self.used[:, mistakes.forces]
-        used, p = used & closed[:, None], len(self.bodies)
-        size = np.maximum(np.sqrt(_mean(force**2, used)), TINY)
-        gain, sigma, errors = mistakes.gain, 0.1 * size, np.zeros(len(size))
-        unit = np.sqrt((whole[:, :, p:] ** 2).mean(axis=0)) * np.abs(gain / size)[:, None]
-        unit = unit.max(axis=0)
-        felt = unit > SILENT
-        scale = np.append(self.known, np.where(felt, FLAT / np.where(felt, unit, 1.0), 0.0))
-        motors = [k for k in self.present if used[:, k].sum() >= LEAST_SAMPLES]
-        data = {}
-        for k in motors:
-            M, rows = whole[used[:, k], k], force[used[:, k], k] / gain[k]
-            data[k] = M * scale, rows - M[:, :p] @ self.bodies
-        grams = {k: (M.T @ M, M.T @ y) for k, (M, y) in data.items()}
+        """Fit what explains the forces, with the best of some gains (B, d)."""
+        columns = self.columns(mistakes) if columns is None else columns
+        g = mistakes.gain[None] if gains is None else gains
+        tables = {k: self._projected(columns, mistakes, k) for k in self.present}
+        motors = [k for k, table in tables.items() if len(table) >= LEAST_SAMPLES]
+        grams = np.array([tables[k].T @ tables[k] / len(tables[k]) for k in motors])
+        g, independent = g[:, motors], self.independent[motors]
+        size = np.maximum(self.size[list(mistakes.forces)][motors], TINY)
+        P, c, squares = grams[:, :-1, :-1], grams[:, :-1, -1], grams[:, -1, -1]
+        n, sigma = P.shape[1] - 1, np.maximum(np.sqrt(squares), MODEL_ERROR * size) + 0 * g
         for _ in range(ITERATIONS):
-            H, h = np.eye(len(scale)), np.zeros(len(scale))
-            for k in motors:
-                if k != without:
-                    weight = (gain[k] / sigma[k]) ** 2
-                    H, h = H + weight * grams[k][0], h + weight * grams[k][1]
-            x = np.linalg.solve(H, h)
-            left = {k: gain[k] * (y - M @ x) for k, (M, y) in data.items()}
-            for k in motors:
-                errors[k] = np.sqrt((left[k] ** 2).mean())
-            sigma = np.maximum(errors, MODEL_ERROR * size)
-        independent = np.array(
-            [_independent(left[k]) if k in left else 0.0 for k in range(len(size))]
-        )
-        deviations = np.sqrt(np.diag(np.linalg.inv(H))) * scale
-        values = x * scale
-        values[:p] += self.bodies
-        surprise = float(x[:p] @ x[:p])
-        return _Explanation(
-            mistakes, (terms, closed), values, errors, sigma, independent, deviations, surprise
-        )
+            w = independent / sigma**2
+            H = np.eye(n) + np.tensordot(w * g**2, P[:, :n, :n], 1)
+            x = np.linalg.solve(H, ((w * g) @ c - (w * g**2) @ P[:, :, n])[:, :n, None])[..., 0]
+            z = np.column_stack([x, np.ones(len(x))])
+            explained = np.einsum("bi,kij,bj->bk", z, P, z, optimize=True)
+            left = np.maximum(squares - 2 * g * (z @ c.T) + g**2 * explained, 0.0)
+            sigma = np.maximum(np.sqrt(left), MODEL_ERROR * size)
+        evidence = -(np.log(sigma) + left / sigma**2 / 2) @ independent
+        evidence -= ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
+        b = int(evidence.argmax())
+        if gains is not None:
+            mistakes = replace(mistakes, gain=gains[b])
+        errors = np.full(len(self.names), np.inf)
+        errors[motors] = sigma[b]
+        covariance = np.linalg.inv(H[b])
+        return _Explanation(mistakes, columns, float(evidence[b]), x[b], covariance, errors)
 
-    def strange(self, found: _Explanation) -> bool:
-        """Whether large errors, or bodies unlike the robot file's, explain the forces."""
+    def weighed(self, mistakes: _Mistakes) -> _Explanation:
+        """Fit what explains the forces, samples counting by how correlated their errors are."""
+        found = self.explained(mistakes)
+        for k in self.present:
+            table = self._projected(found.columns, mistakes, k)
+            error = table[:, -1] - mistakes.gain[k] * table[:, :-1] @ np.append(found.values, 1.0)
+            lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
+            self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
+        return self.explained(mistakes, found.columns)
+
+    def gain(self, found: _Explanation, group: list[int]) -> tuple[_Explanation, float, float]:
+        """The best explanation by a common factor of some motors' gains, it and its reach."""
+        inside = np.isin(np.arange(len(self.names)), group)
+        before, best, columns = found.mistakes.gain, found, found.columns
+        # Larger ones would have all bodies weigh nothing.
+        bodies = columns.terms[:, :, : len(self.bodies)]
+        expected = np.sqrt((columns.known**2 + (bodies**2).sum(axis=2)).mean(axis=0))
         forces = self.size[list(found.mistakes.forces)]
-        large = (found.errors > STRANGE_ERROR * forces)[self.present].any()
-        return bool(large) or found.surprise > STRANGE_BODIES
+        most = LARGEST * (forces / np.maximum(np.abs(before) * expected, TINY))[group].max()
+        factors = np.append(GAINS[np.abs(GAINS) < most], 1.0)
+        for step in range(REFINEMENTS + 1):
+            gains = np.where(inside, factors[:, None], 1.0) * before
+            tried = self.explained(found.mistakes, columns, gains)
+            best = max(best, tried, key=_evidence)
+            factor = float((best.mistakes.gain / before)[group[0]])
+            width = SPACING ** (0.25**step)
+            factors = factor * np.geomspace(1 / width, width, 9)
+        # A factor and the bodies are told from each other by what either changes.
+        precision, mixed = 0.0, np.zeros_like(best.values)
+        for k in group:
+            table = self._projected(best.columns, best.mistakes, k)
+            force = before[k] * table[:, :-1] @ np.append(best.values, 1.0)
+            weight = self.independent[k] / best.sigma[k] ** 2 / max(len(table), 1)
+            precision += weight * float(force @ force)
+            mixed += weight * best.mistakes.gain[k] * (table[:, :-2].T @ force)
+        left = precision - float(mixed @ best.covariance @ mixed)
+        deviation = 1 / sqrt(max(left, TINY))
+        # A gain of any size and sign is possible beforehand: its logarithm over the range of GAINS.
+        part = np.sqrt(2 * np.pi) * deviation / abs(factor) / (2 * np.log(GAINS[-1] / GAINS[-25]))
+        best = replace(best, evidence=best.evidence + min(float(np.log(part)), 0.0))
+        return best, factor, INTERVAL * deviation
 
-    def with_gain(self, found: _Explanation, k: int) -> _Explanation:
-        """The best explanation by another gain of a motor."""
-        starts = [float(found.mistakes.gain[k])]
-        if self.strange(found):
-            others = self.explained(found.mistakes, found.columns, without=k)
-            starts.append(self._gain_beside(others, k))
-        best = found
-        for start in starts:
-            one = found if start == starts[0] else self._at_gain(found, k, start)
-            for _ in range(STEPS):
-                change = self._linear_in_gain(one, k).values[-1]
-                if abs(change) < CONVERGED:
-                    break
-                one = self._at_gain(one, k, one.mistakes.gain[k] * (1 + np.clip(change, -0.9, 9.0)))
-            best = one if one.better_than(best) > 0 else best
-        return best
-
-    def _at_gain(self, found: _Explanation, k: int, value: float) -> _Explanation:
-        gain = found.mistakes.gain.copy()
-        gain[k] = value if abs(value) > TINY else TINY
-        return self.explained(replace(found.mistakes, gain=gain), found.columns)
-
-    def _linear_in_gain(self, found: _Explanation, k: int) -> _Explanation:
-        """With the relative change of a gain as the last value."""
-        terms, p = found.columns[0], len(self.bodies)
-        extra = np.zeros((*terms.shape[:2], 1))
-        extra[:, k, 0] = terms[:, k, :p] @ found.values[:p]
-        return self.explained(found.mistakes, found.columns, extra)
-
-    def _gain_beside(self, found: _Explanation, k: int) -> float:
-        """Force of a motor by that of the bodies, beside friction of its own."""
-        terms, closed = found.columns
-        p, column = len(self.bodies), found.mistakes.forces[k]
-        rows = self.used[:, column] & closed
-        own = np.column_stack([terms[rows, k, :p] @ found.values[:p], terms[rows, k, p:]])
-        own = own[:, np.abs(own).max(axis=0) > 0]
-        return float(np.linalg.lstsq(own, self.force[rows, column], rcond=1e-9)[0][0])
-
-    def gain(self, found: _Explanation, k: int) -> MotorGain:
-        """The gain of a motor with its interval, the other motors as they are."""
-        found = self.with_gain(found, k)
-        again = self._linear_in_gain(found, k)
-        share = self.used[:, found.mistakes.forces[k]].sum() / max(again.independent[k], 1.0)
-        gain = float(found.mistakes.gain[k] * (1 + again.values[-1]))
-        reach = INTERVAL * abs(found.mistakes.gain[k]) * again.deviations[-1] * np.sqrt(share)
-        return MotorGain(self.names[k], gain, (gain - reach, gain + reach))
-
-    def alternatives(self, found: _Explanation, few: _Evidence) -> Iterator[_Explanation]:
+    def alternatives(self, found: _Explanation) -> Iterator[_Explanation]:
         """Explanations with one mistake more, for each that is worth a sentence."""
         yield from self._gains(found)
         yield from self._offsets(found)
         yield from self._moves(found)
-        if self.strange(found):
-            yield from self._exchanges(found, few)
+        forces = np.array(found.mistakes.forces)[self.present]
+        large = (found.sigma[self.present] > STRANGE_ERROR * self.size[forces]).any()
+        if large or found.values @ found.values > STRANGE_BODIES:
+            yield from self._exchanges(found)
 
     def _gains(self, found: _Explanation) -> Iterator[_Explanation]:
         for k in self.present:
-            other, before = self.with_gain(found, k), found.mistakes.gain[k]
-            ratio = other.mistakes.gain[k] / before
-            if 1 / LEAST_GAIN < ratio < LEAST_GAIN:
-                continue
-            low, high = sorted(end / before for end in self.gain(other, k).interval)
-            if low > LEAST_GAIN or high < 1 / LEAST_GAIN:
+            other, factor, reach = self.gain(found, [k])
+            if factor - reach > LEAST_GAIN or factor + reach < 1 / LEAST_GAIN:
                 yield _named(
                     other,
-                    f"the force of {self.names[k]} is {ratio:.3g} times what the bodies and the "
-                    "other motors let expect: is it in another unit, or with another ratio or sign "
-                    f"(force_scale {1 / ratio:.3g} in a mapping)?",
+                    f"the force of {self.names[k]} is {factor:.3g} ± {reach:.2g} times what the "
+                    "bodies and the other motors let expect: look for another unit, ratio or sign "
+                    f"(force_scale {1 / factor:.3g} in a mapping would undo it)",
                 )
-        ratio = self._common_gain(found)
-        ordinary = 1 / LEAST_COMMON_GAIN < ratio < LEAST_COMMON_GAIN
-        if len(self.present) > 1 and not ordinary and abs(ratio) > TINY:
-            gain = found.mistakes.gain * ratio
-            other = self.explained(replace(found.mistakes, gain=gain), found.columns)
-            yield _named(
-                other,
-                f"all forces are about {ratio:.2g} times what the robot file lets expect: are they "
-                f"in another unit (force_scale {1 / ratio:.2g} in a mapping)?",
-            )
-
-    def _common_gain(self, found: _Explanation) -> float:
-        """All forces by those of the robot file's bodies, beside friction."""
-        terms, closed = found.columns
-        p, rows, forces = len(self.bodies), [], []
-        for k in self.present:
-            column = found.mistakes.forces[k]
-            used = self.used[:, column] & closed
-            force = terms[used, k, :p] @ self.bodies
-            rows.append(np.column_stack([force, terms[used, k, p:]]))
-            forces.append(self.force[used, column] / found.mistakes.gain[k])
-        table = np.concatenate(rows)
-        table = table[:, np.abs(table).max(axis=0) > 0]
-        return float(np.linalg.lstsq(table, np.concatenate(forces), rcond=1e-9)[0][0])
+        if len(self.present) > 1:
+            other, factor, reach = self.gain(found, self.present)
+            if factor - reach > LEAST_COMMON_GAIN or factor + reach < 1 / LEAST_COMMON_GAIN:
+                yield _named(
+                    other,
+                    f"all forces are about {factor:.2g} ± {reach:.1g} times what the robot file "
+                    f"lets expect: look for another unit (force_scale {1 / factor:.2g} in a "
+                    "mapping would undo it)",
+                )
 
     def _offsets(self, found: _Explanation) -> Iterator[_Explanation]:
         for k in self.present:
-            offset = found.mistakes.offset.copy()
-            offset[k] = True
-            terms, closed = found.columns
-            terms = terms.copy()
-            column = terms.shape[2] - len(self.names) + k
-            terms[:, k, column] = 1.0
-            other = self.explained(replace(found.mistakes, offset=offset), (terms, closed))
-            value = other.values[column] * other.mistakes.gain[k]
-            if abs(value) > LEAST_OFFSET * self.size[found.mistakes.forces[k]]:
+            size = self.size[found.mistakes.forces[k]]
+            column = np.where(np.arange(len(self.names)) == k, size / found.mistakes.gain[k], 0.0)
+            columns = replace(found.columns, extra=np.broadcast_to(column, self.force.shape))
+            linear = self.explained(found.mistakes, columns)
+            value, reach = size * float(linear.values[-1]), INTERVAL * size * _deviation(linear)
+            if abs(value) - reach > LEAST_OFFSET * size:
+                offset = found.mistakes.offset + np.where(column != 0, value, 0.0)
+                other = self.explained(replace(found.mistakes, offset=offset), found.columns)
                 yield _named(
-                    other,
-                    f"the force of {self.names[k]} seems to have an offset of {value:.3g} N or "
-                    "N m: identify it (Fo among the terms), or take it off (force_offset "
-                    f"{-value:.3g} in a mapping)",
+                    replace(other, evidence=linear.evidence),
+                    f"the force of {self.names[k]} seems to have an offset of {value:.3g} ± "
+                    f"{reach:.2g} N or N m: identify it (Fo among the terms), or take it off "
+                    f"(force_offset {-value:.3g} in a mapping)",
                 )
 
-    def _exchanges(self, found: _Explanation, few: _Evidence) -> Iterator[_Explanation]:
+    def _exchanges(self, found: _Explanation) -> Iterator[_Explanation]:
+        few = _Evidence(self.mechanism, self.recordings, self.joint_terms, FEW_SAMPLES)
+        first = few.weighed(found.mistakes)
         for i, j in combinations(self.present, 2):
             swap = {i: j, j: i}
             positions, forces = (
                 tuple(order[swap.get(k, k)] for k in range(len(order)))
                 for order in (found.mistakes.positions, found.mistakes.forces)
             )
-            names = f"{self.names[i]} and {self.names[j]}"
-            other = replace(found.mistakes, forces=forces)
-            yield _named(
-                self.explained(other, found.columns), f"the forces of {names} look exchanged"
-            )
-            columns = few.columns(replace(found.mistakes, positions=positions))
-            if columns[1].mean() < CLOSING:
-                continue
-            first = few.explained(found.mistakes, (few.columns(found.mistakes)[0], columns[1]))
-            for order, what in (
-                (found.mistakes.forces, f"the positions of {names} look exchanged"),
-                (forces, f"the columns of {names}, positions and forces, look exchanged"),
-            ):
-                other = replace(found.mistakes, positions=positions, forces=order)
-                if few.explained(other, columns).better_than(first) > EVIDENCE:
-                    yield _named(self.explained(other), what)
+            others = [(replace(found.mistakes, forces=forces), "forces")]
+            moved = replace(found.mistakes, positions=positions)
+            columns = few.columns(moved)
+            if columns.closed.mean() >= CLOSING:
+                for mistakes, what in (
+                    (moved, "positions"),
+                    (replace(moved, forces=forces), "positions and forces"),
+                ):
+                    if _better(few.explained(mistakes, columns), first, i, j):
+                        others.append((mistakes, what))
+            for mistakes, what in others:
+                same = mistakes.positions == found.mistakes.positions
+                other = self.explained(mistakes, found.columns if same else None)
+                if _better(other, found, i, j):
+                    ratios = (f"{other.sigma[k] / found.sigma[k]:.2g}" for k in (i, j))
+                    yield _named(
+                        other,
+                        f"the {what} of {self.names[i]} and {self.names[j]} look exchanged: with "
+                        f"each other's, errors are {' and '.join(ratios)} times as large (exchange "
+                        "the columns in a mapping)",
+                    )
 
     def _moves(self, found: _Explanation) -> Iterator[_Explanation]:
-        slopes = {}
-        for k in self.present:
-            one = np.arange(len(self.names)) == k
-            for what, step in (("shift", STEP * self.range[k]), ("stretch", STEP)):
-                slopes[k, what] = self._slope(found, what, one * step) / step
         indices = self.mechanism.velocity_indices(self.names)
-        straight = np.isin(indices, self.mechanism.prismatic)
-        kinds = [[k for k in self.present if straight[k] == flag] for flag in (True, False)]
-        for group in [*([k] for k in self.present), *(kind for kind in kinds if len(kind) > 1)]:
-            for what in ("shift", "stretch"):
-                slope = np.sum([slopes[k, what] for k in group], axis=0)[:, :, None]
-                linear = self.explained(found.mistakes, found.columns, slope)
-                least = LEAST_STRETCH
-                if what == "shift":
-                    least = LEAST_SHIFT * self.range[group].max()
-                change = float(linear.values[-1])
-                if abs(change) > least and linear.better_than(found) > EVIDENCE / 2:
-                    yield from self._moved(found, what, group, change)
+        straight, d = np.isin(indices, self.mechanism.prismatic), len(self.names)
+        moving = [k for k in self.present if self.range[k] > 0]
+        kinds = [[k for k in moving if straight[k] == flag] for flag in (True, False)]
+        groups = [*([k] for k in moving), *(kind for kind in kinds if len(kind) > 1)]
+        for what, least in (("shift", LEAST_SHIFT), ("stretch", LEAST_STRETCH)):
+            size = self.range if what == "shift" else np.ones(d)
+            slopes = {k: self._slope(found, what, k, STEP * size[k]) for k in moving}
+            for group in groups:
+                unit = size[group].max()
+                slope = np.sum([unit * slopes[k] for k in group], axis=0)
+                inside, moved, change = np.isin(np.arange(d), group), found, 0.0
+                for step in range(STEPS):
+                    linear = self.explained(moved.mistakes, replace(moved.columns, extra=slope))
+                    change += unit * float(linear.values[-1])
+                    reach = INTERVAL * unit * _deviation(linear)
+                    worth = linear.evidence > found.evidence
+                    if not step and not (worth and abs(change) - reach > least * unit):
+                        break
+                    values = getattr(found.mistakes, what) + inside * change
+                    mistakes = replace(found.mistakes, **{what: values})
+                    columns = self.columns(mistakes)
+                    if (mistakes.stretch <= 0).any() or columns.closed.mean() < CLOSING:
+                        break
+                    moved = self.explained(mistakes, columns)
+                else:
+                    moved = replace(moved, evidence=linear.evidence)
+                    yield self._named_move(moved, group, what, reach)
 
-    def _slope(self, found: _Explanation, what: str, step: FloatArray) -> FloatArray:
-        """Change of the explained forces (N, d) by a small step (d,)."""
-        changed = replace(found.mistakes, **{what: getattr(found.mistakes, what) + step})
-        terms, closed = self.columns(changed)
-        change = (terms - found.columns[0]) @ found.values[: terms.shape[2]]
-        return np.where(closed[:, None], change, 0.0)
-
-    def _moved(
-        self, found: _Explanation, what: str, group: list[int], change: float
-    ) -> Iterator[_Explanation]:
-        """Positions that are moved by what explains the forces best, after Gauss-Newton steps."""
-        inside = np.isin(np.arange(len(self.names)), group)
-        step, best = STEP * (self.range[group].max() if what == "shift" else 1.0), None
-        for _ in range(STEPS):
-            before = getattr(found.mistakes, what)
-            moved = replace(found.mistakes, **{what: before + inside * change})
-            columns = self.columns(moved)
-            if (moved.stretch <= 0).any() or columns[1].mean() < CLOSING:
-                break
-            best = self.explained(moved, columns)
-            slope = self._slope(best, what, np.where(inside, step, 0.0)) / step
-            change += float(self.explained(moved, columns, slope[:, :, None]).values[-1])
-        if best is None:
-            return
-        mistakes, first = best.mistakes, group[0]
-        shift, stretch = float(mistakes.shift[first]), float(mistakes.stretch[first])
-        # Over a short way the two are nearly the same.
-        middle = float(self.position[:, group].mean())
-        if what == "shift":
-            stretch += shift / middle if middle else 0.0
-        else:
-            shift += (1 - 1 / stretch) * middle
+    def _named_move(
+        self, found: _Explanation, group: list[int], what: str, reach: float
+    ) -> _Explanation:
         names = ", ".join(self.names[k] for k in group)
-        yield _named(
-            best,
-            f"the positions of {names} look shifted by about {shift:.3g} m or rad, or "
-            f"{stretch:.3g} times as large as they are (position_offset, position_scale in a "
-            "mapping)",
-        )
+        shift, stretch = found.mistakes.shift[group[0]], found.mistakes.stretch[group[0]]
+        middle = float(self.position[:, group].mean())
+        # Over a short way the two are nearly the same.
+        if what == "shift":
+            told = f"shifted by {shift:.3g} ± {reach:.2g} m or rad"
+            told += f", or {1 + shift / middle:.3g} times as large as they are" if middle else ""
+        else:
+            told = f"{stretch:.3g} ± {reach:.2g} times as large as they are, or shifted by "
+            told += f"{(1 - 1 / stretch) * middle:.3g} m or rad"
+        advice = "correct them by position_offset or position_scale in a mapping"
+        return _named(found, f"the positions of {names} look {told}: {advice}")
+
+    def _slope(self, found: _Explanation, what: str, k: int, step: float) -> FloatArray:
+        """Derivative of the explained forces (N, d) by a mistake in the positions of a motor."""
+        before, mistakes, rates = found.columns, found.mistakes, np.ones(len(self.names))
+        way = np.full(len(self.q), step / mistakes.stretch[k])
+        if what == "stretch":
+            position = self.position[:, mistakes.positions[k]] - mistakes.shift[k]
+            way *= position / mistakes.stretch[k]
+            rates[k] -= step / mistakes.stretch[k]
+        G = before.motion.projection.G[:, :, k]
+        q = integrate(self.mechanism, before.motion.configurations, -way[:, None] * G)
+        v, a = before.own[:, :, 1] * rates, before.own[:, :, 2] * rates
+        after = self._columns_at(q, v, a, before.closed)
+        change = (after.terms - before.terms) @ (before.basis @ found.values)
+        return np.asarray((change + after.known - before.known) / step)
 
 
 def _named(found: _Explanation, sentence: str) -> _Explanation:
     return replace(found, mistakes=replace(found.mistakes, sentence=sentence))
 
 
-def _mean(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Means of the used values (N, d)."""
-    return np.asarray(np.where(used, values, 0.0).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+def _better(one: _Explanation, other: _Explanation, *motors: int) -> bool:
+    return all(one.sigma[k] < BETTER * other.sigma[k] for k in motors)
 
 
-def _independent(series: FloatArray) -> float:
-    """Independent ones of the numbers (N,), by the correlation of neighbours."""
-    x = series - series.mean()
-    squares = float(x @ x)
-    lag = max(float(x[1:] @ x[:-1]) / squares, 0.0) if squares > 0 else 0.0
-    return max(len(x) * (1 - lag) / (1 + lag), 10.0)
+def _deviation(found: _Explanation) -> float:
+    """Standard deviation of the last unknown."""
+    return float(np.sqrt(found.covariance[-1, -1]))
+
+
+def _evidence(one: _Explanation) -> float:
+    return one.evidence

@@ -15,7 +15,6 @@ from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
-from loopid.logs.checks import check_forces
 from loopid.logs.log import Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
@@ -284,8 +283,7 @@ def prepare_recording(
     Warns
     -----
     LogWarning
-        Of samples that do not close the loops or are near a singularity, and of forces that look
-        like those of another motor, in other units, or with the wrong sign.
+        Of samples that do not close the loops or are near a singularity.
 
     Examples
     --------
@@ -345,7 +343,6 @@ def prepare_recording(
     rates = of_independent(signals.velocity), of_independent(signals.acceleration)
     motion = JointMotion(signals.time, configurations, *rates, singularity)
     force, used = on_independent(mechanism, motion, signals.force, used)
-    check_forces(mechanism, log.name, motion, force, used)
     return Recording(
         name=log.name,
         actuators=mechanism.independent,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Candidate,
         Identifiability,
         Identification,
+        Suspicions,
         TermComparison,
         WeakDirection,
     )
@@ -81,12 +82,18 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "essential": json_value(found.essential.values),
         "essential_parameters": list(found.reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in found.candidates],
+        "suspicions": [_suspicions(one) for one in found.suspicions],
         "findings": findings(found),
     }
 
 
 def _fields(thing: object, *names: str) -> dict[str, Any]:
     return {name: json_value(getattr(thing, name)) for name in names}
+
+
+def _suspicions(found: Suspicions) -> dict[str, Any]:
+    gains = [_fields(gain, "joint", "gain", "interval") for gain in found.gains]
+    return {"recording": found.recording, "sentences": list(found.sentences), "gains": gains}
 
 
 def _recording(recording: Recording) -> dict[str, Any]:
@@ -161,6 +168,7 @@ def findings(found: Identification) -> list[str]:
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     said.append(f"Joint terms: {choice}.")
+    said += [f"In {one.recording}, {text}." for one in found.suspicions for text in one.sentences]
     if found.term_sets is not None:
         said.append(_terms_finding(found.term_sets))
     if found.sweep is not None:
@@ -275,6 +283,7 @@ def identification_tables(found: Identification) -> list[Table]:
         _candidates_table(found),
         *([] if found.term_sets is None else [_terms_table(found.term_sets)]),
         _noise_table(found),
+        _gains_table(found),
         _dropped_table(found),
         *([] if found.recommended_fit is found.fit else [_recommended_table(found)]),
         said,
@@ -380,6 +389,16 @@ def _noise_table(found: Identification) -> Table:
         for k, actuator in enumerate(noise.actuators):
             counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
             table.add_row(actuator, *counts, f"{noise.lag_one[k]:.3f}")
+    return table
+
+
+def _gains_table(found: Identification) -> Table:
+    columns = "recording", "motor", ">gain", ">95 % interval"
+    table = plain_table("measured forces over what bodies and other motors let expect", *columns)
+    for one in found.suspicions:
+        for gain in one.gains:
+            interval = "{:.3g} ... {:.3g}".format(*gain.interval)
+            table.add_row(one.recording, gain.joint, f"{gain.gain:.3g}", interval)
     return table
 
 
