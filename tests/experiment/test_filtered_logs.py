@@ -16,7 +16,7 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.errors import LogWarning
+from loopid.errors import LogError, LogWarning
 from loopid.experiment.band_sweep import band_sweep
 from loopid.identification import quiet_fit
 from loopid.logs import Log, motion_spectrum
@@ -80,6 +80,15 @@ def test_a_log_that_stands_has_no_band():
     still = log_of(model, run)
     still = Log("s", still.joints, still.time, 0 * still.position, still.force, still.stretches)
     assert motion_spectrum(still).band == 0
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 16, 60])
+def test_a_log_of_few_samples_is_too_short_to_filter(count):
+    model, _, run = simulated("fourier", 100.0)
+    whole = log_of(model, run)
+    arrays = (getattr(whole, name)[:count] for name in ("time", "position", "force", "stretches"))
+    with pytest.raises(LogError, match=f"too short to filter, the longest has {count} samples"):
+        prepare_recording(model.mechanism, Log("short", whole.joints, *arrays))
 
 
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])

@@ -26,6 +26,8 @@ LEAST_PERIOD = 5.0
 # Frequencies are averaged, so many of them or so wide a part; where the average exceeds the noise
 # so many times, the robot moves.
 AVERAGED, RELATIVE_WIDTH, ABOVE_NOISE = 8, 0.1, 3.0
+# Samples that tell a spectrum; of fewer, the cut-off is this part of the rate.
+LEAST_COUNT, SHORT_CUTOFF = 62, 0.05
 # ∫ x^4 / (1 + x^4)² dx from 0 on: what a filter of second order, run twice, leaves of noise.
 PASSED = np.pi / (8 * np.sqrt(2))
 
@@ -57,10 +59,14 @@ def motion_spectrum(log: Log) -> MotionSpectrum:
     """Spectrum of the longest stretch of a log, and the cut-off that it asks for.
 
     That is 20 times the band of the motion; less, down to five times, where noise would exceed
-    1e-5 of the power of the filtered accelerations; and no more than a fifth of the rate.
+    1e-5 of the power of the filtered accelerations; and no more than a fifth of the rate. Fewer
+    than 64 samples tell none: the cut-off is a twentieth of the rate.
     """
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, count = log.rate(part), part.stop - part.start - 2
+    if count < LEAST_COUNT:
+        nothing = frozen(np.zeros(0))
+        return MotionSpectrum(nothing, nothing, nothing, 0.0, SHORT_CUTOFF * rate or 1.0)
     frequencies = np.fft.rfftfreq(count, 1 / rate).astype(np.float64)
     edges = [0]
     while edges[-1] < len(frequencies):

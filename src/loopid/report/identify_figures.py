@@ -34,9 +34,9 @@ def identification_figures(found: Identification) -> dict[str, bytes]:
 def draw_filter(found: Identification) -> dict[str, bytes]:
     """Spectrum of the first log, and how estimates move at lower cut-offs, where known."""
     recording, sweep = found.training[0], found.sweep
-    if recording.spectrum is None or sweep is None:
-        return {}
     told = recording.spectrum
+    if told is None or sweep is None or not len(told.frequency):
+        return {}
     with drawing(2, height=1.6) as (figure, axes):
         ax, below = axes[:, 0]
         ax.plot(told.frequency, told.density, color=BLUE)
