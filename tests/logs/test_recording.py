@@ -108,8 +108,7 @@ def test_rates_that_are_not_those_of_the_positions_are_named(knee, truth, tmp_pa
 
 def test_positions_and_forces_are_filtered_alike(knee, log):
     mixed = altered(log, force=100 * log.position)
-    with pytest.warns(LogWarning):
-        recording = prepared(knee, mixed, decimate=False)
+    recording = prepared(knee, mixed, decimate=False)
     strokes = knee.velocity_indices(knee.actuated)
     found = recording.motion.configurations[:, strokes]
     np.testing.assert_allclose(recording.force, 100 * found, atol=1e-9)
