@@ -16,7 +16,7 @@ from loopid.arrays import BoolArray, FloatArray, IntArray, finite
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.log import Log, require_known_motion
-from loopid.logs.spectrum import motion_spectrum
+from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
 from loopid.parameters import html_table
 from loopid.robot import Mechanism
@@ -139,6 +139,8 @@ class Recording:
         Of the low-pass filter in Hz; None without one.
     history : RateHistory or None
         What samples of steps in the forces are filtered from; None without a filter.
+    spectrum : MotionSpectrum or None
+        Of the log.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Recording:
     dropped: tuple[Dropped, ...] = ()
     cutoff: float | None = None
     history: RateHistory | None = None
+    spectrum: MotionSpectrum | None = None
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
@@ -307,7 +310,8 @@ def prepare_recording(
             f"log {log.name} is of {', '.join(log.joints)}, but the motors of {mechanism.name} are "
             f"{', '.join(mechanism.actuated)}"
         )
-    chosen = LowPass(motion_spectrum(log).cutoff) if lowpass == "default" else lowpass
+    spectrum = motion_spectrum(log)
+    chosen = LowPass(spectrum.cutoff) if lowpass == "default" else lowpass
     if saturation is not None:
         limits = _per_motor(log, "saturation", saturation)
     else:
@@ -351,6 +355,7 @@ def prepare_recording(
         dropped=(*log.dropped, *ends, *lost, *unused),
         cutoff=None if chosen is None else chosen.cutoff,
         history=history,
+        spectrum=spectrum,
     )
 
 
