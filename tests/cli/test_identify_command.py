@@ -53,12 +53,12 @@ def test_tables_and_files_say_the_same(run, logs, tmp_path):
     assert "all parameters by wls" in done.out
     page = (out / "report.md").read_text()
     links = LINK.findall(page)
-    assert len(links) == 4
+    assert len(links) == 5
     assert all((out / link).stat().st_size > 1000 for link in links)
     names = {path.name for path in out.iterdir()}
     pictures = {
         f"{figure}.{kind}"
-        for figure in ("forces", "parameters", "reduction", "spectrum")
+        for figure in ("filter", "forces", "parameters", "reduction", "spectrum")
         for kind in ("svg", "png")
     }
     fits = {"parameters.yaml", "all_parameters.yaml"}

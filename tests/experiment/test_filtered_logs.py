@@ -16,6 +16,8 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
+from loopid.errors import LogWarning
+from loopid.experiment.band_sweep import band_sweep
 from loopid.identification import quiet_fit
 from loopid.logs import Log, motion_spectrum
 from made_runs import quietly
@@ -116,6 +118,25 @@ def test_intervals_hold_with_encoder_steps_at_a_high_rate():
     assert rates.mean() > 0.8
     assert np.abs(errors.mean(axis=0)).max() < 1.6
     assert np.sqrt((errors**2).mean()) < 1.4
+
+
+def test_a_cutoff_that_lets_noise_bias_the_estimates_is_told():
+    model, _, run = simulated("fourier", 1000.0)
+    log = log_of(model, run, STEP, NOISE)
+
+    def swept(lowpass):
+        recording = quietly(prepare_recording, model.mechanism, log, lowpass)
+        samples = model.samples(recording)
+        return band_sweep(samples, [recording], quiet_fit(samples))
+
+    assert swept("default").moved == ()
+    wide = swept(LowPass(50.0))
+    assert "left_crank.mx" in wide.moved
+    with pytest.warns(LogWarning, match=r"left_crank.mx.* standard errors when .*--cutoff"):
+        wide.warn()
+    # Unfiltered, there is no band to narrow.
+    plain = quietly(prepare_recording, model.mechanism, log, None, decimate=False)
+    assert band_sweep(model.samples(plain), [plain], None) is None
 
 
 @pytest.mark.validate

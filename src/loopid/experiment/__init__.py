@@ -1,5 +1,6 @@
 """From recordings to parameters: the force model, its identification, what a log identifies."""
 
+from loopid.experiment.band_sweep import BandSweep
 from loopid.experiment.exciting_motion import ExcitingMotion, exciting_motion
 from loopid.experiment.force_model import (
     ForceModel,
@@ -32,6 +33,7 @@ from loopid.experiment.term_sets import TermComparison, TermSet, compare_terms
 __all__ = [
     "DEFAULT_FRACTION",
     "UNIDENTIFIABLE",
+    "BandSweep",
     "Candidate",
     "Excitation",
     "ExcitingMotion",

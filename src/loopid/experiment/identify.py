@@ -12,6 +12,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
 from loopid.errors import DataError, ExcitationWarning, LogWarning, OptionError, RankError, warn
+from loopid.experiment.band_sweep import BandSweep, band_sweep
 from loopid.experiment.force_model import (
     PRIOR_DEVIATION,
     ForceModel,
@@ -140,6 +141,8 @@ class Identification:
         (``evidence_scale``); None where another estimator than ``"wls"`` was asked for.
     prior_deviation : float or None
         That deviation, relative to the parameters' sizes.
+    sweep : BandSweep or None
+        Whether weighted least squares says the same of a narrower band.
     reduction : Reduction
         The essential parameters, by backward elimination.
     candidates : tuple of Candidate
@@ -168,6 +171,7 @@ class Identification:
     prior_deviation: float | None = None
     suspicions: tuple[Suspicions, ...] = ()
     term_sets: TermComparison | None = None
+    sweep: BandSweep | None = None
 
     def __repr__(self) -> str:
         model, found = self.force_model, self.identifiability
@@ -419,6 +423,11 @@ def identify(
                 informed = quiet_fit(samples, bayes)
         if missing:
             informed = replace(informed, assumed=found.assumed)
+    sweep = None
+    if chosen.name == WeightedLeastSquares.name and not (friction or found.unidentifiable):
+        sweep = band_sweep(samples, training, fitted)
+        if sweep is not None:
+            sweep.warn()
     if found.unidentifiable:
         warn(found.unidentifiable_message, ExcitationWarning)
     if found.weak:
@@ -459,6 +468,7 @@ def identify(
         deviation,
         suspected,
         compared,
+        sweep,
     )
 
 

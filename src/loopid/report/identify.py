@@ -20,6 +20,7 @@ from loopid.report.tables import (
 if TYPE_CHECKING:
     from loopid.consistency import ConsistentFit
     from loopid.experiment import (
+        BandSweep,
         Candidate,
         Identifiability,
         Identification,
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from loopid.logs import Recording
 
 CAPTIONS = {
+    "filter": "Accelerations in the log with the cut-off; changes of estimates at lower ones, in "
+    "deviations that noise of the forces explains (red: clearly more).",
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",
@@ -168,6 +171,8 @@ def findings(found: Identification) -> list[str]:
     said += [f"In {one.recording}, {text}." for one in found.suspicions for text in one.sentences]
     if found.term_sets is not None:
         said.append(_terms_finding(found.term_sets))
+    if found.sweep is not None:
+        said.append(_sweep_finding(found.sweep))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
@@ -209,6 +214,16 @@ def _terms_finding(found: TermComparison) -> str:
 
 def _error_text(error: PredictionError) -> str:
     return f"{error.mean:.3g} ± {error.standard_error:.2g}"
+
+
+def _sweep_finding(sweep: BandSweep) -> str:
+    narrower = f"At {', '.join(f'{part:g}' for part in sweep.parts)} of the cut-off"
+    if not sweep.moved:
+        return f"{narrower} estimates change by no more than noise of the forces explains."
+    return (
+        f"{narrower} estimates of {', '.join(sweep.moved)} change by more than their standard "
+        "errors and than noise of the forces explains: noise of the positions biases them."
+    )
 
 
 def _recommendation(found: Identification) -> str:
@@ -404,7 +419,12 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
     record = identification_record(found)
     parts = [f"# Identification of {markdown_text(found.force_model.mechanism.name)}", ""]
     parts += [markdown_table(table) for table in identification_tables(found)]
-    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
+    figures = identification_figures(found)
+    parts += [
+        f"![{text}]({figure}.svg)\n\n{text}\n"
+        for figure, text in CAPTIONS.items()
+        if f"{figure}.svg" in figures
+    ]
     page, data, *names = RESULTS
     chosen = found.recommended_fit
     other = None if chosen is found.fit else found.fit
@@ -417,5 +437,5 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
             for name, fit in fits.items()
             if fit is not None
         },
-        **identification_figures(found),
+        **figures,
     }

@@ -20,13 +20,43 @@ from loopid.report.figures import (
 
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
+LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
 LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
 def identification_figures(found: Identification) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
     spectrum = draw_spectrum(found.identifiability)
-    return draw_forces(found) | spectrum | draw_parameters(found) | draw_reduction(found)
+    rest = draw_forces(found) | spectrum | draw_parameters(found) | draw_reduction(found)
+    return rest | draw_filter(found)
+
+
+def draw_filter(found: Identification) -> dict[str, bytes]:
+    """Spectrum of the first log, and how estimates move at lower cut-offs, where known."""
+    recording, sweep = found.training[0], found.sweep
+    if recording.spectrum is None or sweep is None:
+        return {}
+    told = recording.spectrum
+    with drawing(2, height=1.6) as (figure, axes):
+        ax, below = axes[:, 0]
+        ax.plot(told.frequency, told.density, color=BLUE)
+        ax.plot(told.frequency, told.noise, "--", color=GREY)
+        ax.axvline(recording.cutoff, color=RED)
+        largest = told.density.max()
+        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="density (1/Hz)")
+        ax.set(ylim=(LEAST_DENSITY * largest, 3 * largest), title="accelerations of the motors")
+        for axis in (ax.xaxis, ax.yaxis):
+            plain_log_labels(axis, (1.0,))
+        names = "in the log", "noise of the positions", "cut-off"
+        figure.legend(ax.lines, names, loc="outside lower center", ncols=3)
+        change = sweep.shifts / sweep.deviations
+        parts, change = np.append(1.0, sweep.parts), np.vstack([0 * change[:1], change])
+        for name, moves in zip(found.fit.parameters.labels, change.T, strict=True):
+            clear = name in sweep.moved
+            below.plot(parts, moves, color=RED if clear else GREY, linewidth=1.2 if clear else 0.5)
+        below.set(xlabel="cut-off, in parts of the one chosen", ylabel="change / noise")
+        below.set_title("estimates at lower cut-offs")
+        return rendered(figure, "filter")
 
 
 def draw_forces(found: Identification) -> dict[str, bytes]:
