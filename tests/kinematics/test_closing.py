@@ -129,6 +129,7 @@ def test_loading_without_a_reference_is_repeatable(name, load_files):
     np.testing.assert_array_equal(first, second)
 
 
+@pytest.mark.filterwarnings("ignore::loopid.errors.ReferenceWarning")  # of other modes
 @pytest.mark.parametrize("kind", ["3d", "prismatic"])
 def test_loops_are_found_for_motors_alone(kind, load_files):
     parts, description = loop(kind, seed=4)

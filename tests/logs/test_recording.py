@@ -108,8 +108,7 @@ def test_rates_that_are_not_those_of_the_positions_are_named(knee, truth, tmp_pa
 
 def test_positions_and_forces_are_filtered_alike(knee, log):
     mixed = altered(log, force=100 * log.position)
-    with pytest.warns(LogWarning):
-        recording = prepared(knee, mixed, decimate=False)
+    recording = prepared(knee, mixed, decimate=False)
     strokes = knee.velocity_indices(knee.actuated)
     found = recording.motion.configurations[:, strokes]
     np.testing.assert_allclose(recording.force, 100 * found, atol=1e-9)
@@ -190,14 +189,15 @@ def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):
     assert changed[recording.used].max() < 0.02 * np.abs(truth.force - clipped.force).max()
 
 
-def test_effort_limits_saturate_unless_forces_exceed_them(knee, log, truth):
+def test_effort_limits_saturate_unless_most_forces_exceed_them(knee, log, truth):
     limits = knee.model.upperEffortLimit[knee.velocity_indices(knee.actuated)]
     force = truth.force.copy()
     force[800:820] = limits
     force[900, 1] = 1.1 * limits[1]
+    force[:, 2] = 1.1 * limits[2]
     recording = prepared(knee, altered(log, force=force))
     named = [part.reason for part in recording.dropped if "saturated" in part.reason]
-    assert named == [f"leg{k}_stroke is saturated" for k in (1, 3, 4)]
+    assert named == [f"leg{k}_stroke is saturated" for k in (1, 2, 4)]
 
 
 def test_a_stretch_is_not_filtered_across_its_ends(knee, log, truth):
