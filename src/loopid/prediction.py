@@ -130,15 +130,12 @@ def predict(fit: SavedFit, mechanism: Mechanism, recording: Recording) -> Predic
     >>> loopid.predict(fit, robot, recording)
     <Prediction of 'run': R² where motors move: crank_joint 1.000>
     """
-    fit.require(mechanism)
+    model = fit.find_force_model(mechanism)
     if recording.actuators != fit.force_model.rows:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
             f"{', '.join(fit.force_model.rows)}"
         )
-    motion = recording.motion
-    states = (
-        (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
-        for rows in row_blocks(len(recording), BLOCK)
-    )
-    return Prediction(recording, spooled(fit.forces(mechanism, *state) for state in states))
+    W = model.samples(recording).regressor
+    rows = row_blocks(len(recording), BLOCK)
+    return Prediction(recording, spooled(W[block] @ fit.values for block in rows))

@@ -12,8 +12,11 @@ from loopid import (
     find_force_model,
     joint_motion,
     load_mechanism,
+    predict,
     prepare_recording,
+    read_fit,
     read_motion_program,
+    save_fit,
     simulate_measurement,
 )
 from loopid.errors import LogError, LogWarning
@@ -157,3 +160,12 @@ def test_intervals_hold_at_all_rates(motion, step, rate):
     assert 0.90 < rates.mean() < 0.985
     assert rates.min() >= 0.8
     assert np.abs(errors.mean(axis=0)).max() < 0.6
+
+
+def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
+    model, truth, run = simulated("fourier", 1000.0)
+    robot = model.mechanism
+    recording = quietly(prepare_recording, robot, log_of(model, run))
+    fit = read_fit(save_fit(tmp_path / "fit.json", model, truth))
+    found = predict(fit, robot, recording)
+    assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]
