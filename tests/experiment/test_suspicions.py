@@ -98,6 +98,11 @@ def test_a_mistake_is_named(runs, name, spoil, words, advice):
     assert len(found.sentences) == 1
 
 
+def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
+    (said,) = runs("five_bar", 70, times(0.005774, 0)).sentences
+    assert "is 0.0" in said
+
+
 @pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
 def test_nothing_is_suspected_of_what_is_right(runs, name):
     found = runs(name, 1)

@@ -283,7 +283,10 @@ class _Evidence:
         g = mistakes.gain[None] if gains is None else gains
         tables = {k: self._projected(columns, mistakes, k) for k in self.present}
         motors = [k for k, table in tables.items() if len(table) >= LEAST_SAMPLES]
-        grams = np.array([tables[k].T @ tables[k] / len(tables[k]) for k in motors])
+        width = columns.basis.shape[1] + (columns.extra is not None) + 2
+        grams = np.zeros((len(motors), width, width))  # none where hardly a sample closes
+        for gram, table in zip(grams, (tables[k] for k in motors), strict=True):
+            gram[:] = table.T @ table / len(table)
         g, independent = g[:, motors], self.independent[motors]
         size = np.maximum(self.size[list(mistakes.forces)][motors], TINY)
         P, c, squares = grams[:, :-1, :-1], grams[:, :-1, -1], grams[:, -1, -1]
