@@ -491,12 +491,13 @@ class SavedFit(_Record):
         worst = int(ratios.argmax())
         if ratios[worst] > MOST_MASS and not any_mass:
             j = masses[worst]
+            bayes = self.estimate is not None and self.estimate.estimator == "bayes"
+            other = "" if bayes else "it as a prior (loopid identify --estimator bayes), or "
             raise FeasibilityError(
                 f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
-                f"the robot file says (most {MOST_MASS:g} times): use it as a prior (loopid "
-                "identify --estimator bayes), or a consistent fit (loopid identify --consistent "
-                "entropic, which writes standard_parameters.yaml); if the robot is that heavy, "
-                "any_mass=True (--any-mass)"
+                f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
+                "(loopid identify --consistent entropic, which writes standard_parameters.yaml); "
+                "if the robot is that heavy, any_mass=True (--any-mass)"
             )
         return standard
 

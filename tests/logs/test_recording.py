@@ -189,12 +189,12 @@ def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):
     assert changed[recording.used].max() < 0.02 * np.abs(truth.force - clipped.force).max()
 
 
-def test_effort_limits_saturate_unless_most_forces_exceed_them(knee, log, truth):
+def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):
     limits = knee.model.upperEffortLimit[knee.velocity_indices(knee.actuated)]
     force = truth.force.copy()
     force[800:820] = limits
     force[900, 1] = 1.1 * limits[1]
-    force[:, 2] = 1.1 * limits[2]
+    force[: len(force) // 8, 2] = 1.1 * limits[2]
     recording = prepared(knee, altered(log, force=force))
     named = [part.reason for part in recording.dropped if "saturated" in part.reason]
     assert named == [f"leg{k}_stroke is saturated" for k in (1, 2, 4)]

@@ -44,7 +44,7 @@ STANDSTILL = 0.5
 # Forces within this fraction of the saturation are saturated.
 SATURATION_TOLERANCE = 0.01
 # Part of a motor's forces that may exceed its effort limit.
-MOST_SATURATED = 0.5
+MOST_SATURATED = 0.1
 # Standing: at most this fraction of the 99th percentile of a motor's own speed,
 IDLE_FRACTION = 0.05
 # or this fraction of that of the fastest motor of its kind: an encoder that only dithers.
@@ -257,7 +257,7 @@ def prepare_recording(
         that of the log's mapping, otherwise a twentieth of the motor's own usual top speed.
     saturation : float or FloatArray, optional
         Force in N or N m, or (m,), from which a drive saturates; by default that of the mapping,
-        otherwise the effort limit of the robot file unless most forces exceed it.
+        otherwise the effort limit of the robot file unless a tenth of the forces exceeds it.
     decimate : bool
         Whether to keep only as many samples as the cut-off frequency calls for.
     trim : bool
@@ -476,8 +476,8 @@ def idle_speeds(mechanism: Mechanism, velocity: FloatArray) -> FloatArray:
 def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     """Forces (m,) from which drives saturate by the effort limits of the robot file.
 
-    Commands beyond a limit are not the forces that act. A limit that most of the measured forces
-    (N, m) exceed is another one; zero is how exporters write that there is none.
+    Commands beyond a limit are not the forces that act. A limit that a tenth of the measured
+    forces (N, m) exceeds is another one, as exporters write; zero is none.
     """
     limits = mechanism.model.upperEffortLimit[mechanism.velocity_indices(mechanism.actuated)]
     beyond = [
