@@ -104,6 +104,7 @@ class RateHistory:
 
         stands = np.empty((len(self.rows), len(speeds)), dtype=bool)
         for k, speed in enumerate(speeds):
+            release_pages()
             idle = np.abs(self.velocity[:, k]) <= speed
             near = idle.copy()
             for part, rate in zip(self.parts, self.rates, strict=True):
@@ -480,10 +481,11 @@ def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     forces (N, m) exceeds is another one, as exporters write; zero is none.
     """
     limits = mechanism.model.upperEffortLimit[mechanism.velocity_indices(mechanism.actuated)]
-    beyond = [
-        (np.abs(column) > limit).mean() for column, limit in zip(force.T, limits, strict=True)
-    ]
-    return np.where((limits > 0) & (np.array(beyond) <= MOST_SATURATED), limits, np.inf)
+    beyond = np.zeros(len(limits))
+    for k, limit in enumerate(limits):
+        beyond[k] = ((force[:, k] > limit) | (force[:, k] < -limit)).mean()
+        release_pages()
+    return np.where((limits > 0) & (beyond <= MOST_SATURATED), limits, np.inf)
 
 
 # ---- assembly --------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import numpy as np
 
 from loopid.arrays import FloatArray, frozen
 from loopid.logs.log import Log
+from loopid.scratch import release_pages
 
 # Part of the power of the velocities that is within the band of a motion.
 BAND_POWER = 0.999
@@ -80,16 +81,19 @@ def motion_spectrum(log: Log) -> MotionSpectrum:
     shape = averaged((2 * rate * np.sin(np.pi * frequencies / rate)) ** 4)
     frequency, widths = averaged(frequencies), sizes * rate / count
     window = np.hanning(count + 2)[1:-1]
+    power = rate * float((window**2).sum())
     total, level, limit = np.zeros(len(frequency)), 0.0, rate / LEAST_PERIOD
     for k in range(len(log.joints)):
-        acceleration = np.diff(log.position[part, k], 2) * rate**2
-        power = np.abs(np.fft.rfft(acceleration * window)) ** 2
-        density = averaged(power) * 2 / (rate * (window**2).sum())
+        acceleration = np.diff(log.position[part, k], 2)
+        acceleration *= rate**2 * window
+        amplitude = np.fft.rfft(acceleration)
+        density = averaged(amplitude.real**2 + amplitude.imag**2) * 2 / power
         floor = float(np.median((density / shape)[frequency >= rate / 4]))
         motion = np.where(density > ABOVE_NOISE * floor * shape, density - floor * shape, 0.0)
         size = float(motion @ widths)
         if size > 0:
             total, level = total + density / size, level + floor / size
+        release_pages()
     noise = level * shape
     motion = np.where(total > ABOVE_NOISE * noise, total - noise, 0.0)
     velocity = np.cumsum(motion * widths / frequency**2)
