@@ -114,7 +114,7 @@ class CorrelationWarning(UserWarning):
 
 
 class ExcitationWarning(UserWarning):
-    """Data hardly excite a parameter that was fitted to them."""
+    """Data, or a designed motion, hardly excite a parameter."""
 
 
 class MobilityWarning(UserWarning):

@@ -224,6 +224,11 @@ def design_excitation(
     MissingExtraError
         When IPOPT is asked for and not installed.
 
+    Warns
+    -----
+    ExcitationWarning
+        Naming what the motion does not excite, and the bounds that it uses most.
+
     Notes
     -----
     Optimal experiments for robots are due to [Gautier1992] and [Swevers1997]; here all

@@ -243,7 +243,8 @@ class Bounds:
             self._x.append(at)
         self.loops = bool(mechanism.closures)  # couplings alone have no singularities
         if self.loops:  # motors behind the loops move none of their frames
-            values = np.linalg.svd(self._twists(poses, project(mechanism, poses).G))[1]
+            twists = self._twists(poses, project(mechanism, poses).G)
+            values = np.linalg.svd(twists, compute_uv=False)
             self.directions = int((values > MOVED * values[:, :1]).sum(axis=1).max())
         self.collisions = collisions if collisions is not None and collisions.pairs else None
         if self.collisions is not None:
