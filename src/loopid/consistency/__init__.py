@@ -5,16 +5,3 @@ from loopid.consistency.prior import PriorDefect, prior_defects, repaired_prior
 from loopid.consistency.program import REGULARISATIONS
 from loopid.consistency.region import Region
 from loopid.pseudo_inertia import pseudo_inertia
-
-__all__ = [
-    "REGULARISATIONS",
-    "ConsistentFit",
-    "FitCost",
-    "PriorDefect",
-    "Region",
-    "consistent_fit",
-    "consistent_parameters",
-    "prior_defects",
-    "pseudo_inertia",
-    "repaired_prior",
-]

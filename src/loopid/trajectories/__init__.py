@@ -16,25 +16,3 @@ from loopid.trajectories.motion_files import (
     read_motion_program,
     read_reference,
 )
-
-__all__ = [
-    "Arc",
-    "Curve",
-    "FourierCurve",
-    "FourierSeries",
-    "JointMotion",
-    "JointRange",
-    "LowPass",
-    "Motion",
-    "MotionProgram",
-    "MotionReview",
-    "PlannedMotion",
-    "SplineCurve",
-    "Waypoint",
-    "differentiate",
-    "joint_motion",
-    "point_to_point",
-    "read_motion_program",
-    "read_reference",
-    "review_motion",
-]

@@ -27,20 +27,3 @@ def make_strategy(search: str | SearchStrategy) -> SearchStrategy:
     if search not in STRATEGIES:
         raise OptionError.unknown("search", search, STRATEGIES)
     return STRATEGIES[search]()
-
-
-__all__ = [
-    "CRITERIA",
-    "STRATEGIES",
-    "TIE_TOLERANCE",
-    "TIME_LIMIT",
-    "ChoiceProblem",
-    "ExactSearch",
-    "Exclusion",
-    "ExhaustiveSearch",
-    "PivotedQR",
-    "SearchResult",
-    "SearchStrategy",
-    "SubgroupSearch",
-    "make_strategy",
-]
