@@ -29,34 +29,17 @@ PANEL, PANEL_PART = 8, 16
 
 @dataclass(frozen=True)
 class RoundedGeometry:
-    """What rounded numbers of a robot file leave open in an observation.
+    """What rounded numbers of a robot file leave open in an observation."""
 
-    Attributes
-    ----------
-    accuracy : float
-        Of lengths, in m; of angles, times the characteristic length.
-    relative : float
-        The same, to the characteristic length.
-    source : str
-        Where it is known from.
-    presumed : bool
-        Whether the numbers may as well be round by design.
-    factors : callable
-        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
-        as it is written, then of k others that the file would write alike.
-    places : mapping
-        Of some links, the loops that they are part of.
-    alike : tuple of str
-        Lengths that are nearly but not quite equal.
-    """
-
-    accuracy: float
-    relative: float
-    source: str
-    presumed: bool
+    accuracy: float  # of lengths, in m; of angles, times the characteristic length
+    relative: float  # the same, to the characteristic length
+    source: str  # where it is known from
+    presumed: bool  # whether the numbers may as well be round by design
+    # Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
+    # as it is written, then of k others that the file would write alike
     factors: Callable[[int], FloatArray]
-    places: Mapping[str, tuple[str, ...]]
-    alike: tuple[str, ...]
+    places: Mapping[str, tuple[str, ...]]  # of some links, the loops that they are part of
+    alike: tuple[str, ...]  # lengths that are nearly but not quite equal
 
 
 @dataclass(frozen=True, repr=False)

@@ -158,21 +158,10 @@ def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
 
 @dataclass(frozen=True)
 class NamedLength:
-    """A coordinate or a distance in the robot file.
+    """A coordinate or a distance in the robot file."""
 
-    Attributes
-    ----------
-    symbol : str
-        Short form for formulas, ``x(platform_B2)``; unique within a robot.
-    value : float
-        In m; coordinates have signs.
-    meaning : str
-        The symbol in words.
-    links : frozenset of str
-        Links that it is part of: the one it is measured in, and those that are held at its ends.
-    """
-
-    symbol: str
-    value: float
-    meaning: str
+    symbol: str  # short form for formulas, ``x(platform_B2)``; unique within a robot
+    value: float  # in m; coordinates have signs
+    meaning: str  # the symbol in words
+    # Links that it is part of: the one it is measured in, and those that are held at its ends
     links: frozenset[str] = frozenset()

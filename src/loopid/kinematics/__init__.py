@@ -1,13 +1,16 @@
 """Where the robot can be: closures, assembly, projection, random closed configurations."""
 
-from loopid.kinematics.accuracy import (
-    Accuracy,
-    geometry_accuracy,
-    nearly_equal_lengths,
-    same_motion,
-    within_accuracy,
+from loopid.kinematics.assembly import (
+    CLOSURE_TOLERANCE,
+    Assembly,
+    JointCoordinates,
+    MeasuredCoordinates,
+    assemble,
+    measured_coordinates,
+    platform_coordinates,
+    platform_motion,
+    try_assemble,
 )
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, Assembly, assemble, try_assemble
 from loopid.kinematics.closing import (
     close_by_continuation,
     close_loops,
@@ -20,13 +23,6 @@ from loopid.kinematics.constraint import (
     constraint_residual,
     largest_residual,
     scaled_constraint,
-)
-from loopid.kinematics.measured import (
-    JointCoordinates,
-    MeasuredCoordinates,
-    measured_coordinates,
-    platform_coordinates,
-    platform_motion,
 )
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
 from loopid.kinematics.modes import FOLDED, assembly_modes
@@ -49,6 +45,20 @@ from loopid.kinematics.projection import (
     partition,
     project,
     singularity_measure,
+)
+from loopid.kinematics.rounding import (
+    ROUND_OFF,
+    SIX_DIGITS,
+    Accuracy,
+    changes,
+    exact_geometry,
+    geometry_accuracy,
+    largest_gap,
+    nearly_equal_lengths,
+    nearly_special,
+    rounding_that_closes,
+    same_motion,
+    within_accuracy,
 )
 from loopid.kinematics.sampling import (
     DEFAULT_MARGIN,

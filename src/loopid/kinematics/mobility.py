@@ -25,36 +25,18 @@ WELL_APART = (0.05, 1e-2, 1e-4)
 
 @dataclass(frozen=True)
 class Mobility:
-    """Mobility at a configuration.
+    """Mobility at a configuration."""
 
-    Attributes
-    ----------
-    rows, rank : int
-        Closure equations and how many of them are independent.
-    degrees_of_freedom : int
-        nv - rank, at the configuration itself.
-    generic_degrees_of_freedom : int
-        The same around it; fewer where the configuration is singular.
-    rank_gap : float
-        Ratio of the last counted singular value to the next, infinite when there is none.
-    least : float
-        The last counted singular value, relative to the largest.
-    residual : float
-        Largest closure residual in m.
-    undetermined : tuple of str
-        Passive coordinates that can move while all motors stand still.
-    tolerance : float
-        Singular values below this fraction of the largest counted as zero.
-    """
-
-    rows: int
+    rows: int  # closure equations and how many of them are independent
     rank: int
-    degrees_of_freedom: int
-    generic_degrees_of_freedom: int
+    degrees_of_freedom: int  # nv - rank, at the configuration itself
+    generic_degrees_of_freedom: int  # the same around it; fewer where the configuration is singular
+    # Ratio of the last counted singular value to the next, infinite when there is none
     rank_gap: float
-    least: float
-    residual: float
-    undetermined: tuple[str, ...]
+    least: float  # the last counted singular value, relative to the largest
+    residual: float  # largest closure residual in m
+    undetermined: tuple[str, ...]  # passive coordinates that can move while all motors stand still
+    # Singular values below this fraction of the largest counted as zero
     tolerance: float = RANK_TOLERANCE
 
     @property

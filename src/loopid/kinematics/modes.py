@@ -14,10 +14,14 @@ from itertools import combinations, islice
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
+from loopid.kinematics.assembly import (
+    CLOSURE_TOLERANCE,
+    JointCoordinates,
+    PathOptions,
+    follow_paths,
+)
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,

@@ -10,9 +10,14 @@ import numpy as np
 from loopid.arguments import affordable, checked
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
+from loopid.kinematics.assembly import (
+    CLOSURE_TOLERANCE,
+    MeasuredCoordinates,
+    PathOptions,
+    follow_paths,
+    measured_coordinates,
+)
 from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator

@@ -126,23 +126,14 @@ def read_mjcf(path: Path) -> TreeSource:
 
 @dataclass(frozen=True)
 class Names:
-    """Names by index.
+    """Names by index."""
 
-    Attributes
-    ----------
-    taken : set of str
-        Names of links, joints and frames that are in use.
-    bodies, joints : tuple of str
-        Unique: unnamed bodies are called ``<parent>_body`` and unnamed joints ``<body>_hinge``,
-        ``_slide``, ``_ball`` or ``_free``.
-    sites, equalities, tendons, actuators, keys : tuple of str
-        As in the file: empty where it names none.
-    """
-
-    taken: set[str]
+    taken: set[str]  # names of links, joints and frames that are in use
+    # Unique: unnamed bodies are called ``<parent>_body`` and unnamed joints ``<body>_hinge``,
+    # ``_slide``, ``_ball`` or ``_free``
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
-    sites: tuple[str, ...]
+    sites: tuple[str, ...]  # as in the file: empty where it names none
     equalities: tuple[str, ...]
     tendons: tuple[str, ...]
     actuators: tuple[str, ...]

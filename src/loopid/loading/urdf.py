@@ -67,23 +67,12 @@ PACKAGE = "package://"
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF whose names, numbers and tree are sound.
+    """A URDF whose names, numbers and tree are sound."""
 
-    Attributes
-    ----------
-    root : Element
-        The whole file.
-    tree : str
-        XML of links and joints only, for Pinocchio.
-    robot : yourdfpy.urdf.Robot
-        Links and joints in the order of the file.
-    second : tuple of Element
-        Joints that give a link a second parent: they are no part of the tree.
-    """
-
-    root: Element
-    tree: str
-    robot: Robot
+    root: Element  # the whole file
+    tree: str  # XML of links and joints only, for Pinocchio
+    robot: Robot  # links and joints in the order of the file
+    # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 

@@ -45,32 +45,17 @@ PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body that carries parameters: all the links fixed to one joint.
+    """A rigid body that carries parameters: all the links fixed to one joint."""
 
-    Attributes
-    ----------
-    link : str
-        The link that the joint carries; the parameters are in its frame.
-    joint_id : int
-        Index of the joint in the Pinocchio model.
-    """
-
-    link: str
-    joint_id: int
+    link: str  # the link that the joint carries; the parameters are in its frame
+    joint_id: int  # index of the joint in the Pinocchio model
 
 
 @dataclass(frozen=True)
 class LinkGroup:
-    """Links with the same parameters, each in its own frame.
+    """Links with the same parameters, each in its own frame."""
 
-    Attributes
-    ----------
-    name : str
-        Stands for any of them in the labels of parameters.
-    links : tuple of str
-    """
-
-    name: str
+    name: str  # stands for any of them in the labels of parameters
     links: tuple[str, ...]
 
 
@@ -113,22 +98,12 @@ class Platform:
     The placement in the fixed frame is the translation along the fixed axes named among
     x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
     rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
-
-    Attributes
-    ----------
-    frame : str
-    frame_id : int
-        Index of the frame in the Pinocchio model.
-    names : tuple of str
-        What the robot's own literature calls the coordinates.
-    motions : tuple of str
-        Elementary motion of each coordinate.
     """
 
     frame: str
-    frame_id: int
-    names: tuple[str, ...]
-    motions: tuple[str, ...]
+    frame_id: int  # index of the frame in the Pinocchio model
+    names: tuple[str, ...]  # what the robot's own literature calls the coordinates
+    motions: tuple[str, ...]  # elementary motion of each coordinate
 
     def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
@@ -190,27 +165,16 @@ class Platform:
 
 @dataclass(frozen=True, repr=False)
 class AssemblyMode:
-    """One way of assembling a robot whose drawn pose leaves a choice.
+    """One way of assembling a robot whose drawn pose leaves a choice."""
 
-    Attributes
-    ----------
-    reference : FloatArray
-        (nq,), a closed, regular configuration inside the limits, read-only.
-    distance : float
-        How far the passive coordinates are from where they are drawn, in rad and characteristic
-        lengths.
-    continues : bool
-        Whether regular poses lead from there to the drawn one, which is then singular.
-    parallel : int
-        Pairs of links of a loop that do not turn against each other.
-    rank : int or None
-        Number of base parameters of the full model; None where it was not found.
-    """
-
-    reference: FloatArray
+    reference: FloatArray  # (nq,), a closed, regular configuration inside the limits, read-only
+    # How far the passive coordinates are from where they are drawn, in rad and characteristic
+    # lengths
     distance: float
+    # Whether regular poses lead from there to the drawn one, which is then singular
     continues: bool
-    parallel: int
+    parallel: int  # pairs of links of a loop that do not turn against each other
+    # Number of base parameters of the full model; None where it was not found
     rank: int | None = None
 
     def __post_init__(self) -> None:
@@ -219,44 +183,25 @@ class AssemblyMode:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the robot file gives of forces and no model has.
+    """What the robot file gives of forces and no model has."""
 
-    Attributes
-    ----------
-    what : str
-        The force and where it acts, such as ``"gravity compensation of upper"``.
-    weights : mapping
-        Link to mass and centre of mass in its frame, (4,), whose weight the force carries.
-    tendon : mapping
-        Coordinate to the factor with which it enters the length of a tendon.
-    values : mapping
-        Kinds of joint terms to the tendon's coefficients of them.
-    is_force : bool
-        Otherwise what forces and positions are counted by, such as a gear.
-
-    Without weights and tendon the size of the force is not known.
-    """
-
-    what: str
+    what: str  # the force and where it acts, such as ``"gravity compensation of upper"``
+    # Link to mass and centre of mass in its frame, (4,), whose weight the force carries
     weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    # Coordinate to the factor with which it enters the length of a tendon
     tendon: Mapping[str, float] = field(default_factory=dict)
+    # Kinds of joint terms to the tendon's coefficients of them
     values: Mapping[str, float] = field(default_factory=dict)
+    # Otherwise what forces and positions are counted by, such as a gear. Without weights and
+    # tendon the size of the force is not known.
     is_force: bool = True
 
 
 class Loop(NamedTuple):
-    """Closures that share passive joints: they open and close together.
+    """Closures that share passive joints: they open and close together."""
 
-    Attributes
-    ----------
-    rows : IntArray
-        Of the closure equations.
-    columns : IntArray
-        Velocity indices of the coordinates that move the closures' frames against each other.
-    closures : tuple of LoopClosure
-    """
-
-    rows: IntArray
+    rows: IntArray  # of the closure equations
+    # Velocity indices of the coordinates that move the closures' frames against each other
     columns: IntArray
     closures: tuple[LoopClosure, ...]
 
@@ -710,17 +655,10 @@ def shortened(names: Sequence[str], most: int = 8) -> str:
 
 @dataclass(frozen=True)
 class InertiaDefect:
-    """What is wrong with a body's inertia.
-
-    Attributes
-    ----------
-    link : str
-    impossible : bool
-        No body has it; otherwise a plate, a rod or a point has, which fill no volume.
-    reason : str
-    """
+    """What is wrong with a body's inertia."""
 
     link: str
+    # No body has it; otherwise a plate, a rod or a point has, which fill no volume
     impossible: bool
     reason: str
 

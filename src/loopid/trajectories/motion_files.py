@@ -155,21 +155,11 @@ class ProgramDescription(Section):
 
 @dataclass(frozen=True, repr=False)
 class PlannedMotion:
-    """A motion of a file, with its steps followed.
+    """A motion of a file, with its steps followed."""
 
-    Attributes
-    ----------
-    description : str
-        What the file says of it.
-    start : FloatArray
-        (c,) in m or rad.
-    waypoints : tuple of Waypoint
-        Repeats and ways back are written out.
-    """
-
-    description: str
-    start: FloatArray
-    waypoints: tuple[Waypoint, ...]
+    description: str  # what the file says of it
+    start: FloatArray  # (c,) in m or rad
+    waypoints: tuple[Waypoint, ...]  # repeats and ways back are written out
 
     def __repr__(self) -> str:
         ways = len(self.waypoints)
