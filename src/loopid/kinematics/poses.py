@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.parameters import model_kinds
-from loopid.robot import Mechanism, scratch_data, tie_matrix
+from loopid.robot import Mechanism, scratch_data
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
@@ -152,8 +152,8 @@ def torque_regressors(
             # For a single coordinate the binding drops the axis of its one row.
             np.dot(to_row, Y if tree.nv > 1 else Y.reshape(1, -1), out=out)
         K[rows] = whole[: rows.stop - rows.start, :, columns]
-    if mechanism.ties:
-        K = K @ tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))
+    if mechanism.tied:
+        K = K @ mechanism.tie_matrix(len(model_kinds(model)))
     return K
 
 

@@ -23,7 +23,7 @@ from loopid.kinematics import (
 from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, joint_term
-from loopid.robot import Mechanism, in_groups
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
@@ -186,7 +186,7 @@ def _rounded_geometry(
     paths = [set(tree.supports[tree.frames[frame].parentJoint]) for frame in ids]
     around = [one ^ other for one, other in zip(paths[::2], paths[1::2], strict=True)]
     for body, link in zip(
-        mechanism.bodies, in_groups(mechanism.links, mechanism.ties), strict=True
+        mechanism.bodies, mechanism.in_groups(mechanism.links), strict=True
     ):
         loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
         places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))

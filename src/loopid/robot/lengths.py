@@ -15,7 +15,7 @@ import pinocchio as pin
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.parameters import NamedLength
-from loopid.robot.mechanism import Mechanism, in_groups
+from loopid.robot.mechanism import Mechanism
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
 ZERO_LENGTH = 1e-12
@@ -58,7 +58,7 @@ def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
     lengths += [*_distances_from_origins(points, tolerance), *_distances(points, tolerance)]
     # Groups of tied links stand in place of their members.
     return tuple(
-        replace(x, links=frozenset(in_groups(x.links, mechanism.ties)))
+        replace(x, links=frozenset(mechanism.in_groups(x.links)))
         for x in lengths
         if abs(x.value) > tolerance
     )

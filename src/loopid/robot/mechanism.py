@@ -59,38 +59,6 @@ class LinkGroup:
     links: tuple[str, ...]
 
 
-def in_groups(links: Iterable[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
-    """Names of links (n,) with the groups' in place of their members'."""
-    group_of = {link: group.name for group in groups for link in group.links}
-    return tuple(group_of.get(link, link) for link in links)
-
-
-def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
-    """For each link (n,) the position of its name, or its group's, among the distinct ones."""
-    names = in_groups(links, groups)
-    distinct = list(dict.fromkeys(names))
-    return np.array([distinct.index(name) for name in names], dtype=np.int64)
-
-
-@checked
-def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:
-    """T (width n, width m) with π = T π_tied, for ``width`` parameters a link.
-
-    Links declared alike, as the legs of a parallel robot, share one set of parameters. The
-    regressor of the shared ones is Y T: the sum of the links' columns.
-
-    Raises
-    ------
-    OptionError
-        When the width is negative.
-    """
-    if width < 0:
-        raise OptionError(f"width must be a number of parameters from 0 on, not {width}")
-    indices = tie_indices(links, groups)
-    selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
-    return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
-
-
 @dataclass(frozen=True)
 class Platform:
     """A frame whose placement is a product of elementary motions.
@@ -563,14 +531,31 @@ class Mechanism:
         """Links that name the bodies with parameters."""
         return tuple(body.link for body in self.bodies)
 
-    @property
-    def ties(self) -> tuple[LinkGroup, ...]:
-        """The groups of links that share their parameters."""
-        return self.identical if self.tied else ()
+    def in_groups(self, links: Iterable[str]) -> tuple[str, ...]:
+        """Names of links (n,), of those that share their parameters the group's."""
+        groups = self.identical if self.tied else ()
+        group_of = {link: group.name for group in groups for link in group.links}
+        return tuple(group_of.get(link, link) for link in links)
+
+    @cached_property
+    def tie_indices(self) -> IntArray:
+        """For each body the position of its name, or its group's, among the distinct ones."""
+        names = self.in_groups(self.links)
+        distinct = list(dict.fromkeys(names))
+        return np.array([distinct.index(name) for name in names], dtype=np.int64)
+
+    def tie_matrix(self, width: int) -> FloatArray:
+        """T with π = T π_tied, for ``width`` parameters a link.
+
+        Links declared alike, as the legs of a parallel robot, share one set of parameters. The
+        regressor of the shared ones is Y T: the sum of the links' columns.
+        """
+        selection = np.eye(int(self.tie_indices.max(initial=-1)) + 1)[self.tie_indices]
+        return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
 
     def parameters(self, model: str = "full") -> ParameterSet:
         """Standard parameters of all bodies in ``"gravity"`` or ``"full"`` form."""
-        names = dict.fromkeys(in_groups(self.links, self.ties))
+        names = dict.fromkeys(self.in_groups(self.links))
         return ParameterSet.of_links(names, model_kinds(model))
 
     @cached_property
@@ -597,7 +582,7 @@ class Mechanism:
         carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
         links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
         joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
-        names = (*in_groups(links, self.ties), *self.coordinates_of(joints))
+        names = (*self.in_groups(links), *self.coordinates_of(joints))
         return tuple(dict.fromkeys(names))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
@@ -608,7 +593,7 @@ class Mechanism:
         width = len(model_kinds(model))
         inertias = [self.model.inertias[body.joint_id] for body in self.bodies]
         values = np.array([inertia.toDynamicParameters()[:width] for inertia in inertias])
-        place = tie_indices(self.links, self.ties)
+        place = self.tie_indices
         tied = [values[place == k].mean(axis=0) for k in range(place.max() + 1)]
         return np.concatenate(tied)
 
