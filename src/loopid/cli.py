@@ -89,7 +89,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
-YAML = (".yaml", ".yml", ".json")
 LEAST_TIME = 0.01  # s, of a search when the limit is used
 LONGEST, AGAIN = 1e6, 0.5  # s, of a limit that is kept, and until it is enforced again
 AFTERWARDS = 0.35  # of the time before the search, kept for what comes after it: as of 181 bodies
@@ -683,8 +682,9 @@ def export(
             "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
         ),
     ] = None,
-    yaml: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as YAML.")] = None,
-    npz: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as arrays.")] = None,
+    yaml: Annotated[
+        str | None, typer.Option(metavar="FILE", help="The fit as YAML, or as JSON.")
+    ] = None,
     c: Annotated[
         str | None, typer.Option(metavar="DIR", help="C source of the regressor, and its values.")
     ] = None,
@@ -711,16 +711,14 @@ def export(
     from loopid.robot import shortened
     from loopid.saved import read_fit, robot_files
 
-    if all(place is None for place in (robot, yaml, npz, c)):
-        raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
+    if all(place is None for place in (robot, yaml, c)):
+        raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml or --c")
     saved = read_fit(fit)
     mechanism = load_mechanism(file, **dict(saved.robot.options))
     # All that may be refused comes before the first file is written.
-    places = {place: endings for place, endings in ((yaml, YAML), (npz, (".npz",))) if place}
-    for place, endings in places.items():
-        if Path(place).suffix.lower() not in endings:
-            raise OptionError.unknown("ending", Path(place).suffix or place, endings)
-        require_other_file(place, fit, *robot_files(mechanism))
+    if yaml is not None:
+        saved.content(yaml)
+        require_other_file(yaml, fit, *robot_files(mechanism))
     model = saved.find_force_model(mechanism)
     standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
     code = None if c is None else regressor_code(model, name, saved.values)
@@ -730,7 +728,8 @@ def export(
         terms = [p.label for p in saved.standard if p.kind not in KINDS]
         if terms:
             warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
-    written += [saved.save(place) for place in places]
+    if yaml is not None:
+        written.append(saved.save(yaml))
     if c is not None and code is not None:
         written += code.save(c)
     if as_json:
