@@ -1,7 +1,6 @@
 """From recordings to parameters: the force model, its identification, what a log identifies."""
 
 from loopid.experiment.band_sweep import BandSweep
-from loopid.experiment.exciting_motion import ExcitingMotion, exciting_motion
 from loopid.experiment.force_model import (
     ForceModel,
     cad_prior,

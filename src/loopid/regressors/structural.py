@@ -185,9 +185,7 @@ def _rounded_geometry(
     ids, names = mechanism.closure_frames[0], [closure.name for closure in mechanism.closures]
     paths = [set(tree.supports[tree.frames[frame].parentJoint]) for frame in ids]
     around = [one ^ other for one, other in zip(paths[::2], paths[1::2], strict=True)]
-    for body, link in zip(
-        mechanism.bodies, mechanism.in_groups(mechanism.links), strict=True
-    ):
+    for body, link in zip(mechanism.bodies, mechanism.in_groups(mechanism.links), strict=True):
         loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
         places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))
     factors = partial(_factors_within, mechanism, model, joint_terms, motions, driven, accuracy)
