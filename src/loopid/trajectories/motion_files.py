@@ -19,9 +19,16 @@ from loopid.arrays import FloatArray, frozen, number
 from loopid.errors import DataError, LogError, MissingFileError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading import find_motion_file
-from loopid.trajectories.curves import FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
-from loopid.trajectories.motion import MOST_SAMPLES, Arc, Motion, Waypoint, point_to_point
+from loopid.trajectories.motion import (
+    MOST_SAMPLES,
+    Arc,
+    FourierCurve,
+    Motion,
+    SplineCurve,
+    Waypoint,
+    point_to_point,
+)
 from loopid.yaml_files import Section, read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
@@ -427,22 +434,14 @@ def read_reference(
     with closing(text_blocks(file)) as blocks:
         for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             words = data.decode("utf-8", "replace").split()
-            if not words:
-                continue  # at the end
-            if line > len(rows) + 1:
-                raise LogError(f"{file}, line {len(rows) + 1}: is blank, but rows follow")
-            if len(words) != len(names):
+            values = [number(word) for word in words]
+            whole = len(values) == len(names) and bool(np.isfinite(values).all())
+            if words and not (whole and line == len(rows) + 1):  # blank lines are at the end only
                 raise LogError(
-                    f"{file}, line {line}: {len(words)} columns, but {len(names)} coordinates "
-                    f"({', '.join(names)})"
+                    f"{file}, line {line}: must follow a row, and be {len(names)} finite numbers "
+                    f"({', '.join(names)}), not {' '.join(words)!r:.60}"
                 )
-            rows.append([number(word) for word in words])
-            if not np.isfinite(rows[-1]).all():
-                column = int(np.flatnonzero(~np.isfinite(rows[-1]))[0])
-                raise LogError(
-                    f"{file}, line {line}: column {column + 1} must be a finite number, not "
-                    f"{words[column]!r:.30}"
-                )
+            rows += [values] if words else []
             if len(rows) > MOST_SAMPLES:
                 raise LogError(f"{file} has more than the {MOST_SAMPLES:,} rows of a motion")
     least = lowpass.least_samples(rate)
