@@ -493,7 +493,7 @@ def identify(
         str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
     ] = None,
     cutoff: Annotated[
-        float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
+        float | None, typer.Option(help="Of the low-pass filter in Hz; by default the log tells it.")
     ] = None,
     train: Annotated[
         float,
