@@ -31,20 +31,11 @@ def model_kinds(model: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, order=True)
 class Parameter:
-    """One parameter: a mass, first moment or inertia of a link, or a term of a joint.
+    """One parameter: a mass, first moment or inertia of a link, or a term of a joint."""
 
-    Attributes
-    ----------
-    link : str
-        Link, or joint.
-    kind : str
-        One of ``KINDS`` for a standard parameter of a link.
-    unit : str
-        Known for standard parameters; empty where it was not given.
-    """
-
-    link: str
-    kind: str
+    link: str  # link, or joint
+    kind: str  # one of ``KINDS`` for a standard parameter of a link
+    # Known for standard parameters; empty where it was not given
     unit: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:

@@ -203,10 +203,7 @@ def measured_coordinates(
 ) -> MeasuredCoordinates:
     """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
 
-    Raises
-    ------
-    MobilityError
-        When they are too few or too many to determine the motion at the reference.
+    A MobilityError says that they are too few or too many to determine the motion at the reference.
     """
     measured: MeasuredCoordinates
     if coordinates == "platform":
@@ -255,13 +252,7 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
 
 
 def declared_platform(mechanism: Mechanism) -> Platform:
-    """The platform of the robot file.
-
-    Raises
-    ------
-    OptionError
-        When the robot file declares none.
-    """
+    """The platform of the robot file; an OptionError when it declares none."""
     if mechanism.platform is None:
         raise OptionError(f"{mechanism.name} declares no platform coordinates")
     return mechanism.platform
@@ -274,14 +265,9 @@ def platform_motion(
     rates: FloatArray,
     accelerations: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, nv) of all joints from those of the platform coordinates.
+    """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform.
 
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    rates, accelerations : FloatArray
-        (N, c), first and second derivatives of the platform coordinates by time.
+    At closed configurations (N, nq).
     """
     platform = declared_platform(mechanism)
     q = samples(configurations, mechanism.model.nq, "configurations")
@@ -422,14 +408,9 @@ def try_assemble(
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
-    Along a trajectory the next one is then reached from the last one that was assembled.
-
-    Parameters
-    ----------
-    start : FloatArray, optional
-        (nq,), or (N, nq) with a configuration for each sample.
-    shortest_step : float
-        Part of the way below which a sample is given up.
+    Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
+    there may be a start for each sample, (N, nq). A sample is given up where less than the
+    ``shortest_step``, a part of the way, can be done at a time.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")

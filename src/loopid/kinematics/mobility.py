@@ -116,17 +116,9 @@ def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]
 
 
 def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:
-    """Choose independent coordinates from closed configurations (N, nq) around a reference.
+    """Choose independent coordinates, actuated ones first, from closed configurations (N, nq).
 
-    Returns
-    -------
-    tuple of str
-        Names among ``mechanism.coordinates``, actuated ones first.
-
-    Raises
-    ------
-    MobilityError
-        When nothing can move.
+    A MobilityError says that nothing can move.
     """
     _, jacobians = Constraint(mechanism, configurations).scaled()
     spaces = [null_space(A, mechanism.closure_rank_tolerance) for A in jacobians]

@@ -68,20 +68,10 @@ class _Solution:
 def assembly_modes(mechanism: Mechanism, drawn: FloatArray) -> tuple[AssemblyMode, ...]:
     """Assembly modes of a mechanism around a drawn pose (nq,), closed or not; the best first.
 
-    Modes that lead to a singular drawn pose come first, among them those in which most links stay
-    parallel; then those of least motion.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Closed at its reference: the drawn pose, or a closed one near it.
-    drawn : FloatArray
-
-    Returns
-    -------
-    tuple of AssemblyMode
-        At most ``MOST_MODES``, without ranks; none where no regular pose inside the limits is
-        found.
+    The mechanism is closed at its reference: the drawn pose, or one near it. Modes that lead to a
+    singular drawn pose come first, among them those in which most links stay parallel; then those
+    of least motion. They are ``MOST_MODES`` at most, without ranks; none where no regular pose
+    inside the limits is found.
     """
     motors = JointCoordinates(mechanism, mechanism.measured)
     home = mechanism.reference[None]

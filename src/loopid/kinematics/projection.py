@@ -184,26 +184,15 @@ def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatAr
 
 @dataclass(frozen=True, repr=False)
 class Projection:
-    """The motion that the loops allow, at N configurations.
+    """The motion that the loops allow, at N configurations."""
 
-    Attributes
-    ----------
-    G : FloatArray
-        (N, nv, dof), all velocities from the independent ones.
-    gamma : FloatArray or None
-        (N, nv), accelerations at zero independent acceleration; None without velocities.
-    independent : IntArray
-        (dof,), velocity indices of the independent coordinates.
-    dependent_columns : FloatArray
-        (N, rows, nv - dof), columns of the constraint Jacobian in common units.
-    tolerance : float
-        Singular values below this fraction of the largest counted as zero.
-    """
-
-    G: FloatArray
+    G: FloatArray  # (N, nv, dof), all velocities from the independent ones
+    # (N, nv), accelerations at zero independent acceleration; None without velocities
     gamma: FloatArray | None
-    independent: IntArray
+    independent: IntArray  # (dof,), velocity indices of the independent coordinates
+    # (N, rows, nv - dof), columns of the constraint Jacobian in common units
     dependent_columns: FloatArray
+    # Singular values below this fraction of the largest counted as zero
     tolerance: float = RANK_TOLERANCE
 
     def __repr__(self) -> str:
@@ -221,23 +210,12 @@ class Projection:
 
 @dataclass(frozen=True, repr=False)
 class ClosedMotion:
-    """Velocities and accelerations that keep the loops closed, at N samples.
+    """Velocities and accelerations that keep the loops closed, at N samples."""
 
-    Attributes
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities, accelerations : FloatArray
-        (N, nv), v = G u̇ and a = G ü + γ.
-    gamma : FloatArray
-        (N, nv), the part of the accelerations that the velocities cause.
-    projection : Projection
-    """
-
-    configurations: FloatArray
-    velocities: FloatArray
+    configurations: FloatArray  # (N, nq), closed
+    velocities: FloatArray  # (N, nv), v = G u̇ and a = G ü + γ
     accelerations: FloatArray
-    gamma: FloatArray
+    gamma: FloatArray  # (N, nv), the part of the accelerations that the velocities cause
     projection: Projection
 
     def __repr__(self) -> str:

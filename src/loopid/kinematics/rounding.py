@@ -156,15 +156,9 @@ def same_motion(
 ) -> ClosedMotion:
     """The motion that a robot of slightly other geometry makes of the same independent motion.
 
-    Equations that are redundant for the one and contradict each other for the other are satisfied
-    in the least-squares sense, with the rank that they have for the one.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), closed for ``mechanism``.
-    velocities, accelerations : FloatArray
-        (N, dof) of the independent coordinates.
+    From configurations (N, nq) that are closed for ``mechanism``, and velocities and accelerations
+    (N, dof). Equations that are redundant for the one and contradict each other for the other are
+    satisfied in the least-squares sense, with the rank that they have for the one.
     """
     q, (chosen, dependent) = configurations, partition(mechanism)
     scales = mechanism.coordinate_scales[dependent]

@@ -79,24 +79,9 @@ def close_reference(
     that pose is singular or far from the written one, its assembly modes are compared.
 
     Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
-    has rounded: to the rounding that is given, else to six digits.
-
-    Raises
-    ------
-    RobotFileError
-        With the residual that is left and the closure that stays open most.
-    MobilityError
-        When nothing can move.
-
-    Warns
-    -----
-    ReferenceWarning
-        When the closed configuration is outside the limits of a joint, or is one of several
-        assembly modes that differ in rank.
-    SingularityWarning
-        When the written one is singular.
-    ClosureWarning
-        When joints or closures were moved, and by how much.
+    has rounded: to the rounding that is given, else to six digits. Whatever of this was needed is
+    warned of; a RobotFileError names the closure that stays open most, a MobilityError says that
+    nothing can move.
     """
     near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
     chosen, reason = None, None

@@ -59,17 +59,8 @@ def build_tree(
 ) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
-    The reference of the description comes back with the values of the joints that are left.
-
-    Parameters
-    ----------
-    locked : sequence of str
-        Joints, or single turns of spherical joints such as ``ball.wz``.
-
-    Raises
-    ------
-    RobotFileError, OptionError
-        Where a joint is unknown, or cannot be replaced or locked.
+    Locked are joints, or single turns of spherical joints such as ``ball.wz``. The reference of the
+    description comes back with the values of the joints that are left.
     """
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")

@@ -77,13 +77,7 @@ class UrdfFile:
 
 
 def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF with yourdfpy.
-
-    Raises
-    ------
-    RobotFileError
-        Naming the file, the link, joint or tag and the offending value.
-    """
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
     from yourdfpy import URDF  # here, as it takes 0.3 s to import
 
     with naming(path):
@@ -232,12 +226,7 @@ def numbers(
 
 
 def plain_number(text: str) -> float:
-    """A number as all readers write it: Python's float takes 1_6 and digits of other scripts, too.
-
-    Raises
-    ------
-    ValueError
-    """
+    """A number as all readers write it: Python takes 1_6 and digits of other scripts, too."""
     if NUMBER.fullmatch(text) is None:
         raise ValueError(f"not a number: {text!r:.60}")
     return float(text)

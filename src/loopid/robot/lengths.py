@@ -37,19 +37,11 @@ class _Point:
 
 @checked
 def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
-    """Lengths that the robot file gives, other than zero.
+    """Lengths that the robot file gives, other than zero, in order of preference.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Returns
-    -------
-    tuple of NamedLength
-        In order of preference: rods of closures, coordinates of closure frames, coordinates of
-        joints in the links that carry them, distances of these points from the link's origin,
-        distances between two of a link. Points of a link that coincide count once, by their
-        first name.
+    Rods of closures, coordinates of closure frames, coordinates of joints in the links that carry
+    them, distances of these points from the link's origin, distances between two of a link. Points
+    of a link that coincide count once, by their first name.
     """
     points = [*_points(mechanism)]
     tolerance = ZERO_LENGTH * max((point.largest for point in points), default=0.0)

@@ -26,21 +26,11 @@ REST = 1e-9
 @checked_fields
 @dataclass(frozen=True, repr=False)
 class Motion:
-    """Coordinates over time, with their first two derivatives.
+    """Coordinates over time, with their first two derivatives."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The c coordinates: joints, or those of the platform.
-    time : FloatArray
-        (N,) in s, increasing.
-    position, velocity, acceleration : FloatArray
-        (N, c) in m or rad, and per s and s²; read-only.
-    """
-
-    names: tuple[str, ...]
-    time: FloatArray
-    position: FloatArray
+    names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
+    time: FloatArray  # (N,) in s, increasing
+    position: FloatArray  # (N, c) in m or rad, and per s and s²; read-only
     velocity: FloatArray
     acceleration: FloatArray
 
@@ -195,20 +185,12 @@ class SplineCurve(Curve):
 @checked_fields
 @dataclass(frozen=True)
 class Arc:
-    """A detour of one coordinate on the way to a waypoint, zero at both ends.
-
-    Attributes
-    ----------
-    coordinate : str
-    height : float
-        Value half-way, in m or rad.
-    flatness : float
-        0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
-        ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²)).
-    """
+    """A detour of one coordinate on the way to a waypoint, zero at both ends."""
 
     coordinate: str
-    height: float
+    height: float  # value half-way, in m or rad
+    # 0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
+    # ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²))
     flatness: float = 0.0
 
     def __post_init__(self) -> None:

@@ -180,23 +180,13 @@ class PlannedMotion:
 
 @dataclass(frozen=True, repr=False)
 class MotionProgram:
-    """The motions of a file.
+    """The motions of a file."""
 
-    Attributes
-    ----------
-    path : Path
-        File it was read from.
-    coordinates : tuple of str
-        The c coordinates that all motions move: platform coordinates or joints.
-    rate : float
-        Samples per second where nothing else is asked for.
-    motions : mapping
-        From the names to ``PlannedMotion``, in the order of the file.
-    """
-
-    path: Path
+    path: Path  # file it was read from
+    # The c coordinates that all motions move: platform coordinates or joints
     coordinates: tuple[str, ...]
-    rate: float
+    rate: float  # samples per second where nothing else is asked for
+    # From the names to ``PlannedMotion``, in the order of the file
     motions: Mapping[str, PlannedMotion]
 
     def __repr__(self) -> str:
