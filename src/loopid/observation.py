@@ -9,7 +9,7 @@ factorisation of blocks. Columns of zeros cost nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -163,25 +163,6 @@ class Observation:
             alone = cls(parameters, own, driven_rows, length, None, natural_size)
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
         return cls(parameters, factor, rows, length, matrix, natural_size, motors_alone=alone)
-
-    @checked
-    def merge(self, other: Observation) -> Observation:
-        """The rows of both, these first; their matrix, where both keep it.
-
-        Raises
-        ------
-        DataError
-            When they are not of the same parameters, length and natural size.
-        """
-        for name in ("parameters", "length", "natural_size"):
-            if getattr(self, name) != getattr(other, name):
-                raise DataError(f"observations to merge must have the same {name}")
-        factor = triangular_factor(np.concatenate([self.factor, other.factor]))
-        matrices = [one.matrix for one in (self, other) if one.matrix is not None]
-        matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
-        rows = self.rows + other.rows
-        found = replace(self, factor=frozen(factor), rows=rows, matrix=matrix)
-        return replace(found, geometry=None, motors_alone=None)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
