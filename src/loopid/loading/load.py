@@ -34,7 +34,7 @@ from loopid.loading.tree import (
     read_joint,
     written_reference,
 )
-from loopid.loading.urdf_dialects import read_urdf
+from loopid.loading.urdf import read_urdf
 from loopid.regressors import joint_term
 from loopid.robot import (
     RANK_TOLERANCE,
