@@ -27,8 +27,7 @@ from lxml import etree
 from pydantic import ValidationError
 
 from loopid.errors import RobotFileError
-from loopid.loading.closures import ClosureDescription, warn_of_size
-from loopid.loading.description import Description
+from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.robot import LeftOut, shortened
 from loopid.yaml_files import first_problem
