@@ -187,14 +187,14 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
             raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
     finally:
         mujoco.set_mju_user_warning(before)
-    finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
-    finite["gravity"] = (np.abs(compiled.opt.gravity) < LARGEST).all()
-    finite["jnt_range"] = not np.isnan(compiled.jnt_range).any()  # limits may be infinite
-    for name, fine in finite.items():
-        if not fine:
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model is not finite")
-        if name in FINITE and np.abs(getattr(compiled, name)).max(initial=0.0) > LARGEST:
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model is beyond {LARGEST:g}")
+    numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
+    # Limits may be infinite.
+    numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
+    for name, values in numbers.items():
+        if not (np.abs(values) <= LARGEST).all():
+            raise RobotFileError(
+                f"{path}: {name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
+            )
     for name in ("body_quat", "body_iquat", "site_quat"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
