@@ -17,7 +17,7 @@ PUBLISHED = [robot for robot in ROBOTS if block(robot, "published")]
 
 def fresh(robot, column):
     """Regressor at poses that no structure was found from."""
-    return observed(robot, column, seed=7)[0].matrix
+    return observed(robot, column, seed=7)[0].factor
 
 
 def claimed_vectors(robot, column):
