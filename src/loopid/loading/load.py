@@ -23,11 +23,10 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import mobility
+from loopid.kinematics import mobility, rounding_that_closes
 from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
 from loopid.loading.reference import close_reference, why_singular
-from loopid.loading.rounding import rounding_that_closes
 from loopid.loading.tree import (
     TreeSource,
     build_tree,
@@ -36,6 +35,7 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf_dialects import read_urdf
+from loopid.regressors import joint_term
 from loopid.robot import (
     RANK_TOLERANCE,
     Body,
@@ -43,7 +43,6 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
-    joint_term,
     link_frames,
     odd_masses,
     unequal_links,

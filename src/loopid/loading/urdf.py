@@ -62,38 +62,22 @@ DECIMALS = range(4, 13)
 SLACK = 1.5
 
 ROOT_JOINT = "root_joint"
+PACKAGE = "package://"
 
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF whose names, numbers and tree are sound.
+    """A URDF whose names, numbers and tree are sound."""
 
-    Attributes
-    ----------
-    root : Element
-        The whole file.
-    tree : str
-        XML of links and joints only, for Pinocchio.
-    robot : yourdfpy.urdf.Robot
-        Links and joints in the order of the file.
-    second : tuple of Element
-        Joints that give a link a second parent: they are no part of the tree.
-    """
-
-    root: Element
-    tree: str
-    robot: Robot
+    root: Element  # the whole file
+    tree: str  # XML of links and joints only, for Pinocchio
+    robot: Robot  # links and joints in the order of the file
+    # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF with yourdfpy.
-
-    Raises
-    ------
-    RobotFileError
-        Naming the file, the link, joint or tag and the offending value.
-    """
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
     from yourdfpy import URDF  # here, as it takes 0.3 s to import
 
     with naming(path):
@@ -242,12 +226,7 @@ def numbers(
 
 
 def plain_number(text: str) -> float:
-    """A number as all readers write it: Python's float takes 1_6 and digits of other scripts, too.
-
-    Raises
-    ------
-    ValueError
-    """
+    """A number as all readers write it: Python takes 1_6 and digits of other scripts, too."""
     if NUMBER.fullmatch(text) is None:
         raise ValueError(f"not a number: {text!r:.60}")
     return float(text)
@@ -357,3 +336,20 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
+
+
+def unread_mesh(file: Path) -> str:
+    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
+    try:
+        for mesh in parse_xml(file).iterfind("link/collision/geometry/mesh"):
+            name = required(mesh, "filename")
+            places = [file.parent / name.removeprefix("file://")]
+            if name.startswith(PACKAGE):
+                package, *rest = Path(name.removeprefix(PACKAGE)).parts
+                above = file.resolve().parents
+                places = [folder.joinpath(*p) for folder in above for p in ((package, *rest), rest)]
+            if not any(place.is_file() for place in places):
+                return f"there is no mesh {places[0] if len(places) == 1 else name}"
+    except RobotFileError as error:
+        return str(error)
+    return ""

@@ -18,15 +18,8 @@ from loopid.kinematics import (
     random_motions,
     torque_regressors,
 )
-from loopid.regressors.joint_terms import OF_FILE, JointTerms, joint_state
-from loopid.robot import (
-    JointState,
-    LeftOut,
-    Mechanism,
-    joint_term,
-    link_frames,
-    shortened,
-)
+from loopid.regressors.joint_terms import OF_FILE, JointState, JointTerms, joint_state, joint_term
+from loopid.robot import LeftOut, Mechanism, link_frames, shortened
 
 SAMPLES = 60  # random states that forces are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off
@@ -34,26 +27,15 @@ NOTHING = 1e-12  # of the largest rigid-body force: round-off
 
 @dataclass(frozen=True)
 class FileForce:
-    """A force that the robot file gives and that rigid bodies do not have.
-
-    Attributes
-    ----------
-    what : str
-    joint, kind : str
-        Of a joint term; empty for what no model has.
-    value : float
-        Coefficient of the joint term, in ``unit``; NaN for what no model has.
-    unit : str
-    size : float
-        Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
-        that feels it most; infinite where these are zero, NaN where it is not known.
-    """
+    """A force that the robot file gives and that rigid bodies do not have."""
 
     what: str
-    joint: str = ""
+    joint: str = ""  # of a joint term; empty for what no model has
     kind: str = ""
-    value: float = np.nan
+    value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
     unit: str = ""
+    # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
+    # that feels it most; infinite where these are zero, NaN where it is not known
     size: float = np.nan
 
 
