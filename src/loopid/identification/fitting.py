@@ -11,7 +11,7 @@ from loopid.arguments import checked
 from loopid.errors import ExcitationWarning, OptionError, warn
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.correlation import warn_of_correlation, with_correlated_errors
-from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
+from loopid.identification.instrumental import InstrumentalVariables
 from loopid.identification.least_squares import (
     Estimator,
     OrdinaryLeastSquares,
@@ -20,14 +20,12 @@ from loopid.identification.least_squares import (
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
-from loopid.identification.robust import Bisquare, Huber
+from loopid.identification.robust import Bisquare
 
 ESTIMATORS: dict[str, type[Estimator]] = {
     "ols": OrdinaryLeastSquares,
     "wls": WeightedLeastSquares,
-    "huber": Huber,
     "bisquare": Bisquare,
-    "tls": TotalLeastSquares,
     "iv": InstrumentalVariables,
     "bayes": BayesianRidge,
 }
