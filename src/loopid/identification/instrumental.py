@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked_fields
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, RankError
 from loopid.identification.least_squares import (
     Estimator,
     WorkingFit,
     converged_weights,
-    equal_weights,
     require_excitation,
     require_rows,
     result_of,
@@ -34,16 +32,11 @@ from loopid.workers import one_blas_thread
 LEAST_STRENGTH = 10.0
 
 
-@checked_fields
 @dataclass(frozen=True)
 class InstrumentalVariables(Estimator):
     """Estimates by instruments, which the samples bring (``FitSamples.with_instruments``).
 
-    Attributes
-    ----------
-    weighted : bool
-        Whether each actuator counts by its own error variance, as in weighted least squares, or all
-        alike.
+    Each actuator counts by its own error variance, as in weighted least squares.
 
     Examples
     --------
@@ -62,7 +55,6 @@ class InstrumentalVariables(Estimator):
     """
 
     name = "iv"
-    weighted: bool = True
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``.
@@ -92,14 +84,9 @@ class InstrumentalVariables(Estimator):
                 leverage = columns * (rows[:, :, len(own) : -1] @ np.linalg.inv(shared))
                 return values, leverage.sum(axis=(1, 2))
 
-            weights = (
-                converged_weights(problem, fitted) if self.weighted else equal_weights(problem)
-            )
+            weights = converged_weights(problem, fitted)
             own, shared, values = _projection(problem, weights[:, None, None] * factors)
-            variance = 1.0
-            if not self.weighted:
-                variance = float(weights**2 @ problem.residual_squares(values)) / problem.freedom
-            result = result_of(self.name, problem, values, shared, weights, variance)
+            result = result_of(self.name, problem, values, shared, weights, 1.0)
         turn, residual = np.linalg.solve(own, shared), samples.residual(values)
         X = mapped_rows(lambda rows: Z[rows] @ turn, len(Z))
         force = mapped_rows(lambda rows: X[rows] @ values + residual[rows], len(Z))
