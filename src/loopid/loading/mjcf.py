@@ -77,13 +77,7 @@ QUATERNION_LIMIT = np.full(4, 1.01)
 
 
 def read_mjcf(path: Path) -> TreeSource:
-    """Read tree, closures, motors and reference of an MJCF file.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-        Naming the file, and MuJoCo's reason or the element that is not supported.
-    """
+    """Read tree, closures, motors, reference and joint forces of an MJCF file."""
     compiled, warnings = compile_mjcf(path)
     with naming(path):
         scene = Scene(path, compiled)
@@ -160,13 +154,7 @@ def _named(names: Sequence[str], k: int) -> str:
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-        One sentence with the file and MuJoCo's reason.
-    """
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from."""
     if not path.is_file():
         raise MissingFileError(f"{path} is missing")
     _refuse_excess(path, path.parent, [])
