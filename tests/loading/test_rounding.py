@@ -18,8 +18,7 @@ from loopid.errors import (
     RankError,
     RobotFileError,
 )
-from loopid.kinematics import largest_residual
-from loopid.loading import nearly_special
+from loopid.kinematics import largest_residual, nearly_special
 
 # Independent equations and base parameters of the full model: loops that only special geometry
 # lets move.
