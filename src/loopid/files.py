@@ -66,14 +66,9 @@ def text_blocks(path: Path) -> Generator[bytes]:
         raise LogError(f"{path} cannot be read: {error}") from error
 
 
-def plausible(stored: int) -> int:
-    """Bytes that measurements may have which are stored in fewer."""
-    return max(UNPACKED_BYTES, UNPACKED_RATIO * stored)
-
-
 def require_plausible(path: Path, content: int, stored: int) -> None:
     """Refuse content of so many bytes in a file, or part of one, that stores far fewer."""
-    if content > plausible(stored):
+    if content > max(UNPACKED_BYTES, UNPACKED_RATIO * stored):
         raise LogError(
             f"{path} stores {stored:,} bytes, but they stand for {content:,} or more: no "
             f"measurements can be packed more than {UNPACKED_RATIO} times"

@@ -11,13 +11,13 @@ import re
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from decimal import Decimal
 from functools import cached_property
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -405,8 +405,7 @@ class NpzFormat(ArrayFormat):
         columns: dict[str, Column] = {}
         with refusals(self.path, self.kind), ZipFile(self.path) as archive:
             for name in archive.namelist():
-                with archive.open(name) as file:
-                    array, (shape, _, _) = name.removesuffix(".npy"), _npy_header(file)
+                array, (shape, *_) = name.removesuffix(".npy"), _npy_header(archive, name)
                 if len(shape) == 1:
                     self._collect(columns, array, {array: ...})
                 elif len(shape) == 2 and shape[1] <= WIDEST:
@@ -417,56 +416,26 @@ class NpzFormat(ArrayFormat):
 
     @contextmanager
     def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Any]]:
-        with ZipFile(self.path) as archive, ExitStack() as files:
-            members = {name.removesuffix(".npy"): name for name in archive.namelist()}
-            yield {a: ZippedArray(self.path, archive, members[a], files) for a in arrays}
+        """Whole, as they were in the memory of who wrote them."""
+        with ZipFile(self.path) as archive, np.load(self.path, allow_pickle=False) as content:
+            for name in (n for n in archive.namelist() if n.removesuffix(".npy") in arrays):
+                shape, _, dtype = _npy_header(archive, name)
+                require_few_rows(self.path, shape[0])
+                stored = archive.getinfo(name).compress_size
+                require_plausible(self.path, math.prod(shape) * dtype.itemsize, stored)
+            yield {array: content[array] for array in arrays}
 
 
-class ZippedArray:
-    """An array of an .npz, read from its first row to the last; in memory is what is asked for."""
-
-    def __init__(self, path: Path, archive: ZipFile, name: str, files: ExitStack) -> None:
-        member = archive.getinfo(name)
-        with archive.open(member) as file:
-            self.shape, by_columns, self.dtype = _npy_header(file)
-            start = file.tell()
-        require_few_rows(path, self.shape[0])
-        size = math.prod(self.shape) * self.dtype.itemsize
-        if self.dtype.hasobject:
-            raise LogError(f"{path}: {name} holds objects of Python, not numbers")
-        if member.file_size != start + size:
-            raise LogError(
-                f"{path} is damaged: {name} has {member.file_size:,} bytes, but {start + size:,} "
-                f"make an array of shape {self.shape}"
-            )
-        require_plausible(path, member.file_size, member.compress_size)
-        # Those that are stored by columns have a place to read at in each.
-        self._width = 1 if by_columns else math.prod(self.shape[1:])
-        places = math.prod(self.shape[1:]) if by_columns else 1
-        self._files = [files.enter_context(archive.open(member)) for _ in range(places)]
-        for k, file in enumerate(self._files):
-            file.seek(start + k * self.shape[0] * self.dtype.itemsize)
-
-    def __getitem__(self, rows: slice) -> NDArray[Any]:
-        count = (rows.stop - rows.start) * self._width
-        parts = [file.read(count * self.dtype.itemsize) for file in self._files]
-        blocks = [np.frombuffer(part, self.dtype, count) for part in parts]
-        if len(self.shape) == 1:
-            return blocks[0]
-        return blocks[0].reshape(-1, self._width) if len(blocks) == 1 else np.stack(blocks, 1)
-
-
-def _npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, whether it is stored by columns, and type of numbers; the file is left behind it."""
-    version = np.lib.format.read_magic(file)
-    read = np.lib.format.read_array_header_1_0
-    if version != (1, 0):
-        read = np.lib.format.read_array_header_2_0
-    return read(file)
+def _npy_header(archive: ZipFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it is stored by columns, and type of an array, which is not read."""
+    with archive.open(name) as file:
+        old = np.lib.format.read_magic(file) == (1, 0)
+        read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+        return read(file)
 
 
 class Hdf5Format(ArrayFormat):
-    """A stream a group: arrays, matrices (the attribute ``columns`` may name theirs), tables."""
+    """A stream a group: arrays, matrices and tables with fields."""
 
     name = "hdf5"
     endings = (".h5", ".hdf5")
@@ -541,18 +510,7 @@ class Hdf5Format(ArrayFormat):
             self._collect(columns, array.name, singles if fields else {name: ...})
         if array.ndim != 2 or array.shape[1] > WIDEST:
             return
-        names = [f"{name}_{k}" for k in range(array.shape[1])]
-        given = array.attrs.get("columns")
-        if given is not None:  # as texts, or as one text with commas
-            cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
-            texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
-            names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
-        if len(names) != array.shape[1] or len(set(names)) < len(names):
-            raise LogError(
-                f"{self.path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
-                f"different names, not {', '.join(names)}"
-            )
-        self._collect(columns, array.name, {name: k for k, name in enumerate(names)})
+        self._collect(columns, array.name, {f"{name}_{k}": k for k in range(array.shape[1])})
 
 
 class ParquetFormat(LogFormat):

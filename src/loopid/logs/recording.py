@@ -243,8 +243,6 @@ def prepare_recording(
     idle_speed: float | FloatArray | None = None,
     saturation: float | FloatArray | None = None,
     decimate: bool = True,
-    trim: bool = True,
-    start: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> Recording:
     """Make a log ready for identification.
@@ -261,10 +259,6 @@ def prepare_recording(
         otherwise the effort limit of the robot file unless a tenth of the forces exceeds it.
     decimate : bool
         Whether to keep only as many samples as the cut-off frequency calls for.
-    trim : bool
-        Whether to leave out the ends of the stretches, where filtered accelerations are wrong.
-    start : FloatArray, optional
-        (nq,), a closed configuration on the robot's branch; by default the reference.
     progress : callable, optional
         Called with the samples that are assembled, and all.
 
@@ -317,14 +311,14 @@ def prepare_recording(
         limits = _per_motor(log, "saturation", saturation)
     else:
         limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
-    signals, history, ends = filter_log(log, chosen, limits, decimate, trim)
+    signals, history, ends = filter_log(log, chosen, limits, decimate)
     columns = [log.joints.index(name) for name in mechanism.independent]
 
     def of_independent(values: FloatArray) -> FloatArray:
         return mapped_rows(lambda rows: values[rows][:, columns], len(values))
 
     configurations, singularity, good, lost = _assembled(
-        mechanism, log.name, signals.time, of_independent(signals.position), start, progress
+        mechanism, log.name, signals.time, of_independent(signals.position), progress
     )
     stretches = _renumbered(signals.stretches, good)
     signals = signals.select(good)
@@ -384,12 +378,12 @@ class Filtered(NamedTuple):
 
 
 def filter_log(
-    log: Log, lowpass: LowPass | None, saturation: FloatArray, decimate: bool, trim: bool
+    log: Log, lowpass: LowPass | None, saturation: FloatArray, decimate: bool
 ) -> tuple[Filtered, RateHistory | None, tuple[Dropped, ...]]:
     """Filter, differentiate what was not measured, and keep the samples that the cut-off asks for.
 
-    The saturation (m,) is infinite for drives without; ``decimate`` leaves out samples, and
-    ``trim`` the ends of the stretches.
+    The saturation (m,) is infinite for drives without. Left out are the ends of the stretches,
+    where filtered accelerations are wrong.
     """
     from scipy.ndimage import maximum_filter1d  # slow to import
 
@@ -409,10 +403,10 @@ def filter_log(
             # Rates are measured: one a little short of a whole number of times is meant to be it.
             step = max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)
         # Accelerations are wrong where a filter does not know what comes next.
-        end = reach if trim else 0
-        if end:
-            dropped.append(Dropped.at("end of a stretch", np.append(time[:end], time[-end:])))
-        rows = np.arange(part.start + end, part.stop - end, step if decimate else 1)
+        if reach:
+            ends = np.append(time[:reach], time[-reach:])
+            dropped.append(Dropped.at("end of a stretch", ends))
+        rows = np.arange(part.start + reach, part.stop - reach, step if decimate else 1)
         chosen.append((part, reach, rows))
     if not chosen:
         longest = max(one.count for one in dropped)
@@ -502,7 +496,6 @@ def _assembled(
     name: str,
     time: FloatArray,
     position: FloatArray,
-    start: FloatArray | None,
     progress: Progress | None,
 ) -> tuple[FloatArray, FloatArray, BoolArray, list[Dropped]]:
     """Configurations and singularity measures of the good samples, which they are, and the others.
@@ -510,7 +503,7 @@ def _assembled(
     Samples are assembled one after the other; those that do not close or are near a singularity
     are left out.
     """
-    count = len(time)
+    count, start = len(time), None
     configurations, residuals, measures, closed = Spool(), [], [], []
     for rows in row_blocks(count, BLOCK):
         outcome = try_assemble(mechanism, position[rows], start=start, trajectory=True)
