@@ -17,7 +17,6 @@ STREET = (
     "yaml_files",
     "parameters",
     "pseudo_inertia",
-    "regions",
     "observation",
     "robot",
     "kinematics",

@@ -51,7 +51,6 @@ _ROOMS = {
     "identify": "experiment",
     "split_recordings": "experiment",
     "identifiability": "experiment",
-    "exciting_motion": "experiment",
     "design_excitation": "excitation",
     "MotionLimits": "excitation",
     "identify_payload": "experiment",

@@ -30,9 +30,6 @@ from loopid.experiment import (
     drive_gains as drive_gains,
 )
 from loopid.experiment import (
-    exciting_motion as exciting_motion,
-)
-from loopid.experiment import (
     find_force_model as find_force_model,
 )
 from loopid.experiment import (

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from loopid.consistency import Region, consistent_fit, consistent_parameters
 from loopid.consistency.program import matrix, minimise
 from loopid.errors import DataError, FeasibilityError
-from loopid.regions import MOST_FACES, cube_directions
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -49,17 +48,6 @@ def test_a_hull_holds_all_mixtures_of_its_points_and_nothing_beyond(seed, count)
         assert beyond not in region
 
 
-@given(seeds)
-def test_hulls_of_many_faces_lie_inside_what_replaces_them(seed):
-    generator = np.random.default_rng(seed)
-    vectors = generator.normal(size=(300, 3))
-    ball = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-    region = Region.hull(ball)
-    assert len(region.offsets) == len(cube_directions()) <= MOST_FACES
-    assert all((region.depths(p) >= -1e-12).all() for p in ball)
-    assert 1.2 * ball[0] not in region
-
-
 def test_a_box_is_the_hull_of_its_corners():
     box = Region.box(np.array([-1.0, 0, 2]), np.array([1.0, 3, 4]))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (0, 3) for z in (2, 4)], dtype=float)
@@ -69,10 +57,6 @@ def test_a_box_is_the_hull_of_its_corners():
         assert (point in box) == (point in hull)
     for one, other in ((box.centre, hull.centre), (box.half_widths, hull.half_widths)):
         np.testing.assert_allclose(one, other)
-    inner = box.intersection(Region.box(np.zeros(3), np.full(3, 9.0)))
-    np.testing.assert_allclose(inner.centre, [0.5, 1.5, 3])
-    assert np.array([0.5, 1, 3]) in inner
-    assert np.array([-0.5, 1, 3]) not in inner
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from loopid.excitation.limits import Bounds
 from loopid.excitation.problem import Coordinates, Problem, evaluate
 from loopid.excitation.shapes import FourierShape
 from loopid.kinematics import measured_coordinates
-from loopid.loading import collision_regions
 
 
 def problem(mechanism, model, terms=None, platform=False, collisions=None):
@@ -91,6 +90,5 @@ def test_collisions_are_distances_between_links(tmp_path):
     os.mkfifo(tmp_path / "fore.stl")
     mesh = f'<mesh filename="file://{tmp_path}/fore.stl"/>'
     file.write_text(file.read_text().replace("<sphere radius='0.1'/>", mesh))
-    for waits in (lambda: Collisions(robot, q).pairs, lambda: len(collision_regions(robot))):
-        with pytest.warns(ModelWarning, match=r"there is no mesh .*fore\.stl"):
-            assert waits() == 0
+    with pytest.warns(ModelWarning, match=r"there is no mesh .*fore\.stl"):
+        assert Collisions(robot, q).pairs == 0

@@ -10,12 +10,11 @@ from loopid.errors import DataError
 from loopid.experiment import (
     Excitation,
     cad_prior,
-    exciting_motion,
     find_force_model,
     identifiability,
 )
 from loopid.experiment.identifiability import fit_excited
-from loopid.identification import BayesianRidge, FitSamples, quiet_fit
+from loopid.identification import BayesianRidge, quiet_fit
 from loopid.logs import Recording
 from made_runs import modelled, one_joint, quietly
 
@@ -98,20 +97,6 @@ def test_weak_combinations_have_larger_errors_than_the_robot_file(knee_model, li
         x = np.linalg.solve(found.excitation.factor, direction.change)
         np.testing.assert_allclose(spread @ x, error**2 * x, rtol=0, atol=1e-3 * error**2)
         assert f"{error:.2g}" in found.weak_message or direction not in found.weak[:3]
-
-
-def test_the_motion_for_a_weak_combination_identifies_it(knee, knee_model, truth, little):
-    found = identifiability(knee_model, little[:1])
-    for direction in found.weak[:2]:
-        motion = exciting_motion(knee, direction.exciting_motion)
-        more = modelled(knee_model, motion, truth, noise=1.0, seed=8)
-        x = np.linalg.solve(found.excitation.factor, direction.change)
-        along = x @ np.linalg.inv(found.excitation.factor)
-        spreads = []
-        for recordings in (little[:1], [little[0], more]):
-            samples = FitSamples.combined([knee_model.samples(each) for each in recordings])
-            spreads.append(along @ quiet_fit(samples).covariance @ along)
-        assert np.sqrt(spreads[1]) < 0.7 * np.sqrt(spreads[0])
 
 
 def test_forces_count_in_parts_of_what_each_motor_gave(knee_model, little):

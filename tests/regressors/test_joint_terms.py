@@ -17,7 +17,7 @@ from loopid import (
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
-from loopid.robot import JOINT_TERMS, JointTerm
+from loopid.regressors.joint_terms import JOINT_TERMS, JointTerm
 
 
 @pytest.fixture
@@ -108,15 +108,12 @@ def test_wrong_terms_are_refused(knee, arguments, word):
         JointTerms(**({"joints": knee.actuated} | arguments)).parameters(knee)
 
 
-def test_a_new_term_is_one_class_and_one_entry(knee, monkeypatch):
-    class Quadratic(JointTerm):
-        name = "drag"
-        units = ("N s²/m²", "N m s²/rad²")
+def test_a_new_term_is_one_entry(knee, monkeypatch):
+    def law(joint, terms, math, at):
+        return joint.rate * math.fabs(joint.rate)
 
-        def signal(self, joint, terms, math):
-            return joint.rate * math.fabs(joint.rate)
-
-    monkeypatch.setitem(JOINT_TERMS, "Fq", Quadratic)
+    drag = JointTerm("drag", ("N s²/m²", "N m s²/rad²"), law)
+    monkeypatch.setitem(JOINT_TERMS, "Fq", drag)
     q = random_configurations(knee, 5)
     motion = closed_motion(knee, q, *random_motions(knee, 5))
     terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Fq",))

@@ -3,8 +3,8 @@
 from loopid.consistency.fit import ConsistentFit, FitCost, consistent_fit, consistent_parameters
 from loopid.consistency.prior import PriorDefect, prior_defects, repaired_prior
 from loopid.consistency.program import REGULARISATIONS
+from loopid.consistency.region import Region
 from loopid.pseudo_inertia import pseudo_inertia
-from loopid.regions import Region
 
 __all__ = [
     "REGULARISATIONS",

@@ -14,10 +14,10 @@ from loopid.arrays import ComparedByFields, FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
 from loopid.consistency.program import Whitening, attainable, minimise
+from loopid.consistency.region import Region
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.identification import FitProblem, FitResult
 from loopid.parameters import ParameterSet, html_table
-from loopid.regions import Region
 from loopid.workers import one_blas_thread
 
 # Least eigenvalue of a pseudo-inertia relative to the prior's, and part of a region kept free.

@@ -12,6 +12,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.consistency.region import Region
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 from loopid.pseudo_inertia import (
@@ -22,7 +23,6 @@ from loopid.pseudo_inertia import (
     pseudo_inertia,
     upper_factor,
 )
-from loopid.regions import Region
 
 # Terms of joints that cannot be negative: drive inertia, Coulomb and viscous friction.
 POSITIVE_KINDS = ("Ia", "Fc", "Fv")

@@ -32,9 +32,9 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior
+from loopid.consistency.region import Region
 from loopid.errors import FeasibilityError, MissingExtraError, OptionError
 from loopid.pseudo_inertia import parameters_of
-from loopid.regions import Region
 
 REGULARISATIONS = ("entropic", "euclidean", "riemannian")
 # Weight of the tie-breaking pull on what has no prior, relative to what has one.

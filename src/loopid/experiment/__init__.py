@@ -1,7 +1,6 @@
 """From recordings to parameters: the force model, its identification, what a log identifies."""
 
 from loopid.experiment.band_sweep import BandSweep
-from loopid.experiment.exciting_motion import ExcitingMotion, exciting_motion
 from loopid.experiment.force_model import (
     ForceModel,
     cad_prior,
@@ -36,7 +35,6 @@ __all__ = [
     "BandSweep",
     "Candidate",
     "Excitation",
-    "ExcitingMotion",
     "ForceModel",
     "GainFit",
     "Identifiability",
@@ -51,7 +49,6 @@ __all__ = [
     "compare_terms",
     "distributed_problem",
     "drive_gains",
-    "exciting_motion",
     "find_force_model",
     "fit_by_simulation",
     "identifiability",

@@ -19,18 +19,15 @@ from loopid.kinematics import closed_motion, project, random_configurations, ran
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.regressors import (
+    JointState,
+    JointTerm,
     JointTerms,
+    joint_term,
     motion_regressor,
     structural_observation,
     warn_of_omitted,
 )
-from loopid.robot import (
-    CoulombFriction,
-    JointState,
-    JointTerm,
-    Mechanism,
-    joint_term,
-)
+from loopid.robot import Mechanism
 from loopid.scratch import mapped_rows, row_blocks, spooled
 from loopid.trajectories import JointMotion
 from loopid.workers import Progress, ordered_map
@@ -194,11 +191,11 @@ class ForceModel:
 
         What is smooth comes out the same whether the motion is filtered or the forces are.
         """
-        history, terms, steps = recording.history, self.joint_terms, {}
+        history, steps, terms = recording.history, {}, self.joint_terms or JointTerms(())
         for j in self.joint_columns:
             parameter = self.parameters[j]
             joint, law = parameter.link, joint_term(parameter.kind)
-            if history and joint in history.joints and isinstance(law, CoulombFriction):
+            if history and joint in history.joints and law.jumps:
 
                 def signal(rate: FloatArray, law: JointTerm = law) -> FloatArray:
                     return np.asarray(law.signal(JointState(None, rate, None), terms, np))

@@ -19,10 +19,9 @@ from shlex import quote
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen
+from loopid.arrays import FloatArray, IntArray, frozen
 from loopid.base_parameters import expression
 from loopid.errors import DataError, RankError
-from loopid.experiment.exciting_motion import ExcitingMotion, MotionSearch, first_best
 from loopid.experiment.force_model import ForceModel, body_sizes
 from loopid.identification import (
     LEAST_EXCITATION,
@@ -36,8 +35,8 @@ from loopid.identification import (
     quiet_fit,
 )
 from loopid.logs import Recording
-from loopid.parameters import KINDS, ParameterSet
-from loopid.scratch import mapped_rows, row_blocks
+from loopid.parameters import ParameterSet
+from loopid.scratch import mapped_rows
 
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
 WEAK = 1.0
@@ -50,6 +49,8 @@ HARDLY_MOVED = 1e-3
 ROUND_OFF, MINOR, MOST_TERMS = 1e-6, 0.1, 4
 # Combinations that a message names.
 NAMED = 3
+# Relative difference of norms that are the same but for round-off: the first one is taken.
+TIE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,7 +140,7 @@ class Excitation:
         rows, held = self.unidentifiable / self.sizes[:, None], []
         for _ in range(rows.shape[1]):
             left = np.linalg.norm(rows, axis=1)
-            lead = first_best(left)
+            lead = int(np.argmax(left >= (1 - TIE) * left.max()))
             unit = rows[lead] / left[lead]
             rows = rows - np.outer(rows @ unit, unit)
             held.append(lead)
@@ -209,8 +210,6 @@ class WeakDirection:
         On the forces of the log, in parts of the motors' forces, in the root mean square.
     standard_error : float
         In sizes by the robot file; infinite for an unidentifiable one.
-    exciting_motion : ExcitingMotion
-        What to add to the log.
     """
 
     parameters: ParameterSet
@@ -218,7 +217,6 @@ class WeakDirection:
     terms: dict[str, float]
     effect: float
     standard_error: float
-    exciting_motion: ExcitingMotion
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "change", frozen(self.change))
@@ -239,9 +237,9 @@ class WeakDirection:
 
     @property
     def said(self) -> str:
-        """The sum, its standard error and the motion that excites it."""
+        """The sum and its standard error."""
         error = f" ± {self.standard_error:.2g} times its size" if not self.unidentifiable else ""
-        return f"{self.text}{error} (excited by {self.exciting_motion.text})"
+        return self.text + error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -305,22 +303,22 @@ class Identifiability:
 
     @property
     def unidentifiable_message(self) -> str:
-        """Which combinations are unidentifiable, and what would excite them."""
+        """Which combinations are unidentifiable, and the command that excites them."""
         effects = self.excitation.effects
         return (
             f"{len(self.unidentifiable)} of {len(self.parameters)} combinations of parameters are "
             f"unidentifiable from the data: {_listed(self.unidentifiable)}; relative effect on the "
             f"forces {effects[-1] / (effects[0] or 1.0):.1e} (singular values must be above "
-            f"{LEAST_EXCITATION:g} of the largest)"
+            f"{LEAST_EXCITATION:g} of the largest); add the motion that "
+            f"{self.command} designs"
         )
 
     @property
     def refusal(self) -> str:
         """Why a fit of all parameters is refused, and what to do."""
         return (
-            f"{self.unidentifiable_message}: add such motion ({self._command(self.unidentifiable)} "
-            "designs it), or keep the robot file's values there, unidentifiable='prior' "
-            "(--unidentifiable prior)"
+            f"{self.unidentifiable_message}, or keep the robot file's values there, "
+            "unidentifiable='prior' (--unidentifiable prior)"
         )
 
     @property
@@ -328,14 +326,15 @@ class Identifiability:
         """Which combinations are weakly identifiable, with their standard errors."""
         return (
             f"{len(self.weak)} of {len(self.parameters)} combinations of parameters are weakly "
-            f"identifiable, known worse than by the robot file: {_listed(self.weak)}; add such "
-            f"motion ({self._command(self.weak)} designs it), or use the robot file as a prior, "
+            f"identifiable, known worse than by the robot file: {_listed(self.weak)}; "
+            f"add the motion that {self.command} designs, or use the robot file as a prior, "
             "estimator='bayes' (--estimator bayes)"
         )
 
-    def _command(self, directions: Sequence[WeakDirection]) -> str:
-        """The command that designs a motion for some combinations."""
-        leads = dict.fromkeys(next(iter(direction.terms)) for direction in directions)
+    @property
+    def command(self) -> str:
+        """What designs a motion for all these combinations, typed after the log LOG."""
+        leads = dict.fromkeys(next(iter(each.terms)) for each in (*self.unidentifiable, *self.weak))
         return " ".join([self.design, *(f"--for {quote(lead)}" for lead in leads)])
 
 
@@ -404,18 +403,11 @@ def identifiability(
     errors, turns = _standard_errors(samples, force_model.prior[columns], excitation)
     changes = [*_unidentifiable(excitation), *_weak(excitation, errors, turns)]
     unidentifiable, weak = list[WeakDirection](), list[WeakDirection]()
-    if changes:
-        search = MotionSearch(force_model, columns, excitation.weights, *_home(recordings))
-        joints = np.array([parameter.kind not in KINDS for parameter in parameters])
     for change, order, error in changes:
         x = np.linalg.solve(excitation.factor, change)
         effect = float(np.linalg.norm(excitation.effects * (excitation.directions.T @ x)))
         terms = {parameters.labels[j]: float(change[j] / change[order[0]]) for j in order}
-        # A little friction would call for speed, whatever a weak combination is about.
-        part = np.abs(change) / excitation.sizes
-        aside = joints & (part <= MINOR * part.max()) & np.isfinite(error)
-        motion = search.find(np.where(aside, 0.0, change))
-        found = WeakDirection(parameters, change, terms, effect, error, motion)
+        found = WeakDirection(parameters, change, terms, effect, error)
         (unidentifiable if found.unidentifiable else weak).append(found)
     known = frozen(errors)
     weakest = tuple(unidentifiable), tuple(weak), _design_command(force_model)
@@ -465,17 +457,3 @@ def _standard_errors(
         squares, turns = np.linalg.eigh(found.covariance)
         return np.sqrt(np.maximum(squares, 0.0)), turns
     return np.full(excitation.rank, np.nan), np.eye(excitation.rank)
-
-
-def _home(recordings: Sequence[Recording]) -> tuple[FloatArray, BoolArray]:
-    """Pose (nq,) and motors (dof,) of the sample with most motors, then farthest from singular."""
-    best, found = (-1.0, -1.0), (recordings[0].motion.configurations[0], recordings[0].used[0])
-    for recording in recordings:
-        for rows in row_blocks(len(recording)):
-            used, measure = recording.used[rows], recording.motion.singularity[rows]
-            counts = used.sum(axis=1)
-            at = int(np.lexsort((measure, counts))[-1])
-            if (rank := (float(counts[at]), float(measure[at]))) > best:
-                best = rank
-                found = recording.motion.configurations[rows][at].copy(), used[at].copy()
-    return found

@@ -24,8 +24,8 @@ from loopid.errors import OptionError
 from loopid.experiment import ForceModel
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
-from loopid.regressors import JointTerms
-from loopid.robot import JointState, Mechanism, SymbolicPose, joint_term, tie_indices
+from loopid.regressors import JointState, JointTerms, joint_term
+from loopid.robot import Mechanism, SymbolicPose, tie_indices
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 OPTIONS: dict[str, Any] = {

@@ -7,14 +7,12 @@ from loopid.loading.description import (
     find_motion_file,
 )
 from loopid.loading.load import load_mechanism
-from loopid.loading.regions import collision_regions, unread_mesh
 from loopid.loading.rounding import nearly_special
-from loopid.loading.urdf import parse_xml, read_urdf_file
+from loopid.loading.urdf import parse_xml, read_urdf_file, unread_mesh
 
 __all__ = [
     "bundled_directory",
     "bundled_robots",
-    "collision_regions",
     "find_files",
     "find_motion_file",
     "load_mechanism",

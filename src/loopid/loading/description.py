@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.closures import COUPLING, ClosureDescription, FrameKind
-from loopid.robot import joint_term
+from loopid.regressors import joint_term
 from loopid.yaml_files import Section, read_yaml
 
 MJCF = (".xml", ".mjcf")

@@ -36,6 +36,7 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf_dialects import read_urdf
+from loopid.regressors import joint_term
 from loopid.robot import (
     RANK_TOLERANCE,
     Body,
@@ -43,7 +44,6 @@ from loopid.robot import (
     Mechanism,
     Platform,
     inertia_defects,
-    joint_term,
     link_frames,
     odd_masses,
     unequal_links,

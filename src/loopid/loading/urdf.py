@@ -62,6 +62,7 @@ DECIMALS = range(4, 13)
 SLACK = 1.5
 
 ROOT_JOINT = "root_joint"
+PACKAGE = "package://"
 
 
 @dataclass(frozen=True)
@@ -357,3 +358,20 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
+
+
+def unread_mesh(file: Path) -> str:
+    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
+    try:
+        for mesh in parse_xml(file).iterfind("link/collision/geometry/mesh"):
+            name = required(mesh, "filename")
+            places = [file.parent / name.removeprefix("file://")]
+            if name.startswith(PACKAGE):
+                package, *rest = Path(name.removeprefix(PACKAGE)).parts
+                above = file.resolve().parents
+                places = [folder.joinpath(*p) for folder in above for p in ((package, *rest), rest)]
+            if not any(place.is_file() for place in places):
+                return f"there is no mesh {places[0] if len(places) == 1 else name}"
+    except RobotFileError as error:
+        return str(error)
+    return ""

@@ -12,20 +12,32 @@ from loopid.regressors.closed_loop import (
     tree_regressor,
 )
 from loopid.regressors.file_physics import FileForce, file_forces, warn_of_omitted
-from loopid.regressors.joint_terms import NO_TERMS, OF_FILE, JointTerms
+from loopid.regressors.joint_terms import (
+    JOINT_TERMS,
+    NO_TERMS,
+    OF_FILE,
+    JointState,
+    JointTerm,
+    JointTerms,
+    joint_term,
+)
 from loopid.regressors.structural import structural_observation
 
 __all__ = [
+    "JOINT_TERMS",
     "NO_TERMS",
     "OF_FILE",
     "FileForce",
     "ForceParts",
+    "JointState",
+    "JointTerm",
     "JointTerms",
     "Observation",
     "dynamic_regressor",
     "file_forces",
     "force_parts",
     "gravity_regressor",
+    "joint_term",
     "motion_parameters",
     "motion_regressor",
     "standard_values",

@@ -18,15 +18,8 @@ from loopid.kinematics import (
     random_motions,
     torque_regressors,
 )
-from loopid.regressors.joint_terms import OF_FILE, JointTerms, joint_state
-from loopid.robot import (
-    JointState,
-    LeftOut,
-    Mechanism,
-    joint_term,
-    link_frames,
-    shortened,
-)
+from loopid.regressors.joint_terms import OF_FILE, JointState, JointTerms, joint_state, joint_term
+from loopid.robot import LeftOut, Mechanism, link_frames, shortened
 
 SAMPLES = 60  # random states that forces are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off

@@ -1,15 +1,18 @@
-"""Which joints have which terms, actuated or passive, and their columns: Gᵀ times the joint force.
+"""Forces in the joints themselves: drive inertia, friction, springs and offsets.
 
-The laws are those of ``loopid.robot.JOINT_TERMS``. A robot file gives values of some: they are
-known beforehand, and what a chosen model leaves out of them is told.
+The motors give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
+[Khalil2004, ch. 12]. ``JOINT_TERMS`` is the registry of the laws; ``JointTerms`` says which joints,
+actuated or passive, have which, and gives their columns: Gᵀ times the joint force. A robot file
+gives values of some: they are known beforehand, and what a chosen model leaves out of them is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import Any
+from math import isfinite, nan
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +21,126 @@ from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.kinematics import ClosedMotion
 from loopid.parameters import Parameter, ParameterSet
-from loopid.robot import JointState, Mechanism, joint_term
+from loopid.robot import Mechanism
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
+
+
+class JointState(NamedTuple):
+    """Position, rate and acceleration of a joint: arrays (N,), or CasADi expressions."""
+
+    position: Any
+    rate: Any
+    acceleration: Any
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """A kind of force in a joint.
+
+    Attributes
+    ----------
+    name : str
+        In sentences.
+    units : tuple of str
+        Of the coefficient, for a sliding and for a turning joint.
+    law : callable
+        What the coefficient multiplies, of the ``JointState``, the ``JointTerms`` that refine it,
+        NumPy or CasADi (for exported C code), and the number ``at``.
+    beside : tuple of str
+        Kinds that the law has further coefficients of.
+    jumps : bool
+        Whether it follows the sign of the rate.
+    needs_position : bool
+        Whether a coordinate of a joint with several, which has a rate only, cannot have it.
+    at : float
+        The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
+        in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
+    """
+
+    name: str
+    units: tuple[str, str]
+    law: Callable[[JointState, JointTerms, Any, float], Any]
+    beside: tuple[str, ...] = ()
+    jumps: bool = False
+    needs_position: bool = False
+    at: float = 0.0
+
+    def signal(self, joint: JointState, terms: JointTerms, math: Any) -> Any:
+        """What the coefficient multiplies; ``math`` is NumPy, or CasADi for exported C code."""
+        return self.law(joint, terms, math, self.at)
+
+
+def _sign(joint: JointState, terms: JointTerms, math: Any, at: float) -> Any:
+    """Sign of the rate, smoothed and with a dead zone as the kind or the terms say."""
+    rate, width = joint.rate, at or terms.smoothing
+    sign = math.tanh(rate / width) if width else math.sign(rate)
+    return sign * (math.fabs(rate) > terms.dead_zone) if terms.dead_zone else sign
+
+
+def _friction(name: str, law: Callable[..., Any] = _sign) -> JointTerm:
+    return JointTerm(name, ("N", "N m"), law, jumps=True)
+
+
+def _spring(name: str, power: str, beside: tuple[str, ...], law: Callable[..., Any]) -> JointTerm:
+    units = f"N/m{power}", f"N m/rad{power}"
+    return JointTerm(name, units, law, beside, needs_position=True)
+
+
+# By their kinds, which label the parameters and are written in files; in place of the words in
+# capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
+# stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
+# is more near standstill [Armstrong1994].
+JOINT_TERMS = {
+    "Ia": JointTerm("drive inertia", ("kg", "kg m²"), lambda joint, *_: joint.acceleration),
+    "Fc": _friction("Coulomb friction"),
+    "Fc+": _friction("Coulomb friction forward", lambda *state: state[2].fmax(_sign(*state), 0.0)),
+    "Fc-": _friction("Coulomb friction backward", lambda *state: state[2].fmin(_sign(*state), 0.0)),
+    "Fc~RATE": _friction("smooth Coulomb friction"),
+    "Fs~RATE": _friction(
+        "Stribeck friction",
+        lambda joint, terms, math, at: (
+            math.exp(-((joint.rate / at) ** 2)) * _sign(joint, terms, math, 0.0)
+        ),
+    ),
+    "Fv": JointTerm("viscous friction", ("N s/m", "N m s/rad"), lambda joint, *_: joint.rate),
+    "Fo": JointTerm("constant force", ("N", "N m"), lambda *_: 1.0),
+    "Ks": _spring("spring", "", ("Fo",), lambda joint, *_: joint.position),
+    "Ks2": _spring("quadratic spring", "²", ("Ks", "Fo"), lambda joint, *_: joint.position**2),
+    "Ks3": _spring("cubic spring", "³", ("Ks2", "Ks", "Fo"), lambda joint, *_: joint.position**3),
+    "Ks@POSITION": _spring(
+        "stiffness gained", "", (), lambda joint, _, math, at: math.fmax(joint.position - at, 0.0)
+    ),
+}
+MARKS = {"~": "RATE", "@": "POSITION"}
+
+
+def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
+    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
+
+    Where other words than kinds would do, an error names them too.
+
+    Raises
+    ------
+    OptionError
+        When there is no such kind, or its number makes no sense.
+    """
+    mark = next((mark for mark in MARKS if mark in kind), "")
+    stem, _, number = kind.partition(mark) if mark else (kind, "", "")
+    term = JOINT_TERMS.get(stem + mark + MARKS.get(mark, ""))
+    if term is None:
+        raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
+    if not mark:
+        return term
+    try:
+        at = float(number)
+    except ValueError:
+        at = nan
+    if not isfinite(at) or (mark == "~" and at <= 0):
+        what = "rate above 0" if mark == "~" else "position"
+        raise OptionError(f"joint term {kind!r} needs a {what} after {mark}, not {number!r}")
+    return replace(term, at=at)
 
 
 @checked_fields
@@ -34,7 +153,7 @@ class JointTerms:
     joints : tuple of str
         Joints with one coordinate, or coordinates such as ``"ball.wx"``; actuated or passive.
     kinds : tuple of str, or tuple of tuples of str
-        Of ``loopid.robot.JOINT_TERMS``, such as ``"Fc"`` Coulomb and ``"Fv"`` viscous friction or
+        Of ``JOINT_TERMS``, such as ``"Fc"`` Coulomb and ``"Fv"`` viscous friction or
         ``"Ks"`` spring, which brings an offset: of all joints, or one tuple for each.
     dead_zone : float
         Rate (m/s or rad/s) up to which a joint counts as standing: no Coulomb friction.

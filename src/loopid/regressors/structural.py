@@ -22,8 +22,8 @@ from loopid.kinematics import (
 )
 from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
-from loopid.regressors.joint_terms import JointTerms
-from loopid.robot import Mechanism, in_groups, joint_term
+from loopid.regressors.joint_terms import JointTerms, joint_term
+from loopid.robot import Mechanism, in_groups
 from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 

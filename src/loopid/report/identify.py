@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +69,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "term_sets": found.term_sets and _term_sets(found.term_sets),
         "fitted_bodies_pay": found.term_sets and found.term_sets.bodies_pay,
         "identifiability": {
-            **_fields(told, "structural_rank", "rank"),
+            **_fields(told, "structural_rank", "rank", "command"),
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
             "structural_effects": json_value(told.excitation.structural),
@@ -107,11 +106,9 @@ def _recording(recording: Recording) -> dict[str, Any]:
 
 
 def _direction(direction: WeakDirection) -> dict[str, Any]:
-    names = [field.name for field in fields(direction.exciting_motion)]
     return {
         "combination": direction.text,
         **_fields(direction, "effect", "standard_error", "change"),
-        "exciting_motion": _fields(direction.exciting_motion, "text", *names),
     }
 
 
@@ -177,6 +174,11 @@ def findings(found: Identification) -> list[str]:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
             f"{', '.join(told.assumed)} rest on it."
+        )
+    if told.unidentifiable or told.weak:
+        said.append(
+            "What is unidentifiable or weakly identifiable is excited by the motion that "
+            f"{told.command} designs."
         )
     if found.consistent is not None:
         said += _consistent_findings(found.consistent)
@@ -316,13 +318,12 @@ def _estimates_table(title: str, fit: FitResult) -> Table:
 
 
 def _weak_table(found: Identifiability) -> Table:
-    columns = "combination", ">effect on forces", ">± std (sizes)", "excited by"
+    columns = "combination", ">effect on forces", ">± std (sizes)"
     table = plain_table("unidentifiable and weakly identifiable combinations", *columns)
     for direction in found.unidentifiable:
-        table.add_row(direction.text, "0", "unidentifiable", direction.exciting_motion.text)
+        table.add_row(direction.text, "0", "unidentifiable")
     for direction in found.weak:
-        numbers = f"{direction.effect:.1e}", f"{direction.standard_error:.2g}"
-        table.add_row(direction.text, *numbers, direction.exciting_motion.text)
+        table.add_row(direction.text, f"{direction.effect:.1e}", f"{direction.standard_error:.2g}")
     return table
 
 

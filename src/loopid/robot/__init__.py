@@ -9,14 +9,6 @@ from loopid.robot.closures import (
     SymbolicPose,
     relative_quaternion,
 )
-from loopid.robot.joint_terms import (
-    JOINT_TERMS,
-    CoulombFriction,
-    JointState,
-    JointTerm,
-    LeftOut,
-    joint_term,
-)
 from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
@@ -25,6 +17,7 @@ from loopid.robot.mechanism import (
     AssemblyMode,
     Body,
     InertiaDefect,
+    LeftOut,
     LinkGroup,
     Loop,
     Mechanism,
@@ -43,18 +36,14 @@ from loopid.robot.mechanism import (
 
 __all__ = [
     "CLOSURE_KINDS",
-    "JOINT_TERMS",
     "RANK_TOLERANCE",
     "ROTATIONS",
     "TRANSLATIONS",
     "AssemblyMode",
     "Body",
-    "CoulombFriction",
     "FramePair",
     "InertiaDefect",
     "JointCoupling",
-    "JointState",
-    "JointTerm",
     "LeftOut",
     "LinkGroup",
     "Loop",
@@ -65,7 +54,6 @@ __all__ = [
     "SymbolicPose",
     "in_groups",
     "inertia_defects",
-    "joint_term",
     "link_frames",
     "lock_options",
     "named_lengths",

@@ -22,7 +22,6 @@ from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
 from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
-from loopid.robot.joint_terms import LeftOut
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
 # closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.
@@ -216,6 +215,33 @@ class AssemblyMode:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reference", frozen(self.reference))
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the robot file gives of forces and no model has.
+
+    Attributes
+    ----------
+    what : str
+        The force and where it acts, such as ``"gravity compensation of upper"``.
+    weights : mapping
+        Link to mass and centre of mass in its frame, (4,), whose weight the force carries.
+    tendon : mapping
+        Coordinate to the factor with which it enters the length of a tendon.
+    values : mapping
+        Kinds of joint terms to the tendon's coefficients of them.
+    is_force : bool
+        Otherwise what forces and positions are counted by, such as a gear.
+
+    Without weights and tendon the size of the force is not known.
+    """
+
+    what: str
+    weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    tendon: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)
+    is_force: bool = True
 
 
 class Loop(NamedTuple):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
 
@@ -14,9 +13,6 @@ from loopid.errors import DataError
 SAME_FACE = 9
 # A hull flatter than this, relative to its length, has no inside.
 FLAT = 1e-9
-# Hulls with more faces are replaced by the polyhedron around them with one face for each of the 26
-# directions to the corners, edges and faces of a cube: some percent larger, and far fewer rows.
-MOST_FACES = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +74,7 @@ class Region:
 
     @classmethod
     def hull(cls, points: FloatArray) -> Region:
-        """The convex hull of points (k, 3) in m, or a polyhedron around it where it has many faces.
+        """The convex hull of points (k, 3) in m, such as corners of the link's geometry.
 
         Raises
         ------
@@ -100,22 +96,7 @@ class Region:
             raise DataError(f"the {len(corners)} points of a region span no volume")
         faces = np.unique(planes.round(SAME_FACE), axis=0)
         normals, offsets = faces[:, :3], faces[:, :3] @ low - faces[:, 3] * size
-        if len(faces) > MOST_FACES:
-            normals = cube_directions()
-            offsets = (corners @ normals.T).max(axis=0)
         return cls(normals, offsets, (low + high) / 2, (high - low) / 2)
-
-    @checked
-    def intersection(self, other: Region) -> Region:
-        """What lies in both, within the smaller of the two boxes that hold them."""
-        low = np.maximum(self.centre - self.half_widths, other.centre - other.half_widths)
-        high = np.minimum(self.centre + self.half_widths, other.centre + other.half_widths)
-        return Region(
-            np.concatenate([self.normals, other.normals]),
-            np.concatenate([self.offsets, other.offsets]),
-            (low + high) / 2,
-            np.maximum(high - low, 0.0) / 2,
-        )
 
     def depths(self, point: FloatArray) -> FloatArray:
         """Distances (k,) in m of a point (3,) behind each face; negative in front of it."""
@@ -126,10 +107,3 @@ class Region:
 
     def __contains__(self, point: FloatArray) -> bool:
         return bool((self.depths(point) >= 0).all())
-
-
-def cube_directions() -> FloatArray:
-    """Unit vectors (26, 3) to the corners, edges and faces of a cube."""
-    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    vectors = grid[grid.any(axis=1)]
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None], dtype=np.float64)
