@@ -608,7 +608,7 @@ def predict(
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
     from loopid.prediction import predict as predicted
-    from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
+    from loopid.report.forces import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
 
     require_output(out)
@@ -649,7 +649,7 @@ def payload(
 
     from loopid.experiment import drive_gains, find_force_model, identify_payload
     from loopid.regressors import JointTerms
-    from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
 
     mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
