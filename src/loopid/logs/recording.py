@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.log import Log, require_known_motion
@@ -23,11 +23,9 @@ from loopid.robot import Mechanism
 from loopid.scratch import (
     Spool,
     empty_columns,
-    kept,
     mapped_rows,
     release_pages,
     row_blocks,
-    sample_rows,
 )
 from loopid.trajectories import JointMotion, LowPass, differentiate
 from loopid.workers import Progress
@@ -157,12 +155,12 @@ class Recording:
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
-        force = sample_rows(self.force, dof, "force", count)
+        force = samples(self.force, dof, "force", count)
         if np.shape(self.used) != force.shape or np.shape(self.stretches) != (count,):
             raise DataError(f"used must have shape {force.shape} and stretches ({count},)")
-        object.__setattr__(self, "force", kept(force))
-        object.__setattr__(self, "used", kept(self.used, np.bool_))
-        object.__setattr__(self, "stretches", kept(self.stretches, np.int64))
+        object.__setattr__(self, "force", frozen(force))
+        object.__setattr__(self, "used", frozen(self.used, np.bool_))
+        object.__setattr__(self, "stretches", frozen(self.stretches, np.int64))
 
     @classmethod
     def of_motion(
