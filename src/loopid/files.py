@@ -8,9 +8,12 @@ import os
 import stat
 import tempfile
 import zlib
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from loopid.errors import LogError, OutputError
 
@@ -103,6 +106,13 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
         for draft in waiting.values():
             draft.unlink(missing_ok=True)
     return list(waiting)
+
+
+def csv_text(names: Sequence[str], *columns: ArrayLike, digits: int = 9) -> str:
+    """Columns (N,) or (N, k) of numbers as a table of text below their names."""
+    text, head = io.StringIO(), ",".join(f'"{n}"' if "," in n else n for n in names)
+    np.savetxt(text, np.column_stack(columns), f"%.{digits}g", ",", header=head, comments="")
+    return text.getvalue()
 
 
 def require_folder(folder: str | Path) -> None:

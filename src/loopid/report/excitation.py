@@ -10,6 +10,7 @@ from rich.table import Table
 
 from loopid.arrays import FloatArray
 from loopid.excitation import ExcitationDesign
+from loopid.files import csv_text
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -124,10 +125,8 @@ def motion_table(found: ExcitationDesign) -> str:
         for what in ("position", "velocity", "acceleration")
         for motor in motors.names
     ]
-    rows = np.column_stack([motors.time, motors.position, motors.velocity, motors.acceleration])
-    head = ",".join(["time", *(f'"{n}"' if "," in n else n for n in names)])
-    lines = (",".join(f"{value:.12g}" for value in row) for row in rows)
-    return "\n".join([head, *lines]) + "\n"
+    columns = motors.time, motors.position, motors.velocity, motors.acceleration
+    return csv_text(["time", *names], *columns, digits=12)
 
 
 def motion_file(found: ExcitationDesign) -> str:

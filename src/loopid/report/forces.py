@@ -43,18 +43,11 @@ def _quality(quality: Quality) -> dict[str, Any]:
 
 def prediction_tables(predictions: Sequence[Prediction]) -> list[Table]:
     """One table a recording."""
-    return [_prediction_table(found) for found in predictions]
-
-
-def _prediction_table(found: Prediction) -> Table:
-    moving, standing, rows = found.moving, found.standing, []
-    for k, motor in enumerate(found.recording.actuators):
-        errors = f"{moving.residual_rms[k]:.4g}", f"{moving.r_squared[k]:.4f}"
-        left = f"{standing.residual_rms[k]:.4g}" if standing.samples[k] else "-"
-        counts = f"{moving.samples[k]:,}", f"{standing.samples[k]:,}"
-        rows.append((motor, counts[0], *errors, counts[1], left))
     columns = "motor", ">moving", ">RMS error", ">R²", ">standing", ">RMS error"
-    return plain_table(f"prediction of {found.recording.name}", columns, rows)
+    return [
+        plain_table(f"prediction of {found.recording.name}", columns, found.rows)
+        for found in predictions
+    ]
 
 
 def prediction_files(
