@@ -289,10 +289,9 @@ def influence_table(simulated: SimulatedFit) -> Table:
     """Figure 4 in numbers."""
     rows = []
     for k, terms in enumerate(TABLE_II):
-        share = f"{simulated.influence[k]:.2f} ± {simulated.influence_reach[k]:.2f}"
-        numbers = f"{simulated.alone[k]:.2f}", share, f"{simulated.explained[k]:.2f}"
-        rows.append((k + 1, paper_expression(terms), *numbers))
-    columns = (">i", "base parameter", ">alone (N rms)", ">p_i ± 95 % (%)", ">explained (%)")
+        numbers = simulated.alone[k], simulated.influence[k], simulated.explained[k]
+        rows.append((k + 1, paper_expression(terms), *(f"{number:.2f}" for number in numbers)))
+    columns = (">i", "base parameter", ">alone (N rms)", ">p_i (%)", ">explained (%)")
     return plain_table("figure 4: influence of the first i base parameters", columns, rows)
 
 
@@ -372,11 +371,10 @@ def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
     with drawing(height=2.2) as (figure, axes):
         ax = axes[0, 0]
         for some, color, label in (
-            (number <= first, BLUE, "pᵢ (eq. 12), 95 %"),
+            (number <= first, BLUE, "pᵢ (eq. 12)"),
             (number > first, LIGHT_BLUE, None),
         ):
-            reach = simulated.influence_reach[some]
-            ax.bar(number[some], simulated.influence[some], yerr=reach, color=color, label=label)
+            ax.bar(number[some], simulated.influence[some], color=color, label=label)
         explained = "explained: 1 − ‖T − Aᵢ‖ / ‖T‖"
         ax.plot(number, simulated.explained, "o-", color=RED, markersize=3, label=explained)
         ax.axhline(100.0, color=GREY, linewidth=0.6)

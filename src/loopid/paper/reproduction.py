@@ -81,7 +81,7 @@ SIMULATED, MAIN, WARM_UP, STAND_IN, MASSES = range(5)
 # Opens a progress bar with a title.
 Stage = Callable[[str], AbstractContextManager[Progress]]
 RATE = 10.0  # Hz, of the simulated forces
-LEVEL, REACH = 0.95, 1.96  # of all intervals; standard deviations of a normal one
+LEVEL = 0.95  # of all intervals
 EIGHT = range(len(TABLE_IV))  # columns of the eight parameters that the paper keeps
 # The platform goes up and down, as in the paper's warm-up.
 UP_AND_DOWN = ("3", "4")
@@ -231,7 +231,6 @@ class SimulatedFit:
     expected_range: FloatArray  # (8, 2), least and greatest of the same over single trajectories
     condition_numbers: dict[str, tuple[float, float]]  # cond(W_1) with 15 and 8, "all" or by name
     influence: FloatArray  # (15,), p_i in %
-    influence_reach: FloatArray  # (15,), half the width of its 95 % interval, to first order
     alone: FloatArray  # (15,), rms in N of the forces that each parameter makes alone
     explained: FloatArray  # (15,), 1 - |T - A_i| / |T| of the first i parameters, in %
 
@@ -255,7 +254,6 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
             name: _conditions(part) for name, part in ({"all": whole} | single).items()
         },
         influence=influence(whole, fifteen.values),
-        influence_reach=_influence_reach(whole, fifteen),
         alone=np.sqrt(((whole.regressor * truth) ** 2).mean(axis=(0, 1))),
         explained=100 * (1 - left / force),
     )
@@ -264,17 +262,6 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
 def _conditions(samples: FitSamples) -> tuple[float, float]:
     W = samples.regressor.reshape(-1, len(samples.parameters))
     return float(np.linalg.cond(W)), float(np.linalg.cond(W[:, EIGHT]))
-
-
-def _influence_reach(samples: FitSamples, result: FitResult) -> FloatArray:
-    """Half the width (n,) of 95 % intervals of p_i = 100 |W_i φ_i| / |T|, from its gradient."""
-    W = samples.regressor.reshape(-1, len(samples.parameters))
-    gram, force, reach = W.T @ W, np.linalg.norm(samples.force), []
-    for i in range(1, len(result.values) + 1):
-        product = gram[:i, :i] @ result.values[:i]
-        gradient = 100 * product / (np.sqrt(result.values[:i] @ product) * force)
-        reach.append(REACH * np.sqrt(gradient @ result.covariance[:i, :i] @ gradient))
-    return np.array(reach)
 
 
 @dataclass(frozen=True)
