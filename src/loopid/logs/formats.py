@@ -7,7 +7,6 @@ by h5py. Where these read damaged files without a word, the checks are here.
 from __future__ import annotations
 
 import math
-import re
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
@@ -43,7 +42,6 @@ COMMENT = "#"
 # Of separators that split a header into equally many cells, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
 AROUND_CELLS = " \t\r\"'"
-IS_SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 NO_NUMBERS = ("", "nan", "+nan", "-nan")
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
@@ -202,40 +200,35 @@ class TextFormat(LogFormat):
     def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         """Some columns as text.
 
-        Polars splits the lines, but their cells are counted here: Polars fills short rows, cuts
-        long ones, passes over blank ones, and numbers none.
+        Polars' reader of CSV would fill short rows, cut long ones, pass over blank ones and number
+        none: here it splits lines one by one.
         """
+        import polars
+
         path = self._files[stream]
         header, read, found = read_header(path), 0, False
-        separator, width = header.separator or " ", len(header.names)
+        separator, width = header.separator, len(header.names)
         places = {name: header.names.index(name) for name in names}
         with closing(text_blocks(path)) as blocks:
             for block in blocks:
-                if header.separator is None:
-                    spaced = re.sub(rb"[ \t\r\v\f]+", b" ", block).removeprefix(b" ")
-                    block = spaced.replace(b" \n", b"\n").replace(b"\n ", b"\n")
-                letters = np.frombuffer(block, np.uint8)
-                ends = np.flatnonzero(letters == ord("\n")) + 1
-                whole = block.endswith(b"\n")
-                ends = ends if whole else np.append(ends, len(block))
-                starts = np.append(0, ends[:-1])
-                rows = np.arange(read + 1, read + len(starts) + 1)
-                read += len(starts)
+                text, whole = block.decode("utf-8", "replace"), block.endswith(b"\n")
+                lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
+                rows = np.arange(read + 1, read + len(lines) + 1)
+                read += len(lines)
                 require_few_rows(path, read)
-                filled = np.logical_or.reduceat(~IS_SPACE[letters], starts)
-                filled &= rows > header.lines
+                if separator != ",":
+                    lines = lines.str.replace_all(",", ".", literal=True)  # decimal commas
+                filled = lines.str.contains(r"\S").to_numpy() & (rows > header.lines)
                 cut_off = None if whole or not filled[-1] else int(rows[-1])
                 filled[-1] &= whole
-                marks = np.add.reduceat(letters == ord(separator), starts, dtype=np.int64)
-                fine = filled & (marks == width - 1)
-                lines = zip(starts[fine].tolist(), ends[fine].tolist(), strict=True)
-                text = block if fine.all() else b"".join(block[a:b] for a, b in lines)
-                if separator != ",":
-                    text = text.replace(b",", b".")  # decimal commas
-                found = found or bool(fine.any())
-                yield Batch(
-                    _cells(text, separator, places), rows[fine], rows[filled & ~fine], cut_off
-                )
+                if separator is None:
+                    cells = lines.str.extract_all(r"\S+")
+                else:
+                    cells = lines.str.split(separator)
+                fine = filled & (cells.list.len() == width).to_numpy()
+                found, cells = found or bool(fine.any()), cells.filter(fine).list
+                table = polars.DataFrame({name: cells.get(k) for name, k in places.items()})
+                yield Batch(table, rows[fine], rows[filled & ~fine], cut_off)
         if not found:
             raise LogError(f"{path} has no rows of {width} cells below its header")
 
@@ -320,25 +313,6 @@ def _are_numbers(line: str, separator: str | None) -> bool:
     return any(cells) and all(
         cell.casefold() in NO_NUMBERS or not np.isnan(number(cell)) for cell in cells
     )
-
-
-def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.DataFrame:
-    """Columns of lines with equally many cells, as text."""
-    import polars
-
-    if not text:
-        return polars.DataFrame(schema=dict.fromkeys(places, polars.String))
-    table = polars.read_csv(
-        text,
-        has_header=False,
-        separator=separator,
-        columns=sorted(places.values()),
-        infer_schema=False,
-        quote_char=None,
-        encoding="utf8-lossy",
-    )
-    table.columns = sorted(places, key=places.__getitem__)
-    return table
 
 
 # ---- arrays and tables ------------------------------------------------------------------------
