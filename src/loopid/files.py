@@ -11,11 +11,12 @@ import zlib
 from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING
 
 from loopid.errors import LogError, OutputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # Bytes of text that are read at a time, and of its longest line.
 BLOCK_BYTES, LONGEST_LINE = 2**20, 2**20
@@ -110,6 +111,8 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
 
 def csv_text(names: Sequence[str], *columns: ArrayLike, digits: int = 9) -> str:
     """Columns (N,) or (N, k) of numbers as a table of text below their names."""
+    import numpy as np  # here, as the command line imports this file at once
+
     text, head = io.StringIO(), ",".join(f'"{n}"' if "," in n else n for n in names)
     np.savetxt(text, np.column_stack(columns), f"%.{digits}g", ",", header=head, comments="")
     return text.getvalue()

@@ -25,7 +25,7 @@ from loopid.pseudo_inertia import (
     inertia_tensor,
     pseudo_inertia,
 )
-from loopid.robot import Mechanism, link_frames, tie_matrix
+from loopid.robot import Mechanism, link_frames
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -143,7 +143,7 @@ def _body_parameters(
         values = values[[places[label] for label in known[0]]]  # the full model where it is there
     for model, labels in own.items():
         if values.shape == (len(labels),):
-            T = tie_matrix(mechanism.links, mechanism.ties, len(MODELS[model]))
+            T = mechanism.tie_matrix(len(MODELS[model]))
             return np.asarray((T @ values).reshape(-1, len(MODELS[model])))
     counts = " or ".join(f"({len(labels)},)" for labels in own.values())
     raise DataError(
