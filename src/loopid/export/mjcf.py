@@ -11,13 +11,8 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
-<<<<<<< HEAD
 from loopid.export.located_xml import LocatedXml, Tag, written
-from loopid.loading.mjcf import compile_mjcf, read_names
-=======
-from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
 from loopid.loading.mjcf import Scene, compile_mjcf
->>>>>>> main
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
