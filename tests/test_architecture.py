@@ -11,7 +11,6 @@ STREET = (
     "scratch",
     "arrays",
     "arguments",
-    "seeds",
     "workers",
     "files",
     "yaml_files",

@@ -415,9 +415,7 @@ def identify(
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
-    estimator: str = Option(
-        "wls", help="wls, ols, huber, bisquare, iv (with --reference) or bayes."
-    ),
+    estimator: str = Option("wls", help="wls, ols, bisquare, iv (with --reference) or bayes."),
     unidentifiable: str = Option(
         "error",
         help="Of combinations that LOG does not excite: an error, or the robot file as prior.",
@@ -543,7 +541,7 @@ def payload(
     mapping: str | None = MAPPING,
     model: str = MODEL,
     terms: str = Option("Fc,Fv", help=TERMS),
-    estimator: str = Option("wls", help="wls, ols, huber or bisquare."),
+    estimator: str = Option("wls", help="wls, ols or bisquare."),
     cutoff: float | None = CUTOFF,
     as_json: bool = JSON,
 ) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked
+from loopid.arguments import checked, derived_seed, random_generator
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.errors import CorrelationWarning, ExcitationWarning
 from loopid.experiment import (
@@ -46,7 +46,6 @@ from loopid.paper.structure import (
 )
 from loopid.regressors import ForceParts, JointTerms, force_parts
 from loopid.robot import Mechanism
-from loopid.seeds import derived_seed, random_generator
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     JointMotion,
