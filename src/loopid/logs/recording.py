@@ -62,7 +62,7 @@ NO_SHARE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class RateHistory:
-    """Filtered velocities of the motors at the rate of the log, before samples were left out.
+    """Filtered rates at the rate of the log, before samples were left out.
 
     Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
     force model multiplies must be filtered alike, at the rate of the log.
@@ -79,6 +79,8 @@ class RateHistory:
     lowpass : LowPass
     rows : IntArray
         (N,), which of the M samples were kept.
+    whole : tuple of IntArray and JointMotion, optional
+        Which were assembled (K,), and their motion; a part of a recording has those of all.
     """
 
     joints: tuple[str, ...]
@@ -87,12 +89,29 @@ class RateHistory:
     rates: tuple[float, ...]
     lowpass: LowPass
     rows: IntArray
+    whole: tuple[IntArray, JointMotion] | None = None
 
-    def lowpassed(self, joint: str, signal: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """A signal of a joint's velocity (M,), filtered, at the samples (N,) that were kept."""
-        column, filtered = self.joints.index(joint), np.empty(len(self.velocity))
+    def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
+        """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
+        if joint in self.joints:
+            return self.velocity[:, self.joints.index(joint)]
+        assert self.whole is not None
+        (index,), (samples, motion) = mechanism.velocity_indices([joint]), self.whole
+
+        def rates(rows: slice) -> FloatArray:
+            G = project(mechanism, motion.configurations[rows]).G[:, index]
+            return np.asarray((G * motion.velocities[rows]).sum(axis=1))
+
+        sampled = mapped_rows(rates, len(samples))
+        return np.asarray(np.interp(np.arange(len(self.velocity)), samples, sampled))
+
+    def lowpassed(
+        self, velocity: FloatArray, signal: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """A signal of a velocity (M,), filtered, at the samples (N,) that were kept."""
+        filtered = np.empty(len(velocity))
         for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal(self.velocity[part, column]), rate)
+            filtered[part] = self.lowpass.apply(signal(velocity[part]), rate)
         release_pages()
         return filtered[self.rows]
 
@@ -349,6 +368,8 @@ def prepare_recording(
     ]
     rates = of_independent(signals.velocity), of_independent(signals.acceleration)
     motion = JointMotion(signals.time, configurations, *rates, singularity)
+    if history is not None:
+        history = replace(history, whole=(history.rows, motion))
     force, used = on_independent(mechanism, motion, signals.force, used)
     return Recording(
         name=log.name,
