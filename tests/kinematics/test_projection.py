@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from loopid import assemble, load_mechanism, project, random_configurations
+from loopid import assemble, load_mechanism, random_configurations
 from loopid.errors import (
     DataError,
     MobilityError,
@@ -22,6 +22,7 @@ from loopid.kinematics import (
     constraint_jacobian,
     measured_coordinates,
     mobility,
+    project,
     random_motions,
     singularity_measure,
     try_assemble,
