@@ -8,11 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-<<<<<<< HEAD
 from loopid import assemble, load_mechanism, random_configurations
-=======
-from loopid import assemble, closed_motion, load_mechanism, project, random_configurations
->>>>>>> main
 from loopid.errors import (
     DataError,
     MobilityError,
@@ -22,6 +18,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    closed_motion,
     constraint_drift,
     constraint_jacobian,
     measured_coordinates,
