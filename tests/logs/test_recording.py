@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from logged_runs import LOGS, read_stream
 
-from loopid import platform_coordinates
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
-from loopid.kinematics import constraint_residual
+from loopid.kinematics import constraint_residual, platform_coordinates
 from loopid.logs import Log, LogMapping, prepare_recording, read_log
 from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
