@@ -16,6 +16,7 @@ from itertools import combinations
 from math import sqrt
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, spread_rows
@@ -38,11 +39,12 @@ from loopid.workers import one_blas_thread
 # of a motor, and fewest that count as independent.
 MOST_SAMPLES, FEW_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 300, 90, 30, 10
 # Standard deviation of the robot file's parameters, in sizes of the bodies, and of joint terms, in
-# sizes of the forces.
+# forces by the robot file.
 PRIOR, FLAT = 0.5, 10.0
 # Errors count as at least this part of the force: no model is exact.
 MODEL_ERROR = 0.003
-# Logarithm of the ratio of evidences from which a mistake is suspected.
+# Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
+# from which a mistake is suspected.
 EVIDENCE = 3.0
 # What a mistake must amount to: a ratio of the forces of one motor, and of all; an offset, as a
 # part of the force; a shift, as a part of the range of the positions; a stretch.
@@ -167,7 +169,7 @@ class _Columns:
 
     known: FloatArray  # (N, d), by the robot file
     terms: FloatArray  # (N, d, p), by standard deviation of bodies and joint terms
-    basis: FloatArray  # (p, r) orthonormal combinations that change forces
+    basis: FloatArray  # (p, r) orthonormal combinations: of bodies that change forces, and terms
     motion: ClosedMotion
     own: FloatArray  # (N, d, 3), sign, velocity and acceleration: friction and drive inertia
     closed: BoolArray  # (N,)
@@ -251,16 +253,16 @@ class _Evidence:
         whole = closed_motion(self.mechanism, q, v, a)
         K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
         p = len(self.bodies)
-        joints = np.sqrt((K[:, :, p:] ** 2).mean(axis=(0, 1)))
-        deviations = np.append(
-            PRIOR * body_sizes(self.mechanism, "full"),
-            FLAT * self.size.max() / np.where(joints > 0, joints, np.inf),
-        )
-        terms, known = K * deviations, K[:, :, :p] @ self.bodies
+        known = K[:, :, :p] @ self.bodies
         size = np.sqrt((known**2).mean(axis=0))
-        flat = (terms / np.where(size > 0, size, np.inf)[:, None]).reshape(-1, len(deviations))
-        squares, basis = np.linalg.eigh(flat.T @ flat)
-        basis = basis[:, squares > SILENT * squares[-1]]
+        size = np.where(size > 0, size, np.inf)
+        joints = np.sqrt(((K[:, :, p:] / size[:, None]) ** 2).mean(axis=(0, 1)))
+        terms = K * np.append(
+            PRIOR * body_sizes(self.mechanism, "full"), FLAT / np.where(joints > 0, joints, np.inf)
+        )
+        flat = (terms[:, :, :p] / size[:, None]).reshape(-1, p)
+        squares, bodies = np.linalg.eigh(flat.T @ flat)
+        basis = block_diag(bodies[:, squares > SILENT * squares[-1]], np.eye(len(joints)))
         own = np.stack([np.sign(v), v, a], axis=2)
         return _Columns(known, terms, basis, whole, own, closed)
 
@@ -370,6 +372,7 @@ class _Evidence:
                     f"the force of {self.names[k]} is {factor:.3g} ± {reach:.2g} times what the "
                     "bodies and the other motors let expect: look for another unit, ratio or sign "
                     f"(force_scale {1 / factor:.3g} in a mapping would undo it)",
+                    len(self.present),
                 )
         if len(self.present) > 1:
             other, factor, reach = self.gain(found, self.present)
@@ -396,6 +399,7 @@ class _Evidence:
                     f"the force of {self.names[k]} seems to have an offset of {value:.3g} ± "
                     f"{reach:.2g} N or N m: identify it (Fo among the terms), or take it off "
                     f"(force_offset {-value:.3g} in a mapping)",
+                    len(self.present),
                 )
 
     def _exchanges(self, found: _Explanation) -> Iterator[_Explanation]:
@@ -473,7 +477,8 @@ class _Evidence:
             told = f"{stretch:.3g} ± {reach:.2g} times as large as they are, or shifted by "
             told += f"{(1 - 1 / stretch) * middle:.3g} m or rad"
         advice = "correct them by position_offset or position_scale in a mapping"
-        return _named(found, f"the positions of {names} look {told}: {advice}")
+        among = len(self.present) if len(group) == 1 else 1
+        return _named(found, f"the positions of {names} look {told}: {advice}", among)
 
     def _slope(self, found: _Explanation, what: str, k: int, step: float) -> FloatArray:
         """Derivative of the explained forces (N, d) by a mistake in the positions of a motor."""
@@ -491,8 +496,10 @@ class _Evidence:
         return np.asarray((change + after.known - before.known) / step)
 
 
-def _named(found: _Explanation, sentence: str) -> _Explanation:
-    return replace(found, mistakes=replace(found.mistakes, sentence=sentence))
+def _named(found: _Explanation, sentence: str, among: int = 1) -> _Explanation:
+    """An explanation that is one among so many of its kind."""
+    mistakes = replace(found.mistakes, sentence=sentence)
+    return replace(found, mistakes=mistakes, evidence=found.evidence - float(np.log(among)))
 
 
 def _better(one: _Explanation, other: _Explanation, *motors: int) -> bool:
