@@ -197,18 +197,7 @@ class MotionProgram:
     def motion(self, name: str, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 
-        Parameters
-        ----------
-        name : str
-        rate : float, optional
-            Samples per second; by default the rate of the file.
-
-        Raises
-        ------
-        OptionError
-            Listing the motions.
-        DataError
-            When the rate is not positive.
+        The rate is in Hz, by default that of the file.
         """
         if name not in self.motions:
             raise OptionError.unknown("motion", name, self.motions)
@@ -410,7 +399,7 @@ def read_reference(
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "reference.txt"
     ...     np.savetxt(path, np.linspace(0, 1, 301))
-    ...     loopid.read_reference(path, ["crank_joint"], rate=100)
+    ...     loopid.trajectories.read_reference(path, ["crank_joint"], rate=100)
     <Motion of crank_joint: 301 samples, 3 s>
     """
     if not names or len(set(names)) < len(names):
