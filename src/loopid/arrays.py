@@ -95,18 +95,7 @@ def spread_rows(count: int, most: int) -> IntArray:
 
 
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
-    """The array as finite rows of a given width; one row may come without its axis.
-
-    Parameters
-    ----------
-    count : int, optional
-        Number of rows that there must be.
-
-    Returns
-    -------
-    FloatArray
-        Shape (N, width).
-    """
+    """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
         raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")
