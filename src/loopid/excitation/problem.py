@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import FloatArray
 from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
@@ -159,11 +159,6 @@ class Problem:
         return self.shape.functions(self.time)
 
     @cached_property
-    def counts(self) -> BoolArray:
-        """(N,), which samples are measured."""
-        return self.shape.counts(self.time)
-
-    @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends (k,) of the bounded values in scales, less the inset."""
         bounds, designed = self.bounds, self.bounds.designed
@@ -247,11 +242,10 @@ class Problem:
         x, v, a = self.functions @ self.variables(y)
         return self.coordinates.follow(x, v, a, near)
 
-    def information(self, rows: FloatArray, counts: BoolArray) -> FloatArray:
+    def information(self, rows: FloatArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""
-        counted = rows[counts].reshape(-1, rows.shape[2])
-        each = self.samples / max(int(counts.sum()), 1)
-        return np.asarray(self.prior + each * counted.T @ counted)
+        told = rows.reshape(-1, rows.shape[2])
+        return np.asarray(self.prior + self.samples / len(rows) * told.T @ told)
 
 
 def evaluate(
@@ -266,7 +260,7 @@ def evaluate(
         return None
     N, designed = len(problem.time), problem.bounds.designed
     at, scale = problem.outcome(motion, N), problem.bounds.scale[:designed]
-    f, P = problem.criterion(problem.information(at.rows, problem.counts))
+    f, P = problem.criterion(problem.information(at.rows))
     if not slopes:
         return Value(motion.configurations, f, at.values / scale, np.empty(0), np.empty(0))
     _, v, a = problem.functions @ problem.variables(y)
@@ -288,8 +282,7 @@ def evaluate(
         width = np.stack([h, h, steps.units]).reshape(3, c, *(1,) * start.ndim)
         return np.asarray(found / width * steps.units.reshape(c, *(1,) * start.ndim))
 
-    each = 2 * problem.samples / max(int(problem.counts.sum()), 1)
-    pull = each * problem.counts[:, None, None] * (at.rows @ P)
+    pull = 2 * problem.samples / N * (at.rows @ P)
     B = problem.functions  # (3, N, m)
     df = np.einsum("ocnij,nij->onc", slopes_of(there.rows, at.rows), pull)
     dg = [slopes_of(*part) for part in ((there.moving, at.moving), (there.poses, at.poses))]

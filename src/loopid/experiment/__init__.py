@@ -12,6 +12,7 @@ from loopid.experiment.identifiability import (
     Excitation,
     Identifiability,
     WeakDirection,
+    fit_excited,
     identifiability,
 )
 from loopid.experiment.identify import (
@@ -51,6 +52,7 @@ __all__ = [
     "drive_gains",
     "find_force_model",
     "fit_by_simulation",
+    "fit_excited",
     "identifiability",
     "identify",
     "identify_payload",

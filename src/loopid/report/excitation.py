@@ -63,7 +63,7 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.labels),
         "standard_errors": json_value(found.standard_errors.tolist()),
-        "errors_before": [json_value(x) for x in found.errors_before.tolist()],
+        "errors_before": json_value(found.before.standard_errors.tolist()),
         "checks": [_check(check) for check in found.checks],
     }
 
@@ -102,7 +102,7 @@ def _errors(found: ExcitationDesign) -> Table:
     before = "logs" if found.after_logs else "first motion"
     columns = ("leading parameter", ">± std", f">by the {before}", "unit")
     table = plain_table("predicted standard errors", *columns)
-    rows = zip(found.parameters, found.standard_errors, found.errors_before, strict=True)
+    rows = zip(found.parameters, found.standard_errors, found.before.standard_errors, strict=True)
     for parameter, after, earlier in rows:
         table.add_row(parameter.label, f"{after:.3g}", f"{earlier:.3g}", parameter.unit)
     return table
@@ -247,7 +247,7 @@ def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
     place = np.arange(count)
     with drawing(height=max(1.8, 0.14 * count + 0.8)) as (figure, axes):
         ax = axes[0, 0]
-        before, after = found.errors_before[worst], found.standard_errors[worst]
+        before, after = found.before.standard_errors[worst], found.standard_errors[worst]
         finite = np.isfinite(before)
         label = "after the logs" if found.after_logs else "first motion"
         ax.barh(place[finite] - 0.2, before[finite], 0.4, color=GREY, label=label)
@@ -267,12 +267,12 @@ def _draw_spectrum(found: ExcitationDesign) -> dict[str, bytes]:
     """Singular values of the observation, before and after."""
     with drawing(height=1.8) as (figure, axes):
         ax = axes[0, 0]
-        number = np.arange(1, len(found.spectrum) + 1)
-        before = found.spectrum_before
+        before, after = found.before.spectrum, found.expected.spectrum
+        number = np.arange(1, len(after) + 1)
         known = before > before.max(initial=0.0) * 1e-12
         label = "logs" if found.after_logs else "first motion"
         ax.plot(number[known], before[known], "o-", color=GREY, markersize=2, label=label)
-        ax.plot(number, found.spectrum, "o-", color=BLUE, markersize=2, label="with this motion")
+        ax.plot(number, after, "o-", color=BLUE, markersize=2, label="with this motion")
         ax.set(yscale="log", xlabel="combination of parameters", ylabel="singular value")
         ax.set(title="information spectrum")
         plain_log_labels(ax.yaxis, (1.0,))
