@@ -1,50 +1,27 @@
 """What can be known: rank, independent blocks, regrouping and the searches for the best choice."""
 
-from loopid.base_parameters.base import BaseParameters, find_base_parameters
+from loopid.base_parameters.base import (
+    STRATEGIES,
+    BaseParameters,
+    find_base_parameters,
+    make_strategy,
+)
+from loopid.base_parameters.choice import (
+    CRITERIA,
+    TIE_TOLERANCE,
+    ChoiceProblem,
+    Exclusion,
+    SearchResult,
+    SearchStrategy,
+)
+from loopid.base_parameters.exact import TIME_LIMIT, ExactSearch
+from loopid.base_parameters.exhaustive import ExhaustiveSearch
+from loopid.base_parameters.guess import PivotedQR
 from loopid.base_parameters.naming import (
     CoefficientName,
     equations,
     expression,
     name_coefficients,
 )
-from loopid.base_parameters.search import (
-    CRITERIA,
-    STRATEGIES,
-    TIE_TOLERANCE,
-    TIME_LIMIT,
-    ChoiceProblem,
-    ExactSearch,
-    Exclusion,
-    ExhaustiveSearch,
-    PivotedQR,
-    SearchResult,
-    SearchStrategy,
-    SubgroupSearch,
-    make_strategy,
-)
 from loopid.base_parameters.structure import Structure, analyse, independent_blocks
-
-__all__ = [
-    "CRITERIA",
-    "STRATEGIES",
-    "TIE_TOLERANCE",
-    "TIME_LIMIT",
-    "BaseParameters",
-    "ChoiceProblem",
-    "CoefficientName",
-    "ExactSearch",
-    "Exclusion",
-    "ExhaustiveSearch",
-    "PivotedQR",
-    "SearchResult",
-    "SearchStrategy",
-    "Structure",
-    "SubgroupSearch",
-    "analyse",
-    "equations",
-    "expression",
-    "find_base_parameters",
-    "independent_blocks",
-    "make_strategy",
-    "name_coefficients",
-]
+from loopid.base_parameters.subgroup import SubgroupSearch
