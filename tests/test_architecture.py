@@ -10,7 +10,6 @@ STREET = (
     "errors",
     "arrays",
     "arguments",
-    "seeds",
     "workers",
     "scratch",
     "files",

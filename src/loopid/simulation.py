@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
+from loopid.arguments import checked, checked_fields, random_generator
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import JointCoordinates, closed_motion
@@ -14,7 +14,6 @@ from loopid.parameters import KINDS
 from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
-from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion
 
 # Samples whose regressor of all standard parameters is in memory at a time.

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import random_generator
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, null_space, partition, velocity_map
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 
 # Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them.
 STEPS = 100

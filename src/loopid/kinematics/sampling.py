@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import affordable, checked
+from loopid.arguments import affordable, checked, random_generator
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import (
@@ -20,7 +20,6 @@ from loopid.kinematics.assembly import (
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02

@@ -19,8 +19,7 @@ from numpy.polynomial import Polynomial
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading.closures import ClosureDescription
-from loopid.loading.description import Description
+from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import naming, refuse_entities
 from loopid.robot import LeftOut

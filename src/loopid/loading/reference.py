@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from loopid.arguments import random_generator
 from loopid.arrays import FloatArray
 from loopid.base_parameters import analyse
 from loopid.errors import (
@@ -49,7 +50,6 @@ from loopid.loading.tree import write_joint
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
 from loopid.robot import AssemblyMode, Mechanism
-from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16

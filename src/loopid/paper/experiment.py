@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from loopid.arguments import derived_seed, random_generator
 from loopid.arrays import FloatArray, IntArray
 from loopid.experiment import ForceModel, find_force_model
 from loopid.identification import FitSamples
@@ -14,7 +15,6 @@ from loopid.logs import Log, Recording, prepare_recording
 from loopid.paper.structure import FORCE_NOISE, TABLE_II, rows_of_table_ii
 from loopid.regressors import ForceParts, JointTerms, force_parts
 from loopid.robot import Mechanism
-from loopid.seeds import derived_seed, random_generator
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import (
     JointMotion,

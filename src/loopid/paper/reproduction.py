@@ -10,7 +10,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import checked
+from loopid.arguments import checked, derived_seed
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import CorrelationWarning, ExcitationWarning
 from loopid.experiment import cad_prior, prediction_reach, split_recordings
@@ -45,7 +45,6 @@ from loopid.paper.structure import (
     measured_geometry,
 )
 from loopid.parameters import html_table
-from loopid.seeds import derived_seed
 from loopid.workers import Progress
 
 # Opens a progress bar with a title.

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import affordable, checked
+from loopid.arguments import affordable, checked, random_generator
 from loopid.arrays import FloatArray
 from loopid.kinematics import (
     Accuracy,
@@ -24,7 +24,6 @@ from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, joint_term
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
