@@ -490,7 +490,7 @@ def identify(
         typer.Option(metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."),
     ] = None,
     estimator: Annotated[
-        str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
+        str, typer.Option(help="wls, ols, bisquare, iv (with --reference) or bayes.")
     ] = "wls",
     unidentifiable: Annotated[
         str,
@@ -640,7 +640,7 @@ def payload(
     mapping: LogMap = None,
     model: Model = "gravity",
     terms: Terms = "Fc,Fv",
-    estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
+    estimator: Annotated[str, typer.Option(help="wls, ols or bisquare.")] = "wls",
     cutoff: Cutoff = None,
     as_json: Json = False,
 ) -> None:

@@ -47,7 +47,7 @@ NUMBERS = ("0.5", "1", "0", "-1", "nan", "inf", "-inf", "1e-300", "1e300", "x", 
 VALUES = {
     "model": ("gravity", "full", "gravity", "Gravity", "x", ""),
     "terms": ("Fc,Fv", "none", "Fc,Fv,Fo,Ia", "Fv", "Fc,Fc", "Fx", "", ",", "Fc,none", " Fc , Fv "),
-    "estimator": ("wls", "ols", "huber", "bisquare", "tls", "bayes", "iv", "WLS", "best", ""),
+    "estimator": ("wls", "ols", "bisquare", "bayes", "iv", "WLS", "best", ""),
     "unidentifiable": ("error", "prior", "Prior", "", "x"),
     "consistent": ("entropic", "euclidean", "riemannian", "Entropic", "", "x"),
     "prior_deviation": ("0.3", "1", "0", "-1", "nan", "inf", "1e-12", "1e12", "x"),
