@@ -230,7 +230,7 @@ def base(
                 other, moved = special
                 W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
                 record["base_parameters_if_snapped"] = count = _count(W)
-                if count:
+                if count and count != len(found[0]):
                     warn(
                         f"{mechanism.path}: geometry is nearly special: {len(bases[0])} base "
                         f"parameters as it is, {count} with --snap, {moved}",

@@ -314,7 +314,8 @@ def _closure(
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1]:
         raise RobotFileError(
-            f"{file}: closure {frame_a}-{frame_b} joins two frames of one body: it closes no loop"
+            f"{file}: closure {frame_a}-{frame_b} joins two frames of one body: it closes "
+            "no loop, leave it out"
         )
     default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
@@ -398,7 +399,8 @@ def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
         left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
         if left > 1e-9 * max(1.0, np.abs(offsets).max()):
             raise RobotFileError(
-                f"{file}: coupling {couplings[k - 1].name} contradicts the ones before it"
+                f"{file}: coupling {couplings[k - 1].name} contradicts the ones before it: leave "
+                "one of them out, those of the tree's own file by 'remove_closures' in a YAML"
             )
 
 

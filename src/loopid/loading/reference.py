@@ -64,6 +64,8 @@ NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
 # Of observations that only tell a rank: rows, and the part of the limits from which poses are.
 ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+# Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
+TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
@@ -137,7 +139,7 @@ def _exact(
         open_by = 0.0
     closed, around = _closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
     shift, turn = changes(loose, closed)
-    if closed.model is not loose.model:
+    if closed.model is not loose.model or open_by:
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
@@ -325,7 +327,9 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     try:
         chosen = independent_coordinates(mechanism, around)
     except MobilityError as error:
-        raise MobilityError(f"{mechanism.path}: {error}") from error
+        raise MobilityError(
+            f"{mechanism.path}: {error}{_how_to_move(mechanism, around)}"
+        ) from error
     driven = mechanism.coordinates_of(mechanism.actuated)
     closed = replace(
         mechanism,
@@ -334,6 +338,16 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
         redundant=tuple(name for name in driven if name not in chosen),
     )
     return closed, around
+
+
+def _how_to_move(mechanism: Mechanism, around: FloatArray) -> str:
+    """What to do about a robot that its closures hold, in words."""
+    hint = ": leave a closure out, or choose a kind with fewer rows"
+    angle = TILT * mobility(mechanism, around=around).least
+    if angle < LARGEST_TILT:
+        rounding = rounding_that_closes(angle, 1.0)
+        hint += f"; if axes are meant to be parallel, say so by --rounding {rounding:g}"
+    return hint
 
 
 def _measure(closed: ClosedReference) -> float:
@@ -356,6 +370,8 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     name = mechanism.row_names[int(residual.argmax())]
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
+    if any(closure.kind == "6d" for closure in mechanism.closures):
+        hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
     if residual.max() < LIKELY_ROUNDING * mechanism.length:
         needed = rounding_that_closes(float(residual.max()), mechanism.length)
         hint = (
