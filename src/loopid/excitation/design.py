@@ -380,7 +380,10 @@ def _refuse(
     if coordinates == "platform" and mechanism.platform is None:
         raise OptionError(f"{mechanism.name} declares no platform coordinates: use 'joints'")
     if shape == "poses" and (force_model.model != "gravity" or force_model.joint_terms):
-        raise OptionError("standing in poses tells the gravity model without joint terms only")
+        raise OptionError(
+            "standing in poses tells the gravity model without joint terms only: choose the shape "
+            "'fourier' or 'spline' here"
+        )
     if parameters and criterion != "D":
         raise OptionError(f"chosen parameters have the criterion D, not {criterion}")
     if not time_limit > 0:
