@@ -83,12 +83,8 @@ def configuration_batches(
     count: int,
     seed: int = 0,
     margin: float | None = None,
-    spread: float = 1.0,
 ) -> Iterator[FloatArray]:
-    """Yield the rows of ``random_configurations`` a few at a time.
-
-    With a spread below 1 they are drawn from that part of the limits around the reference.
-    """
+    """Yield the rows of ``random_configurations`` a few at a time."""
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
     affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
@@ -100,7 +96,7 @@ def configuration_batches(
     home, lower, upper = _ranges(measured)
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
     # Of many loops that move on their own one fails in nearly every draw from anywhere.
-    spread *= min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
+    spread = min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
     least = DEFAULT_MARGIN if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:

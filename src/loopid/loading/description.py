@@ -291,12 +291,7 @@ def bundled_robots() -> tuple[str, ...]:
 
 
 def find_files(path: str | Path) -> RobotFiles:
-    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-    """
+    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML."""
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
     if file.suffix == ".sdf":  # which says why not
         return RobotFiles(file, Description(), file)

@@ -376,10 +376,7 @@ def _coupling(
 
 
 def _single_joint(file: Path, model: pin.Model, name: str) -> pin.JointModel:
-    if not model.existJointName(name):
-        listed = ", ".join(list(model.names)[1:])
-        raise RobotFileError(f"{file}: unknown joint {name!r} in a coupling: choose among {listed}")
-    joint = model.joints[model.getJointId(name)]
+    joint = joint_named(name, model, f"{file}: unknown joint {name!r} in a coupling")
     if joint.nq != 1:
         raise RobotFileError(f"{file}: joint {name} in a coupling has {joint.nv} coordinates")
     return joint

@@ -30,8 +30,6 @@ from loopid.kinematics import (
     changes,
     close_by_continuation,
     close_loops,
-    closed_motion,
-    configuration_batches,
     difference,
     exact_geometry,
     geometry_accuracy,
@@ -41,14 +39,12 @@ from loopid.kinematics import (
     largest_residual,
     mobility,
     nearby_configurations,
-    random_motions,
     rounding_that_closes,
     scaled_constraint,
     singularity_measure,
 )
 from loopid.loading.tree import write_joint
-from loopid.observation import Observation
-from loopid.regressors import motion_regressor
+from loopid.regressors import structural_observation
 from loopid.robot import AssemblyMode, Mechanism
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
@@ -62,8 +58,7 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # leaves no choice.
 NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
-# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
-ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
 # Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
 TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
@@ -264,10 +259,8 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     try:
-        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
-        motion = closed_motion(robot, q, *random_motions(robot, samples))
-        W = motion_regressor(robot, motion).reshape(-1, len(robot.parameters()))
-        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+        observed = structural_observation(robot, "full", samples)
+        return analyse(replace(observed, geometry=None)).rank
     except LoopidError:
         return None
 

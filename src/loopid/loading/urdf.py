@@ -74,18 +74,11 @@ ROOT_JOINT = "root_joint"
 PACKAGE = "package://"
 CLOSING_FRAME = re.compile(r"closing_(.+)_([12])")
 Z = (0.0, 0.0, 1.0)
-LOOPS = {
-    "continuous": "hinge",
-    "cylindrical": "cylindrical",
-    "fixed": "6d",
-    "prismatic": "prismatic",
-    "revolute": "hinge",
-    "spherical": "3d",
-    "universal": "universal",
-}
-# Types of joints of others.
-ALSO = {"ball": "3d", "weld": "6d", "hinge": "hinge"}
 AXIAL = ("hinge", "cylindrical", "prismatic", "universal")
+# Kinds of closures by the types of joints, of URDF+ and of others.
+LOOPS = {kind: kind for kind in AXIAL[1:]}
+LOOPS |= {"continuous": "hinge", "fixed": "6d", "revolute": "hinge", "spherical": "3d"}
+ALSO = {"ball": "3d", "weld": "6d", "hinge": "hinge"}
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 UNREAD = ("loop_constraint", "joint_constraint")  # of drafts of URDF+
 # Tags that name the ends of what closes a loop; others say parent and child.
@@ -517,7 +510,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
             given, named = (element.get("type") or "").strip(), element.get("name", "").strip()
             kind = (LOOPS | ALSO).get(given)
             if kind is None:
-                listed = ", ".join(LOOPS)
+                listed = ", ".join(sorted(LOOPS))
                 raise RobotFileError(f"unknown type {given!r}: choose among {listed}")
             frames = [f"{named}_{side}" for side in _sides(element)]
             for frame, link, place in zip(frames, links, places, strict=True):
@@ -527,11 +520,10 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
                         f"{element.tag!s}"
                     )
                 add_frame(model, frame, link, place)
-            axes = _axes(element, kind) if kind in AXIAL else None
-            content = {"type": kind, "name": named, "frames": frames}
+            content: dict[str, Any] = {"type": kind, "name": named, "frames": frames}
+            content |= {"axes": _axes(element, kind)} if kind in AXIAL else {}
             try:
-                closure = content if axes is None else content | {"axes": axes}
-                closures.append(ClosureDescription.model_validate(closure))
+                closures.append(ClosureDescription.model_validate(content))
             except ValidationError as error:
                 raise RobotFileError(first_problem(error)) from error
     return closures
@@ -574,17 +566,11 @@ def _balls(urdf: UrdfFile) -> Iterator[Loop]:
         ball = etree.Element("ball_constraint", type="ball", name=f"ball_constraint_{number}")
         with naming(label(ball)):
             points = list[pin.SE3]()
-            for side, tags in zip(
-                _sides(ball), (("body_A", "p_AP"), ("body_B", "p_BQ")), strict=True
-            ):
-                end = etree.SubElement(ball, side)
-                for tag, key, attribute in zip(
-                    tags, ("link", "xyz"), ("name", "value"), strict=True
-                ):
-                    said = next(_all(element, (f"ball_constraint_{tag}",)), None)
-                    if said is None:
-                        raise RobotFileError(f"it has no ball_constraint_{tag}")
-                    end.set(key, said.get(attribute, ""))
+            for side, body, point in (("parent", "body_A", "p_AP"), ("child", "body_B", "p_BQ")):
+                link, xyz = (_said(element, (f"ball_constraint_{tag}",)) for tag in (body, point))
+                if not (link and xyz):
+                    raise RobotFileError(f"it needs ball_constraint_{body} and _{point}")
+                end = etree.SubElement(ball, side, link=link, xyz=xyz)
                 points.append(pin.SE3(np.eye(3), np.array(numbers(end, "xyz", 3))))
             yield ball, _ends(ball, urdf), (points[0], points[1])
 
@@ -678,15 +664,9 @@ def _ends(element: Element, urdf: UrdfFile) -> tuple[str, str]:
 # Forces in joints: <dynamics>, transmissions, and what simulators add.
 
 # Attributes of <dynamics>, and tags of simulators, by the term that they are a coefficient of.
-COEFFICIENTS = {
-    "damping": "Fv",
-    "friction": "Fc",
-    "armature": "Ia",
-    "springStiffness": "Ks",
-    "spring_stiffness": "Ks",
-    "springReference": "slack",
-    "spring_reference": "slack",
-}
+COEFFICIENTS = {"damping": "Fv", "friction": "Fc", "armature": "Ia"}
+COEFFICIENTS |= {"springStiffness": "Ks", "spring_stiffness": "Ks"}
+COEFFICIENTS |= {"springReference": "slack", "spring_reference": "slack"}
 REDUCTIONS = ("gear_ratio", "mechanicalReduction", "mechanical_reduction")
 ROTORS = ("rotor_inertia", "motorInertia", "motor_inertia")
 WEIGHTLESS = {"turnGravityOff": True, "gravity": False}  # what each must say
@@ -785,9 +765,9 @@ def _coefficients(element: Element) -> dict[str, float]:
 
 
 def _said(element: Element, tags: Collection[str]) -> str:
-    """The value or text of the first tag of some below an element, whatever its namespace."""
+    """The value, name or text of the first tag of some below an element, in any namespace."""
     for found in _all(element, tags):
-        return (found.get("value") or found.text or "").strip()
+        return (found.get("value") or found.get("name") or found.text or "").strip()
     return ""
 
 

@@ -114,12 +114,7 @@ MARKS = {"~": "RATE", "@": "POSITION"}
 def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
     """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
 
-    Where other words than kinds would do, an error names them too.
-
-    Raises
-    ------
-    OptionError
-        When there is no such kind, or its number makes no sense.
+    Where other words than kinds would do, an OptionError names them too.
     """
     mark = next((mark for mark in MARKS if mark in kind), "")
     stem, _, number = kind.partition(mark) if mark else (kind, "", "")
