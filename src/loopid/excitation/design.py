@@ -14,18 +14,15 @@ import scipy.linalg
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
 from loopid.errors import ExcitationWarning, OptionError, SingularityWarning, warn
-from loopid.excitation.check import Check, check_motion
-from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
 from loopid.excitation.expected_fit import ExpectedFit, expected_fit, root
-from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.problem import Coordinates, Problem
-from loopid.excitation.search import DesignProgress, searched
+from loopid.excitation.limits import Bounds, Collisions, MotionLimits
+from loopid.excitation.problem import Check, Coordinates, Problem, check_motion
+from loopid.excitation.search import DesignProgress, Poses, find_poses, random_margin, searched
 from loopid.excitation.shapes import SHAPES, PosesShape, Shape
 from loopid.excitation.solvers import SOLVERS
-from loopid.excitation.start import Poses, find_poses, random_margin
-from loopid.experiment import Excitation, ForceModel, find_force_model, fit_excited
-from loopid.identification import FitSamples
+from loopid.experiment import Excitation, ForceModel, excited_samples, find_force_model
+from loopid.identification import FitSamples, quiet_fit
 from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
 from loopid.logs import Recording
 from loopid.parameters import ParameterSet
@@ -430,7 +427,7 @@ def _known(
         told = FitSamples.combined([force_model.samples(each) for each in after])
         spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
         excitation = Excitation.of(force_model, told.problem)
-        found = fit_excited(told, force_model.prior, excitation).noise
+        found = quiet_fit(excited_samples(told, force_model.prior, excitation)).noise
         if found is None:
             raise AssertionError("fits have a model of the noise")
         for k, name in enumerate(mechanism.independent):
@@ -495,7 +492,7 @@ def _repaired(
     Of the trail of ever better ones, at first a little and at last a lot shrunk around a pose.
     """
     still, best = problem.shape.still(), problem.variables(trail[-1])
-    home = np.outer(still, poses.poses[0].position)
+    home = np.outer(still, poses.positions[0])
     middle = np.outer(still, (problem.functions[0] @ best).mean(axis=0))
     earlier = [problem.variables(trail[-1 - k]) for k in BACK if k < len(trail)]
     near = [middle + part * (best - middle) for part in SHRINKS[:FIRST]]

@@ -12,7 +12,7 @@ from loopid.experiment.identifiability import (
     Excitation,
     Identifiability,
     WeakDirection,
-    fit_excited,
+    excited_samples,
     identifiability,
 )
 from loopid.experiment.identify import (
