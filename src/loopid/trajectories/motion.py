@@ -104,8 +104,8 @@ class Curve(ABC):
 class FourierCurve(Curve):
     """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
 
-    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H, with Σ h sine_h = 0 and Σ h²
-    # cosine_h = 0, so that it starts and ends at rest.
+    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H. It starts and ends at rest, as
+    # Σ h sine_h = 0 and Σ h² cosine_h = 0.
     shape: FloatArray
 
     def __post_init__(self) -> None:
@@ -209,7 +209,7 @@ class Waypoint:
     Examples
     --------
     >>> import loopid
-    >>> loopid.Waypoint([0.2, 0.6], seconds=2.0).position.shape
+    >>> loopid.trajectories.Waypoint([0.2, 0.6], seconds=2.0).position.shape
     (2,)
     """
 
@@ -257,8 +257,8 @@ def point_to_point(
     Examples
     --------
     >>> import loopid
-    >>> there = loopid.Waypoint([1.0], seconds=2.0)
-    >>> motion = loopid.point_to_point(["crank_joint"], [0.0], [there], rate=50)
+    >>> there = loopid.trajectories.Waypoint([1.0], seconds=2.0)
+    >>> motion = loopid.trajectories.point_to_point(["crank_joint"], [0.0], [there], rate=50)
     >>> motion
     <Motion of crank_joint: 101 samples, 2 s>
     >>> bool(abs(motion.velocity.max() - 1.875 * 0.5) < 1e-12)  # 1.875 times the average
