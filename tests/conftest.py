@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+import typer
 from hypothesis import settings
 
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
@@ -38,6 +39,14 @@ settings.register_profile(
     "reproducible", deadline=None, derandomize=True, database=None, max_examples=25
 )
 settings.load_profile("reproducible")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commands_built_once():
+    """Typer builds all commands in every call, which takes longer than some of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.main.get_command", cache(typer.main.get_command))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -239,6 +248,23 @@ def once(tmp_path_factory):
         return pickle.loads(place.read_bytes())
 
     return load
+
+
+REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+
+
+@pytest.fixture(scope="session")
+def real_log(mechanism, shared):
+    """Folder of a log of the real robot."""
+    return shared / "data" / "upv" / "logs" / REAL[mechanism.name]
+
+
+@pytest.fixture(scope="session")
+def real_recording(mechanism, real_log, once):
+    def prepared():
+        return quietly(prepare_recording, mechanism, read_log(real_log, mechanism))
+
+    return once(f"real {mechanism.name}", prepared)
 
 
 @pytest.fixture(scope="session")

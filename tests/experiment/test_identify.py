@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, load_mechanism, prepare_recording, read_log
+from loopid import JointTerms
 from loopid.errors import CorrelationWarning, DataError, ExcitationWarning, OptionError, RankError
 from loopid.experiment import (
     cad_prior,
@@ -19,8 +19,7 @@ from loopid.identification import correlation, fit, quiet_fit
 from loopid.saved import read_fit, save_fit
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
-DRAWS = 10
-LOGS = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+DRAWS = 6
 
 
 def deviations(result, truth):
@@ -367,13 +366,14 @@ def test_physically_consistent_parameters_are_fitted_on_demand(crank_model, cran
     assert (found.margins > 0).all()
 
 
-@pytest.fixture(scope="module", params=LOGS)
-def logged(request, shared):
-    robot = load_mechanism(request.param)
-    log = read_log(shared / "data" / "upv" / "logs" / LOGS[request.param], robot)
-    model = find_force_model(robot, "gravity", JointTerms(robot.actuated, ("Fc", "Fv")))
-    recording = quietly(prepare_recording, robot, log)
-    return quietly(identify, model, *split_recordings([recording]))
+@pytest.fixture(scope="module")
+def logged(mechanism, real_recording, once):
+    def identified():
+        terms = JointTerms(mechanism.actuated, ("Fc", "Fv"))
+        model = find_force_model(mechanism, "gravity", terms)
+        return quietly(identify, model, *split_recordings([real_recording]))
+
+    return once(f"identified {mechanism.name}", identified)
 
 
 def test_the_first_part_predicts_the_rest_better_than_the_robot_file(logged):
