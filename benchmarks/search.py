@@ -24,7 +24,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     analyse,
 )
-from loopid.base_parameters.search.exhaustive import best_in_range
+from loopid.base_parameters.exhaustive import CHUNK, promising
 from loopid.regressors import structural_observation
 from tables import show, write_json
 
@@ -83,18 +83,21 @@ def timed_strategies(observation: Observation) -> list[dict[str, Any]]:
 
 
 def exhaustive(observation: Observation, least: float, full: bool) -> dict[str, Any]:
-    """Exhaustive search, whole on all cores or extrapolated from a sample on one."""
+    """Exhaustive search, whole or extrapolated from a sample."""
     problem = ChoiceProblem(analyse(observation))
     if full:
         result = ExhaustiveSearch().search(problem)
-        value, seconds, how = result.condition_number, result.seconds, "whole, on all cores"
+        value, seconds, how = result.condition_number, result.seconds, "whole"
     else:
-        first = problem.candidates // 3
+        generator, n = np.random.default_rng(0), problem.size
+        count = problem.vectors.shape[1]
+        places = np.argsort(generator.random((SAMPLE, n)), axis=1)[:, :count]
         start = perf_counter()
         # With the least value known from the start, as it soon is in a whole run.
-        best_in_range(problem.vectors, least, (first, first + SAMPLE))
+        for selections in np.split(places, SAMPLE // CHUNK):
+            promising(problem.vectors, selections, least)
         seconds = (perf_counter() - start) * problem.candidates / SAMPLE
-        value, how = float("nan"), f"extrapolated from {SAMPLE:,}, one core"
+        value, how = float("nan"), f"extrapolated from {SAMPLE:,}"
     return {
         "search": "exhaustive",
         "condition_number": value,

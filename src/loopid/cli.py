@@ -12,8 +12,10 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial, wraps
 from importlib.metadata import version
+from inspect import Parameter, Signature, signature
 from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
@@ -35,7 +37,6 @@ from loopid.errors import (
     warn,
 )
 from loopid.files import require_folder, require_other_file, write_file, write_files
-from loopid.workers import Progress as Reporter
 
 if TYPE_CHECKING:
     from loopid.logs import Recording
@@ -52,62 +53,121 @@ app = typer.Typer(
 RobotFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
 ]
-Lock = Annotated[
-    list[str] | None,
-    typer.Option(metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."),
+Logs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG...",
+        help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
+    ),
 ]
-Floating = Annotated[bool, typer.Option("--floating-base", help="The URDF's root moves freely.")]
-FreeMimics = Annotated[
-    bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
+Motions = Annotated[
+    str | None,
+    typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
 ]
-Rounding = Annotated[
+Model = Annotated[
+    str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
+]
+Terms = Annotated[
+    str,
+    typer.Option(
+        help="Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of "
+        "motors and passive joints; after semicolons of some joints: "
+        '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
+    ),
+]
+LogMap = Annotated[
+    str | None, typer.Option(metavar="YAML", help="Which columns of LOG are what, and their units.")
+]
+Cutoff = Annotated[
     float | None,
-    typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
+    typer.Option(help="Of the low-pass filter in Hz; by default what the spectrum asks for."),
 ]
-Snap = Annotated[
-    bool,
-    typer.Option("--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."),
+Repair = Annotated[
+    bool, typer.Option("--repair", help="Repair inconsistent bodies of the robot file first.")
 ]
-Tied = Annotated[bool, typer.Option("--tied", help="Links declared identical share parameters.")]
-TERMS_HELP = (
-    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of motors "
-    'and passive joints; after semicolons of some joints: "Fc,Fv; elbow: Ks; passive: Fv"; none.'
-)
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Out = Annotated[
     str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
 ]
-YAML = (".yaml", ".yml", ".json")
 LEAST_TIME = 0.01  # s, of a search when the limit is used
 LONGEST, AGAIN = 1e6, 0.5  # s, of a limit that is kept, and until it is enforced again
 AFTERWARDS = 0.35  # of the time before the search, kept for what comes after it: as of 181 bodies
-LOG_HELP = "CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream."
+Load = Callable[[], "Mechanism"]
+
+
+def loaded(
+    file: RobotFile,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."),
+    ] = None,
+    rounding: Annotated[
+        float | None,
+        typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
+    ] = None,
+    snap: Annotated[
+        bool,
+        typer.Option(
+            "--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."
+        ),
+    ] = False,
+    floating_base: Annotated[
+        bool, typer.Option("--floating-base", help="The URDF's root moves freely.")
+    ] = False,
+    free_mimics: Annotated[
+        bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
+    ] = False,
+    tied: Annotated[
+        bool, typer.Option("--tied", help="Links declared identical share parameters.")
+    ] = False,
+) -> Any:
+    """The robot (``Mechanism``) that the options of a command ask for."""
+    from loopid.loading import load_mechanism
+
+    with progress_bar("robot"):
+        return load_mechanism(
+            file,
+            lock or (),
+            floating_base=floating_base,
+            free_mimics=free_mimics,
+            tied=tied,
+            rounding=rounding,
+            snap=snap,
+        )
+
+
+def of_robot(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of ``loaded`` in the place of its first parameter, ``load``."""
+    file, *options = signature(loaded, eval_str=True).parameters.values()
+    _, *own = signature(command, eval_str=True).parameters.values()
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        command(partial(loaded, **{p.name: given.pop(p.name) for p in (file, *options)}), **given)
+
+    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in (file, *own, *options)]
+    run.__dict__["__signature__"] = Signature(parameters)
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
 
 
 @app.command()
-def check(
-    file: RobotFile,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    floating_base: Floating = False,
-    free_mimics: FreeMimics = False,
-    as_json: Json = False,
-) -> None:
+@of_robot
+def check(load: Load, as_json: Json = False) -> None:
     """Report joints, closures, mobility and distance to singularity."""
     from loopid.report.structure import check_record, check_tables
 
-    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
-    record = check_record(mechanism)
+    record = check_record(load())
     show(record, check_tables(record), as_json)
 
 
 @app.command()
+@of_robot
 def base(
-    file: RobotFile,
-    model: Annotated[str, typer.Option(help="gravity or full.")] = "gravity",
+    load: Load,
+    model: Model = "gravity",
     search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
-    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
+    terms: Terms = "none",
     criterion: Annotated[
         str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
     ] = "nullspace",
@@ -121,12 +181,6 @@ def base(
             metavar="S", help="Of everything, in s, with the best so far; else 10 s of the search."
         ),
     ] = None,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    floating_base: Floating = False,
-    free_mimics: FreeMimics = False,
-    tied: Tied = False,
     as_json: Json = False,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
@@ -147,7 +201,7 @@ def base(
         raise OptionError(f"--time-limit must be above 0 s and finite, not {time_limit:g}")
     strategy = make_strategy(search)
     with _time_limit(time_limit, f"{passed} before base parameters were chosen: allow more"):
-        mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
+        mechanism = load()
         joint_terms = JointTerms.of(mechanism, terms)
         warn_of_omitted(mechanism, joint_terms)
         with progress_bar("poses") as report:
@@ -165,26 +219,26 @@ def base(
                     strategy = ExactSearch(max(left, LEAST_TIME))
                 found.append(find_base_parameters(each, strategy, criterion))
                 left -= found[-1].search.seconds
-    record, alone = None, found[1] if len(found) > 1 else None
+    bases = found[0], found[1] if len(found) > 1 else None
     rest = None if time_limit is None else max(began + time_limit - perf_counter(), LEAST_TIME)
+    record, missing = None, "lengths in coefficients are"
     try:
-        with _time_limit(rest, passed):
-            with progress_bar("names"):
-                record = base_record(mechanism, model, found[0], alone)
-            if not snap and (special := nearly_special(mechanism)):
+        with _time_limit(rest, passed), progress_bar("names"):
+            record = base_record(mechanism, model, *bases)
+            missing = "what --snap would change is"
+            if not mechanism.options.get("snap") and (special := nearly_special(mechanism)):
                 other, moved = special
                 W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
                 record["base_parameters_if_snapped"] = count = _count(W)
                 if count:
                     warn(
-                        f"{mechanism.path}: geometry is nearly special: {len(found[0])} base "
+                        f"{mechanism.path}: geometry is nearly special: {len(bases[0])} base "
                         f"parameters as it is, {count} with --snap, {moved}",
                         AccuracyWarning,
                     )
     except LoopidError as reason:
-        missing = "what --snap would change is" if record else "lengths in coefficients are"
         warn(f"{mechanism.path}: {reason}, so {missing} not told", AccuracyWarning)
-        record = record or base_record(mechanism, model, found[0], alone, with_lengths=False)
+        record = record or base_record(mechanism, model, *bases, with_lengths=False)
     show(record, base_tables(record), as_json)
 
 
@@ -199,26 +253,19 @@ def _count(observation: Observation) -> int | None:
 
 
 @app.command()
+@of_robot
 def motions(
-    file: RobotFile,
-    program: Annotated[
-        str | None,
-        typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
-    ] = None,
+    load: Load,
+    program: Motions = None,
     rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
     margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    floating_base: Floating = False,
-    free_mimics: FreeMimics = False,
     as_json: Json = False,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
     from loopid.report.structure import motions_record, motions_tables
     from loopid.trajectories import joint_motion, read_motion_program, review_motion
 
-    mechanism = loaded(file, lock, floating_base, free_mimics, rounding=rounding, snap=snap)
+    mechanism = load()
     planned, reviews = read_motion_program(program or mechanism.name), {}
     with progress_bar("motions") as report:
         for name in planned.motions:
@@ -231,12 +278,10 @@ def motions(
 
 
 @app.command()
+@of_robot
 def simulate(
-    file: RobotFile,
-    program: Annotated[
-        str | None,
-        typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
-    ] = None,
+    load: Load,
+    program: Motions = None,
     motion: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of the file; its first by default.")
     ] = None,
@@ -267,7 +312,7 @@ def simulate(
     from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
     from loopid.trajectories import joint_motion, read_motion_program
 
-    mechanism = loaded(file, None, False, False)
+    mechanism = load()
     planned = read_motion_program(program or mechanism.name)
     name = motion if motion is not None else next(iter(planned.motions))
     moved = joint_motion(mechanism, planned.motion(name, rate))
@@ -284,11 +329,12 @@ def simulate(
 
 
 @app.command()
+@of_robot
 def excite(
-    file: RobotFile,
+    load: Load,
     out: Out = None,
-    model: Annotated[str, typer.Option(help="gravity (slow motion) or full.")] = "gravity",
-    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "none",
+    model: Model = "gravity",
+    terms: Terms = "none",
     criterion: Annotated[str, typer.Option(help="D, A, E or condition.")] = "D",
     shape: Annotated[
         str, typer.Option(help="fourier, spline, or poses to stand in (gravity).")
@@ -335,9 +381,7 @@ def excite(
     after: Annotated[
         list[str] | None, typer.Option(metavar="LOG", help="Add to what this log tells.")
     ] = None,
-    mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="Which columns of LOG are what.")
-    ] = None,
+    mapping: LogMap = None,
     wanted: Annotated[
         list[str] | None,
         typer.Option("--for", metavar="PARAMETER", help="Excite this one; repeatable."),
@@ -355,12 +399,6 @@ def excite(
     solver: Annotated[
         str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
     ] = None,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    floating_base: Floating = False,
-    free_mimics: FreeMimics = False,
-    tied: Tied = False,
     as_json: Json = False,
 ) -> None:
     """Design a motion that excites the parameters, within what the robot can do.
@@ -368,7 +406,6 @@ def excite(
     Ctrl-C keeps the best motion so far.
     """
     from loopid.excitation import MotionLimits, design_excitation
-    from loopid.logs import prepare_recording, read_log
     from loopid.regressors import JointTerms
     from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
 
@@ -383,14 +420,10 @@ def excite(
         margin,
         collisions,
     )
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
-    recordings = []
-    for path in after or ():
-        log = read_log(path, mechanism, mapping)
-        with progress_bar(f"assembling {log.name}") as report:
-            recordings.append(prepare_recording(mechanism, log, progress=report))
+    mechanism = load()
+    recordings = prepared(mechanism, after, mapping)
     deviations = _sizes("--noise", noise)
-    with criterion_bar(criterion) as watch:
+    with progress_bar(criterion) as watch:
         found = design_excitation(
             mechanism,
             model,
@@ -445,16 +478,13 @@ def _number(option: str, text: str, number: str) -> float:
 
 
 @app.command()
+@of_robot
 def identify(
-    file: RobotFile,
-    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
-    mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
-    ] = "gravity",
-    terms: Annotated[str, typer.Option(help=TERMS_HELP)] = "Fc,Fv,file",
+    load: Load,
+    logs: Logs,
+    mapping: LogMap = None,
+    model: Model = "gravity",
+    terms: Terms = "Fc,Fv,file",
     compare_terms: Annotated[
         list[str] | None,
         typer.Option(metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."),
@@ -479,10 +509,7 @@ def identify(
             help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
         ),
     ] = None,
-    repair: Annotated[
-        bool,
-        typer.Option("--repair", help="Repair inconsistent bodies of the robot file for that."),
-    ] = False,
+    repair: Repair = False,
     reference: Annotated[
         list[str] | None,
         typer.Option(
@@ -492,9 +519,7 @@ def identify(
     reference_mapping: Annotated[
         str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
     ] = None,
-    cutoff: Annotated[
-        float | None, typer.Option(help="Of the low-pass filter in Hz; a twentieth of the rate.")
-    ] = None,
+    cutoff: Cutoff = None,
     train: Annotated[
         float,
         typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
@@ -520,12 +545,6 @@ def identify(
         int, typer.Option(metavar="N", help="Processes that compute the regressors.")
     ] = 1,
     out: Out = None,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    floating_base: Floating = False,
-    free_mimics: FreeMimics = False,
-    tied: Tied = False,
     as_json: Json = False,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
@@ -537,12 +556,12 @@ def identify(
         identification_tables,
     )
 
-    require_output(out, file, mapping, *logs, *(validate or ()))
     if not 0 < train < 1:
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     if not start < end:
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
-    mechanism = loaded(file, lock, floating_base, free_mimics, tied, rounding, snap)
+    mechanism = load()
+    require_output(out, str(mechanism.path), mapping, *logs, *(validate or ()))
     joint_terms = JointTerms.of(mechanism, terms)
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
@@ -577,17 +596,13 @@ def identify(
 @app.command()
 def predict(
     fit: Annotated[str, typer.Argument(metavar="FIT", help="Saved fit of 'loopid identify'.")],
-    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help=LOG_HELP)],
+    logs: Logs,
     robot: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Of the fit; by default where it was then."),
     ] = None,
-    mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
-    ] = None,
-    cutoff: Annotated[
-        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
-    ] = None,
+    mapping: LogMap = None,
+    cutoff: Cutoff = None,
     out: Out = None,
     as_json: Json = False,
 ) -> None:
@@ -607,8 +622,9 @@ def predict(
 
 
 @app.command()
+@of_robot
 def payload(
-    file: RobotFile,
+    load: Load,
     link: Annotated[str, typer.Argument(metavar="LINK", help="That the payload is fixed to.")],
     unloaded: Annotated[list[str], typer.Option(metavar="LOG", help="Without it; repeatable.")],
     loaded_log: Annotated[
@@ -621,21 +637,11 @@ def payload(
     centre: Annotated[
         str, typer.Option(metavar="X,Y,Z", help="Of the known mass, in the link's frame in m.")
     ] = "0,0,0",
-    mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="Which columns are what, and their units.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
-    ] = "gravity",
-    terms: Annotated[str, typer.Option(help="Of every motor; as for identify.")] = "Fc,Fv",
+    mapping: LogMap = None,
+    model: Model = "gravity",
+    terms: Terms = "Fc,Fv",
     estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
-    cutoff: Annotated[
-        float | None, typer.Option(help="Of the low-pass filter in Hz; as for identify.")
-    ] = None,
-    lock: Lock = None,
-    rounding: Rounding = None,
-    snap: Snap = False,
-    tied: Tied = False,
+    cutoff: Cutoff = None,
     as_json: Json = False,
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
@@ -645,7 +651,7 @@ def payload(
     from loopid.regressors import JointTerms
     from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
 
-    mechanism = loaded(file, lock, False, False, tied, rounding, snap)
+    mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
     light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
     if known_mass is None:
@@ -676,18 +682,16 @@ def export(
             "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
         ),
     ] = None,
-    yaml: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as YAML.")] = None,
-    npz: Annotated[str | None, typer.Option(metavar="FILE", help="The fit as arrays.")] = None,
+    yaml: Annotated[
+        str | None, typer.Option(metavar="FILE", help="The fit as YAML, or as JSON.")
+    ] = None,
     c: Annotated[
         str | None, typer.Option(metavar="DIR", help="C source of the regressor, and its values.")
     ] = None,
     name: Annotated[
         str | None, typer.Option(help="Of the C functions; the robot's by default.")
     ] = None,
-    repair: Annotated[
-        bool,
-        typer.Option("--repair", help="Repair bodies of the robot file that are not consistent."),
-    ] = False,
+    repair: Repair = False,
     any_mass: Annotated[
         bool,
         typer.Option("--any-mass", help="Bodies may be over three times as heavy as in the file."),
@@ -707,16 +711,14 @@ def export(
     from loopid.robot import shortened
     from loopid.saved import read_fit, robot_files
 
-    if all(place is None for place in (robot, yaml, npz, c)):
-        raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml, --npz or --c")
+    if all(place is None for place in (robot, yaml, c)):
+        raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml or --c")
     saved = read_fit(fit)
     mechanism = load_mechanism(file, **dict(saved.robot.options))
     # All that may be refused comes before the first file is written.
-    places = {place: endings for place, endings in ((yaml, YAML), (npz, (".npz",))) if place}
-    for place, endings in places.items():
-        if Path(place).suffix.lower() not in endings:
-            raise OptionError.unknown("ending", Path(place).suffix or place, endings)
-        require_other_file(place, fit, *robot_files(mechanism))
+    if yaml is not None:
+        saved.content(yaml)
+        require_other_file(yaml, fit, *robot_files(mechanism))
     model = saved.find_force_model(mechanism)
     standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
     code = None if c is None else regressor_code(model, name, saved.values)
@@ -726,7 +728,8 @@ def export(
         terms = [p.label for p in saved.standard if p.kind not in KINDS]
         if terms:
             warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
-    written += [saved.save(place) for place in places]
+    if yaml is not None:
+        written.append(saved.save(yaml))
     if c is not None and code is not None:
         written += code.save(c)
     if as_json:
@@ -756,30 +759,6 @@ def paper(
         raise LoopidError("not every row of the paper's Table II was found")
 
 
-def loaded(
-    file: str,
-    lock: list[str] | None,
-    floating_base: bool,
-    free_mimics: bool,
-    tied: bool = False,
-    rounding: float | None = None,
-    snap: bool = False,
-) -> Mechanism:
-    """The robot that the options of a command ask for."""
-    from loopid.loading import load_mechanism
-
-    with progress_bar("robot"):
-        return load_mechanism(
-            file,
-            lock or (),
-            floating_base=floating_base,
-            free_mimics=free_mimics,
-            tied=tied,
-            rounding=rounding,
-            snap=snap,
-        )
-
-
 def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
     """The robot of a fit, loaded as it was then."""
     from loopid.loading import bundled_robots, load_mechanism
@@ -802,7 +781,7 @@ def prepared(
     mechanism: Mechanism,
     paths: Sequence[str] | None,
     mapping: str | None,
-    cutoff: float | None,
+    cutoff: float | None = None,
     rows: tuple[int, int | None] | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
@@ -852,36 +831,23 @@ def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Reporter]:
-    """A progress bar on the terminal's error stream, gone when the work is done."""
+def progress_bar(what: str) -> Iterator[Callable[..., None]]:
+    """A progress bar on the terminal's error stream, gone when the work is done.
+
+    It is moved by what is done of how much, and may show the best criterion so far.
+    """
     console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda done, total: None
-        return
     said = TextColumn("{task.description}", markup=False)
     columns = (said, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task(one_line(what), total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
 
+        def report(done: float, total: float, best: float | None = None) -> None:
+            text = one_line(what) if best is None else f"{one_line(what)} {best:.4g}"
+            progress.update(task, completed=done, total=total, description=text)
 
-@contextmanager
-def criterion_bar(criterion: str) -> Iterator[Callable[[float, float, float], None]]:
-    """A progress bar over the time of a design, with its best criterion so far."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda spent, total, best: None
-        return
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(criterion, total=None)
-
-        def show_best(spent: float, total: float, best: float) -> None:
-            progress.update(
-                task, completed=spent, total=total, description=f"{criterion} {best:.4g}"
-            )
-
-        yield show_best
+        yield report
 
 
 def _show_version(wanted: bool) -> None:
@@ -937,6 +903,26 @@ class _OutOfTimeError(BaseException):
     """The end of a time limit; libraries pass it on."""
 
 
+class _InterruptedError(BaseException):
+    """Ctrl-C; libraries pass it on."""
+
+
+@contextmanager
+def _handled(number: int, failure: type[BaseException], once: bool = False) -> Iterator[None]:
+    """Let a signal raise a failure; the second one ends the process, where it is for once."""
+
+    def fail(*_: object) -> None:
+        if once:
+            signal.signal(number, signal.SIG_DFL)
+        raise failure
+
+    before = signal.signal(number, fail)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+
+
 @contextmanager
 def _time_limit(seconds: float | None, reason: str) -> Iterator[None]:
     """What is inside ends after so many seconds, with the reason as error.
@@ -947,43 +933,24 @@ def _time_limit(seconds: float | None, reason: str) -> Iterator[None]:
     if seconds is None or not known:
         yield
         return
-
-    def end(*_: object) -> None:
-        raise _OutOfTimeError
-
-    before = signal.signal(signal.SIGALRM, end)
-    # Again and again, as an exception in a callback of a library may get lost.
-    signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST), AGAIN)
     try:
-        yield
+        with _handled(signal.SIGALRM, _OutOfTimeError):
+            # Again and again, as an exception in a callback of a library may get lost.
+            signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST), AGAIN)
+            try:
+                yield
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
     except _OutOfTimeError:
         raise LoopidError(reason) from None
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
-class _InterruptedError(BaseException):
-    """Ctrl-C; libraries pass it on."""
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Ctrl-C raises ``_InterruptedError`` once, and ends the process at once the second time."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or current_thread() is not main_thread():
-        yield  # ignored, or for others to handle
-        return
-
-    def interrupt(*_: object) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        raise _InterruptedError
-
-    signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+def _interruptible() -> AbstractContextManager[None]:
+    """Context in which Ctrl-C raises, unless it is ignored or for others to handle."""
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours and current_thread() is main_thread():
+        return _handled(signal.SIGINT, _InterruptedError, once=True)
+    return nullcontext()
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:

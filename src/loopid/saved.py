@@ -14,11 +14,10 @@ from dataclasses import replace
 from hashlib import sha256
 from html import escape
 from importlib.metadata import version
-from io import BytesIO, StringIO
+from io import StringIO
 from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from pydantic import (
@@ -30,7 +29,6 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from ruamel.yaml import YAML
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, Number, finite, frozen
@@ -55,9 +53,9 @@ from loopid.regressors import (
     structural_observation,
 )
 from loopid.robot import Mechanism
-from loopid.yaml_files import LARGE, load_yaml
+from loopid.yaml_files import LARGE, load_yaml, yaml_writer
 
-ENDINGS = (".yaml", ".yml", ".json", ".npz")
+ENDINGS = (".yaml", ".yml", ".json")
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns up to which a robot is the same.
 SAME_ROBOT = 1e-6
@@ -506,32 +504,14 @@ class SavedFit(_Record):
         record: dict[str, Any] = _plain(self.model_dump())
         return record
 
-    def content(self, path: str | Path) -> bytes | str:
+    def content(self, path: str | Path) -> str:
         """The content of a file of that name."""
         ending, record = _ending(path), self.record()
         if ending == ".json":
             return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        if ending != ".npz":
-            text = StringIO()
-            _yaml().dump(record, text)
-            return text.getvalue()
-        # Arrays for other programs, and the whole as JSON, which is what is read back.
-        arrays: dict[str, Any] = {
-            "document": json.dumps(record, allow_nan=False),
-            "rows": self.force_model.rows,
-            "names": self.parameters.labels,
-            "units": [base.unit for base in self.base_parameters],
-            "expressions": [base.expression for base in self.base_parameters],
-            "values": self.values,
-            "matrix": self.matrix,
-            "standard_names": self.standard.labels,
-            "standard_units": [standard.unit for standard in self.standard_parameters],
-        }
-        if self.covariance is not None:
-            arrays["covariance"] = self.covariance
-        stream = BytesIO()
-        np.savez(stream, **arrays)
-        return stream.getvalue()
+        text = StringIO()
+        yaml_writer().dump(record, text)
+        return text.getvalue()
 
     def save(self, path: str | Path) -> Path:
         """Write to a file, whole or not at all; see ``save_fit``."""
@@ -596,7 +576,7 @@ def save_fit(
     Parameters
     ----------
     path : path
-        Ending in .yaml, .yml, .json or .npz; written whole or not at all.
+        Ending in .yaml, .yml or .json; written whole or not at all.
     model : ForceModel
         Whose parameters were fitted.
     fit : FitResult, ConsistentFit or FloatArray
@@ -634,7 +614,7 @@ def read_fit(path: str | Path) -> SavedFit:
     DataError
         When it is no saved fit, or damaged: what is missing or makes no sense.
     OptionError
-        When the name ends otherwise than .yaml, .yml, .json or .npz.
+        When the name ends otherwise than .yaml, .yml or .json.
 
     Examples
     --------
@@ -656,22 +636,15 @@ def read_fit(path: str | Path) -> SavedFit:
         raise MissingFileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
-    written = load_yaml(place, DataError, LARGE) if ending in (".yaml", ".yml") else None
     try:
-        size = place.stat().st_size
-        if ending == ".npz":
-            with ZipFile(place) as archive:
-                size = max(member.file_size for member in archive.infolist())
-        if size > LARGE:
-            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
-        if ending == ".npz":
-            with np.load(place, allow_pickle=False) as arrays:
-                document = str(arrays["document"])
+        if ending == ".json":
+            if place.stat().st_size > LARGE:
+                raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
+            document = place.read_text(encoding="utf-8")
+            json.loads(document, object_pairs_hook=_each_once)
         else:
-            document = place.read_text(encoding="utf-8") if written is None else json.dumps(written)
-        json.loads(document, object_pairs_hook=_each_once)
-    except (ArithmeticError, AttributeError, BadZipFile, EOFError, LookupError, OSError,
-            RecursionError, TypeError, ValueError) as error:  # fmt: skip
+            document = json.dumps(load_yaml(place, DataError, LARGE))
+    except (OSError, RecursionError, TypeError, ValueError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error
     try:
@@ -697,14 +670,6 @@ def _ending(path: str | Path) -> str:
     if ending not in ENDINGS:
         raise OptionError.unknown("ending", ending or str(path), ENDINGS)
     return ending
-
-
-def _yaml() -> YAML:
-    yaml = YAML(typ="safe", pure=True)
-    yaml.allow_unicode = True
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.default_flow_style = None
-    return yaml
 
 
 def _plain(value: Any) -> Any:

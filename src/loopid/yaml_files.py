@@ -36,9 +36,8 @@ class Section(BaseModel):
 # Far more than files that people write have: a few KB of YAML can ask for all the memory, and the
 # parser takes seconds for 100 KB.
 MOST_BYTES = 500_000
-MOST_VALUES = 1_000_000  # aliases written out
 MOST_DEPTH = 50
-MOST_ANCHORS = 1000
+MOST_ANCHORS = 100  # and aliases
 LONGEST_TEXT = 100_000
 LARGE = 4_000_000  # bytes of YAML that programs write
 # YAML takes it for 16.
@@ -103,6 +102,15 @@ def load_yaml(
         raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
 
 
+def yaml_writer() -> YAML:
+    """Writes keys in their order, and short lists on one line."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.allow_unicode = True
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.default_flow_style = None
+    return yaml
+
+
 class _BoundError(Exception):
     """What a YAML file has too much of, or what loopid does not read."""
 
@@ -114,46 +122,34 @@ class _BoundedParser(Parser):
 
     def __init__(self, loader: Any) -> None:
         super().__init__(loader)
-        self.open: list[tuple[str | None, float]] = []  # anchor, and values so far
-        self.values: dict[str, float] = {}  # below each anchor, aliases written out
+        self.open: list[bool] = []  # for each collection, whether it is in one with an anchor
+        self.anchors = 0
 
     def get_event(self) -> Any:
         event = super().get_event()
-        line = event.start_mark.line + 1
+        line, named = event.start_mark.line + 1, any(self.open[-1:])
+        anchor = getattr(event, "anchor", None)
+        self.anchors += anchor is not None
+        if self.anchors > MOST_ANCHORS:
+            raise _BoundError(
+                f"line {line} has more than the {MOST_ANCHORS} anchors (&) and aliases (*) read"
+            )
         if isinstance(event, AliasEvent):
-            if event.anchor in (anchor for anchor, _ in self.open):
-                raise _BoundError(f"*{event.anchor} in line {line} is inside itself")
-            self._count(self.values.get(event.anchor, 0), line)
+            if named:  # a few would stand for any number of values
+                raise _BoundError(
+                    f"*{anchor} in line {line} is in what has an anchor (&) itself: write it out"
+                )
         elif isinstance(event, ScalarEvent):
             self._require_plain(event, line)
-            self._close(event.anchor, 1, line)
         elif isinstance(event, CollectionStartEvent):
             if event.tag is not None:
                 raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
             if len(self.open) == MOST_DEPTH:
                 raise _BoundError(f"line {line} is nested too deeply, in more than {MOST_DEPTH}")
-            self.open.append((event.anchor, 1))
+            self.open.append(named or anchor is not None)
         elif isinstance(event, CollectionEndEvent):
-            self._close(*self.open.pop(), line)
+            self.open.pop()
         return event
-
-    def _close(self, anchor: str | None, values: float, line: int) -> None:
-        if anchor is not None:
-            self.values[anchor] = values
-            if len(self.values) > MOST_ANCHORS:
-                raise _BoundError(f"line {line} has more than the {MOST_ANCHORS} anchors (&) read")
-        self._count(values, line)
-
-    def _count(self, values: float, line: int) -> None:
-        if self.open:
-            anchor, before = self.open[-1]
-            self.open[-1] = anchor, before + values
-            values += before
-        if values > MOST_VALUES:
-            raise _BoundError(
-                f"up to line {line} it holds more than {MOST_VALUES:,} values, aliases (*) written "
-                "out"
-            )
 
     def _require_plain(self, event: ScalarEvent, line: int) -> None:
         """Refuse a scalar that has a tag, is a number by accident, or breaks a line."""

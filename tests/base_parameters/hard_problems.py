@@ -12,7 +12,7 @@ from choice_problems import structure
 from scipy.linalg import block_diag
 
 from loopid.base_parameters import ChoiceProblem
-from loopid.base_parameters.search.problem import condition_numbers
+from loopid.base_parameters.choice import condition_numbers
 
 SHAPES = ("path", "star", "tree")
 

@@ -10,7 +10,7 @@ from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, Exhaust
 
 def assert_agreement(problem, brute):
     exact = ExactSearch().search(problem)
-    exhaustive = ExhaustiveSearch(workers=1).search(problem)
+    exhaustive = ExhaustiveSearch().search(problem)
     for result in (exact, exhaustive):
         assert result.certified
         assert result.condition_number == pytest.approx(brute.least, rel=1e-9)

@@ -19,7 +19,7 @@ from loopid.base_parameters import (
 )
 from loopid.errors import OptionError, SearchError
 
-OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch(workers=1)]
+OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch()]
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)

@@ -1,4 +1,4 @@
-"""Exhaustive search in chunks, tasks and processes: nothing is lost on the way."""
+"""Exhaustive search in chunks: nothing is lost on the way."""
 
 import re
 from math import comb
@@ -10,19 +10,23 @@ from choice_problems import BASES, brute_force, problems, random_bases, random_s
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
-from loopid.base_parameters.search import exhaustive
-from loopid.base_parameters.search.exhaustive import unrank
-from loopid.errors import OptionError, SearchError
+from loopid.base_parameters import (
+    CRITERIA,
+    ChoiceProblem,
+    ExactSearch,
+    ExhaustiveSearch,
+    exhaustive,
+)
+from loopid.errors import SearchError
 
-ONE = ExhaustiveSearch(workers=1)
+ONE = ExhaustiveSearch()
 
 
-def agree(problem, chunk, task):
+def agree(problem, chunk):
     """Small chunks, so that the determinant screens against an incumbent from the start."""
     brute = brute_force(problem)
     assume(brute.clear)
-    with patch.object(exhaustive, "CHUNK", chunk), patch.object(exhaustive, "TASK", task):
+    with patch.object(exhaustive, "CHUNK", chunk):
         found = ONE.search(problem)
     assert found.condition_number == pytest.approx(brute.least, rel=1e-9)
     assert found.ties == len(brute.tied)
@@ -34,13 +38,13 @@ def agree(problem, chunk, task):
 @settings(max_examples=15)
 def test_the_determinant_screen_never_loses_the_optimum(criterion, data):
     problem = data.draw(problems(st.one_of(*BASES.values()), criterion))
-    agree(problem, data.draw(st.integers(1, 9)), data.draw(st.integers(1, 40)))
+    agree(problem, data.draw(st.integers(1, 9)))
 
 
 @given(problems(random_bases(9), "regressor", decades=6.0), st.integers(1, 5))
 @settings(max_examples=15)
 def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
-    agree(problem, chunk, 1000)
+    agree(problem, chunk)
 
 
 def test_the_screen_spares_most_singular_values(monkeypatch):
@@ -94,9 +98,9 @@ def test_few_of_many_parameters_are_no_problem():
 
 
 def test_progress_counts_up_to_the_total(monkeypatch):
-    monkeypatch.setattr(exhaustive, "TASK", 40)
+    monkeypatch.setattr(exhaustive, "CHUNK", 40)
     calls = []
-    search = ExhaustiveSearch(workers=1, progress=lambda done, total: calls.append((done, total)))
+    search = ExhaustiveSearch(progress=lambda done, total: calls.append((done, total)))
     problem = ChoiceProblem(random_structure(12, 4))
     search.search(problem)
     done, totals = zip(*calls, strict=True)
@@ -104,41 +108,3 @@ def test_progress_counts_up_to_the_total(monkeypatch):
     assert len(done) > 2
     assert list(done) == sorted(set(done))
     assert done[-1] == comb(12, 4)
-
-
-def test_two_processes_find_what_one_finds(monkeypatch):
-    monkeypatch.setattr(exhaustive, "TASK", 500)
-    problem = ChoiceProblem(random_structure(16, 5))
-    one, two = ONE.search(problem), ExhaustiveSearch(workers=2).search(problem)
-    assert problem.candidates > 4 * exhaustive.TASK
-    assert two.dependent == one.dependent
-    assert two.condition_number == one.condition_number
-    assert (two.ties, two.evaluated) == (one.ties, one.evaluated)
-
-
-@pytest.mark.parametrize("workers", [0, -2, 100_000])
-def test_workers_must_be_a_number_of_processes(workers):
-    with pytest.raises(OptionError, match="workers must be a number of processes"):
-        ExhaustiveSearch(workers=workers)
-
-
-def rank(combination, size):
-    """Combinations before this one: for each element, those with a smaller one in its place."""
-    before, start = 0, 0
-    for place, chosen in enumerate(combination):
-        left = len(combination) - place - 1
-        before += sum(comb(size - skipped - 1, left) for skipped in range(start, chosen))
-        start = chosen + 1
-    return before
-
-
-SIZES = [(66, 30), (200, 198), (300, 8), (40, 40)]
-
-
-@pytest.mark.parametrize(("n", "k"), SIZES)
-@given(data=st.data())
-def test_numbers_lead_back(n, k, data):
-    ranks = data.draw(st.lists(st.integers(0, comb(n, k) - 1), min_size=1, max_size=5))
-    found = unrank(np.array(ranks), n, k)
-    assert [rank(row.tolist(), n) for row in found] == ranks
-    assert (np.diff(found, axis=1) > 0).all()

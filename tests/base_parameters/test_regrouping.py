@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from loopid.base_parameters import ChoiceProblem, find_base_parameters
-from loopid.base_parameters.search.problem import condition_numbers
+from loopid.base_parameters.choice import condition_numbers
 from loopid.base_parameters.structure import base_columns, regrouping_matrix
 from loopid.regressors import Observation
 

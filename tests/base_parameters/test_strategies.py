@@ -17,8 +17,8 @@ from loopid.base_parameters import (
     SearchStrategy,
     SubgroupSearch,
     find_base_parameters,
+    make_strategy,
 )
-from loopid.base_parameters.search import make_strategy
 from loopid.errors import LoopidError, OptionError
 from loopid.regressors import Observation
 
@@ -38,10 +38,10 @@ def test_every_strategy_has_a_name_and_goes_by_it():
 
 
 def test_a_strategy_with_options_is_used_as_it_is(observation):
-    limited = SubgroupSearch(condition_limit=50.0, alpha=0.5, variant="text")
+    limited = SubgroupSearch(condition_limit=50.0, alpha=0.5, variant="pseudocode")
     assert make_strategy(limited) is limited
     asked = []
-    search = ExhaustiveSearch(workers=1, progress=lambda *counts: asked.append(counts))
+    search = ExhaustiveSearch(progress=lambda *counts: asked.append(counts))
     assert find_base_parameters(observation, search).search.name == "exhaustive"
     assert asked
 

@@ -8,8 +8,13 @@ import pytest
 from choice_problems import parameters, random_structure, structure
 from scipy.linalg import block_diag
 
-from loopid.base_parameters import ChoiceProblem, ExactSearch, SubgroupSearch, find_base_parameters
-from loopid.base_parameters.search import subgroup
+from loopid.base_parameters import (
+    ChoiceProblem,
+    ExactSearch,
+    SubgroupSearch,
+    find_base_parameters,
+    subgroup,
+)
 from loopid.errors import OptionError, SearchError
 from loopid.regressors import Observation
 
@@ -62,7 +67,7 @@ def test_the_condition_limit_must_exceed_one(limit):
 
 def test_an_unknown_variant_is_refused_with_the_choices():
     with pytest.raises(
-        OptionError, match="unknown variant 'figure': choose one of gap, pseudocode, text"
+        OptionError, match="unknown variant 'figure': choose one of gap, pseudocode"
     ):
         SubgroupSearch(variant="figure")
 

@@ -6,9 +6,8 @@ from choice_problems import brute_force, integer_bases, problems, structure
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
-from loopid.base_parameters.search import exact
-from loopid.base_parameters.search.tree import _representatives
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch, exact
+from loopid.base_parameters.tree import _representatives
 
 
 def coefficients(problem, dependent):
@@ -32,7 +31,7 @@ def test_the_most_readable_of_the_best_is_taken(criterion, data):
     brute = brute_force(problem)
     assume(brute.clear)
     best = min(readability(problem, choice) for choice in brute.tied.tolist())
-    for search in (ExactSearch(), ExhaustiveSearch(workers=1)):
+    for search in (ExactSearch(), ExhaustiveSearch()):
         assert readability(problem, list(search.search(problem).dependent)) == best
 
 

@@ -27,7 +27,6 @@ motions:
         between:
           - hold: 1
 """
-PAGES = Path(__file__).parents[2] / "docs"
 COMMANDS = typer.main.get_command(app).commands
 
 
@@ -159,13 +158,6 @@ def test_help_names_every_option_and_no_other(run, monkeypatch, command):
     assert done.code == 0
     assert set(re.findall(r"--[a-z][a-z-]*", done.out)) - {"--help"} >= options(command)
     assert re.match(rf"Usage: .*loopid {command} ", done.out)
-
-
-def test_the_page_on_identification_lists_the_options_of_the_command():
-    page = (PAGES / "identification.md").read_text()
-    cells = re.findall(r"^\| (`--[^|]*(?:\\\|[^|]*)*)", page, re.M)
-    listed = [option for cell in cells for option in re.findall(r"`(--[a-z-]+)", cell)]
-    assert sorted(listed) == sorted(options("identify"))
 
 
 def test_the_commands_are_listed(run):

@@ -80,9 +80,9 @@ def arm_case(tmp_path_factory):
 def whitened():
     """Whitened unknowns of a case about a prior."""
 
-    def make(case, prior=None, regions=None, margin=1e-3):
+    def make(case, prior=None, margin=1e-3):
         values = case.prior if prior is None else prior
-        sound = sound_prior(case.base.parameters, values, regions or {})
-        return Whitening.about(case.base, sound, regions or {}, margin)
+        sound = sound_prior(case.base.parameters, values)
+        return Whitening.about(case.base, sound, margin)
 
     return make

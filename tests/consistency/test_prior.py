@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 from oracles import bodies_of
 
-from loopid.consistency import (
-    Region,
-    consistent_fit,
-    consistent_parameters,
-    prior_defects,
-    repaired_prior,
-)
-from loopid.consistency.prior import THICKNESS
-from loopid.errors import DataError, FeasibilityError, OptionError
+from loopid.consistency import consistent_fit, consistent_parameters, repaired_prior
+from loopid.consistency.prior import THICKNESS, sound_prior
+from loopid.consistency.program import matrix, minimise
+from loopid.errors import DataError, FeasibilityError
 from loopid.parameters import KINDS, ParameterSet
 from loopid.pseudo_inertia import FLAT
 from loopid.robot import inertia_defects
@@ -32,15 +27,15 @@ def rod(thickness=0.0):
 
 
 def test_sound_bodies_have_no_defect():
-    assert prior_defects(TWO, values(SOUND)) == ()
+    sound_prior(TWO, values(SOUND))
     np.testing.assert_array_equal(repaired_prior(TWO, values(SOUND)), values(SOUND))
 
 
 def test_the_thin_stem_is_named_with_what_to_do(load_once):
     robot = load_once("5p")
     parameters, prior = robot.parameters(), robot.standard_parameters()
-    (defect,) = prior_defects(parameters, prior)
-    assert (defect.name, defect.repairable) == ("leg4_stem", True)
+    with pytest.raises(FeasibilityError, match="the prior of leg4_stem is not"):
+        sound_prior(parameters, prior)
     assert {found.link for found in inertia_defects(robot)} == {"leg4_stem"}
     repaired = repaired_prior(parameters, prior)
     changed = {parameters[j].link for j in np.flatnonzero(repaired != prior)}
@@ -77,10 +72,13 @@ def test_a_fit_refuses_it_unless_it_may_repair(arm_case):
     ],
 )
 def test_impossible_bodies_are_named(hand, reason, repairable):
-    (defect,) = prior_defects(TWO, values(hand))
-    assert defect.name == "hand"
-    assert reason in defect.reason
-    assert defect.repairable == repairable
+    with pytest.raises(FeasibilityError, match=f"the prior of hand is not.*{reason}"):
+        sound_prior(TWO, values(hand))
+    if repairable:
+        sound_prior(TWO, repaired_prior(TWO, values(hand)))
+    else:
+        with pytest.raises(FeasibilityError, match=f"cannot be repaired: hand: .*{reason}"):
+            repaired_prior(TWO, values(hand))
 
 
 def test_a_repaired_rod_keeps_mass_centre_and_length():
@@ -108,16 +106,10 @@ def test_nobody_tells_the_size_of_lonely_points():
         repaired_prior(alone, np.array([1.0, *np.zeros(9)]))
 
 
-def test_negative_masses_cannot_be_repaired():
-    with pytest.raises(FeasibilityError, match="cannot be repaired: hand: its mass"):
-        repaired_prior(TWO, values(-SOUND))
-
-
 def test_massless_bodies_stay_massless(arm_case):
     prior = arm_case.prior.copy()
     columns = [j for j, p in enumerate(arm_case.base.parameters) if p.link == "lower"]
     prior[columns] = 0.0
-    assert prior_defects(arm_case.base.parameters, prior) == ()
     problem, fit = arm_case.fitted(0.1)
     result = consistent_fit(problem, fit, arm_case.base, prior)
     assert not result.standard_parameters[columns].any()
@@ -129,34 +121,55 @@ def test_massless_bodies_stay_massless(arm_case):
     assert not again[columns].any()
 
 
-def test_centres_outside_their_regions_are_moved_inside_on_request():
-    regions = {"hand": Region.box(np.full(3, -0.15), np.full(3, 0.15))}
-    (defect,) = prior_defects(TWO, values(SOUND), regions)
-    assert "outside its region" in str(defect)
-    repaired = repaired_prior(TWO, values(SOUND), regions)
-    assert repaired[11:14] / repaired[10] in regions["hand"]
-    assert repaired[10] == SOUND[0]
-    before, after = bodies_of(TWO, values(SOUND))[1], bodies_of(TWO, repaired)[1]
-    for P in (before, after):
-        P[:3, :3] -= np.outer(P[3, :3], P[3, :3]) / P[3, 3]
-    np.testing.assert_allclose(after[:3, :3], before[:3, :3], atol=1e-12)
-
-
 def test_negative_friction_is_a_defect_and_becomes_zero():
     parameters = TWO + ParameterSet.from_labels(("joint.Fv", "joint.Fo"))
     prior = np.concatenate([values(SOUND), [-1.0, -1.0]])
-    (defect,) = prior_defects(parameters, prior)
-    assert str(defect) == "joint.Fv: it cannot be negative (-1)"
+    with pytest.raises(FeasibilityError, match=r"joint\.Fv: it cannot be negative \(-1\)"):
+        sound_prior(parameters, prior)
     np.testing.assert_array_equal(repaired_prior(parameters, prior)[-2:], [0.0, -1.0])
 
 
 def test_priors_that_do_not_fit_are_refused():
     with pytest.raises(DataError, match=r"shape \(20,\)"):
-        prior_defects(TWO, SOUND)
+        sound_prior(TWO, SOUND)
     with pytest.raises(DataError, match="finite"):
-        prior_defects(TWO, values(np.full(10, np.nan)))
-    with pytest.raises(OptionError, match=r"body of a region 'foot'.*arm, hand"):
-        prior_defects(TWO, values(SOUND), {"foot": Region.box(-np.ones(3), np.ones(3))})
+        sound_prior(TWO, values(np.full(10, np.nan)))
     part = ParameterSet.from_labels(("arm.m", "arm.mx", "arm.Ixx"))
     with pytest.raises(DataError, match="body arm lacks the parameters my, mz, Ixy"):
-        prior_defects(part, np.ones(3))
+        sound_prior(part, np.ones(3))
+
+
+def test_gravity_bodies_without_known_size_are_refused(knee_gravity):
+    base, prior = knee_gravity.base, knee_gravity.prior.copy()
+    moments = [j for j, p in enumerate(base.parameters) if p.kind in ("mx", "my", "mz")]
+    prior[moments] = 0.0
+    with pytest.raises(FeasibilityError, match="use the full model"):
+        consistent_parameters(base, base.values(knee_gravity.truth), prior)
+
+
+@pytest.mark.parametrize("regularisation", ["entropic", "riemannian"])
+@pytest.mark.parametrize("mu", [0.5, 1.0, 3.0])
+def test_second_moments_that_gravity_does_not_show_cost_nothing(
+    knee_gravity, whitened, regularisation, mu
+):
+    """The distance of a body is the least over all second moments it may have."""
+    w = whitened(knee_gravity, margin=0.0)
+    columns, P = w.prior.columns[3], w.prior.factors[3] @ w.prior.factors[3].T
+    mass, centre = P[3, 3], P[3, :3] / P[3, 3]
+    deviation = np.sqrt(P[0, 0] / mass - centre[0] ** 2)
+    delta = np.array([0.5, -1.0, 0.2])
+    shift = delta @ delta
+    wanted = mu * mass * np.append(1.0, centre + delta * deviation)
+    target = wanted - w.prior.values[columns]
+    found = minimise(w, w.map[columns], target, regularisation, exact=True)
+    np.testing.assert_allclose(w.standard_parameters(found)[columns], wanted)
+    X = matrix(found[: w.inside].reshape(-1, 10))
+    eigenvalues = np.linalg.eigvalsh(np.eye(4) + X)
+    distance, expected = {
+        "entropic": (
+            (eigenvalues - 1 - np.log(eigenvalues)).sum(),
+            mu - 1 - np.log(mu) + mu * shift,
+        ),
+        "riemannian": ((X[:, 3] ** 2 * [1, 1, 1, 0.5]).sum(), (mu - 1) ** 2 / 2 + mu**2 * shift),
+    }[regularisation]
+    assert distance == pytest.approx(expected, rel=1e-3)

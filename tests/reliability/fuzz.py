@@ -64,7 +64,7 @@ VALUES = {
     "lock": ("elbow", "rocker_joint", "motor", "crank_joint", "x", "", "shoulder", "hub"),
 }  # fmt: skip
 # Options that name what is to be written, and its ending.
-WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "npz": ".npz", "c": ""}
+WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "c": ""}
 # How many of them, the first ones, are sound for all robots or nearly so.
 VALID = {
     "model": 3, "terms": 4, "estimator": 6, "unidentifiable": 2, "consistent": 3,

@@ -11,8 +11,11 @@ from types import MappingProxyType
 import numpy as np
 
 from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
+from loopid.base_parameters.exact import ExactSearch
+from loopid.base_parameters.exhaustive import ExhaustiveSearch
+from loopid.base_parameters.guess import PivotedQR
 from loopid.base_parameters.naming import expression
-from loopid.base_parameters.search import ChoiceProblem, SearchResult, SearchStrategy, make_strategy
 from loopid.base_parameters.structure import (
     Structure,
     analyse,
@@ -20,9 +23,15 @@ from loopid.base_parameters.structure import (
     regrouping_matrix,
     warn_of_faint,
 )
-from loopid.errors import DataError, SearchError
+from loopid.base_parameters.subgroup import SubgroupSearch
+from loopid.errors import DataError, OptionError, SearchError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
+
+STRATEGIES: dict[str, type[SearchStrategy]] = {
+    strategy.name: strategy
+    for strategy in (ExactSearch, SubgroupSearch, ExhaustiveSearch, PivotedQR)
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,6 +158,15 @@ class BaseParameters:
         rebuilt = self.regressor(matrix) @ self.matrix
         size = float(np.linalg.norm(matrix))
         return float(np.linalg.norm(rebuilt - matrix)) / size if size else 0.0
+
+
+def make_strategy(search: str | SearchStrategy) -> SearchStrategy:
+    """A strategy with its default options, by name; a strategy comes back as it is."""
+    if isinstance(search, SearchStrategy):
+        return search
+    if search not in STRATEGIES:
+        raise OptionError.unknown("search", search, STRATEGIES)
+    return STRATEGIES[search]()
 
 
 def find_base_parameters(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -14,13 +14,12 @@ from loopid.arrays import ComparedByFields, FloatArray, Number, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
 from loopid.consistency.program import Whitening, attainable, minimise
-from loopid.consistency.region import Region
 from loopid.errors import DataError, FeasibilityError, OptionError
 from loopid.identification import FitProblem, FitResult
 from loopid.parameters import ParameterSet, html_table
 from loopid.workers import one_blas_thread
 
-# Least eigenvalue of a pseudo-inertia relative to the prior's, and part of a region kept free.
+# Least eigenvalue of a pseudo-inertia relative to the prior's.
 MARGIN = 1e-3
 # The prior counts as one observation of every parameter that is off by as much as it is large.
 STRENGTH = 1.0
@@ -151,7 +150,6 @@ def consistent_fit(
     *,
     regularisation: str = "entropic",
     strength: float = STRENGTH,
-    regions: Mapping[str, Region] | None = None,
     margin: float = MARGIN,
     repair: bool = False,
 ) -> ConsistentFit:
@@ -175,8 +173,6 @@ def consistent_fit(
         Distance from the prior: ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
     strength : float
         How many observations the prior counts for.
-    regions : mapping, optional
-        From names of bodies: where their centres of mass may lie.
     margin : float
         Least eigenvalue of a pseudo-inertia relative to the prior's.
     repair : bool
@@ -212,7 +208,7 @@ def consistent_fit(
         raise DataError("problem and fit must have the same actuators")
     if not LEAST_STRENGTH <= strength < np.inf:
         raise OptionError(f"the strength must be from {LEAST_STRENGTH:g} on, not {strength}")
-    sound, whitening = _whitened(base, prior, regions, margin, repair)
+    sound, whitening = _whitened(base, prior, margin, repair)
     before, weights = problem.residual_squares(fit.values), fit.weights**2
     # Of the weighted residuals; at least round-off of the weighted forces.
     freedom = max(problem.rows - len(problem.parameters), 1)
@@ -256,7 +252,6 @@ def consistent_parameters(
     prior: FloatArray,
     *,
     regularisation: str = "entropic",
-    regions: Mapping[str, Region] | None = None,
     margin: float = MARGIN,
     repair: bool = False,
 ) -> FloatArray:
@@ -269,7 +264,7 @@ def consistent_parameters(
     base : BaseParameters
     values : FloatArray
         Base parameters (r,), as ``base.values``.
-    prior, regularisation, regions, margin, repair
+    prior, regularisation, margin, repair
         As in ``consistent_fit``.
 
     Returns
@@ -300,7 +295,7 @@ def consistent_parameters(
     target = finite(values, "base parameters")
     if target.shape != (len(base),):
         raise DataError(f"base parameters must have shape ({len(base)},), not {target.shape}")
-    sound, whitening = _whitened(base, prior, regions, margin, repair)
+    sound, whitening = _whitened(base, prior, margin, repair)
     with one_blas_thread():
         whitening, rows, aim = _equations(base, target, whitening)
         if not attainable(whitening, rows, aim):
@@ -315,17 +310,13 @@ def consistent_parameters(
 
 
 def _whitened(
-    base: BaseParameters,
-    prior: FloatArray,
-    regions: Mapping[str, Region] | None,
-    margin: float,
-    repair: bool,
+    base: BaseParameters, prior: FloatArray, margin: float, repair: bool
 ) -> tuple[Prior, Whitening]:
     if not 0 <= margin < 1:
         raise OptionError(f"the margin must be from 0 on and below 1, not {margin}")
-    start = repaired_prior(base.parameters, prior, regions) if repair else prior
-    sound = sound_prior(base.parameters, start, regions or {})
-    return sound, Whitening.about(base, sound, regions or {}, margin)
+    start = repaired_prior(base.parameters, prior) if repair else prior
+    sound = sound_prior(base.parameters, start)
+    return sound, Whitening.about(base, sound, margin)
 
 
 def _equations(
@@ -347,7 +338,7 @@ def _equations(
         and effects[i].sum() == effects[:, base.base[i]].sum() == 1
         and values[i] >= 0
     ]
-    return whitening.without_rows(given), rows / sizes[:, None], aim / sizes
+    return whitening.without_limits(given), rows / sizes[:, None], aim / sizes
 
 
 def _conflict(

@@ -5,15 +5,14 @@ Priors that are not are refused by name, or repaired where that is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.consistency.region import Region
-from loopid.errors import DataError, FeasibilityError, OptionError
+from loopid.errors import DataError, FeasibilityError
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 from loopid.pseudo_inertia import (
     body_defect,
@@ -30,21 +29,10 @@ POSITIVE_KINDS = ("Ia", "Fc", "Fv")
 THICKNESS = 1e-3
 # Second moments below this part of what the mass has at the origin are round-off: a point.
 POINT = 1e-12
-# A repaired centre of mass lies so far inside its region, relative to the middle.
-INSIDE = 0.05
 
 
-@dataclass(frozen=True)
-class PriorDefect:
-    """Why a body, or a joint term, of the prior is not physically consistent.
-
-    Attributes
-    ----------
-    name : str
-    reason : str
-    repairable : bool
-        Whether ``repaired_prior`` repairs it.
-    """
+class _Defect(NamedTuple):
+    """Why a body, or a joint term, of the prior is not physically consistent."""
 
     name: str
     reason: str
@@ -133,37 +121,13 @@ class Prior:
     factors: FloatArray
 
 
-@checked
-def prior_defects(
-    parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region] | None = None
-) -> tuple[PriorDefect, ...]:
-    """Bodies of a prior that are not physically consistent, or lie outside their regions.
+def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:
+    """The prior, refused with the names of the bodies that are not physically consistent.
 
-    Parameters
-    ----------
-    parameters : ParameterSet
-        The p standard parameters, joint terms among them or not.
-    prior : FloatArray
-        Their values (p,). Bodies of nothing but zeros are massless, which is no defect.
-    regions : mapping, optional
-        From names of bodies to where their centres of mass may lie, in m in the link's frame.
-
-    Raises
-    ------
-    DataError
-        When the values have another shape or are not finite, or a body lacks parameters.
-    OptionError
-        When a region is that of no body.
+    Bodies of nothing but zeros are massless, which is no defect.
     """
-    return _defects(*_checked(parameters, prior, regions or {}), regions or {})
-
-
-def sound_prior(
-    parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region]
-) -> Prior:
-    """The prior, refused with the names of the bodies that are not physically consistent."""
-    layout, values = _checked(parameters, prior, regions)
-    defects = _defects(layout, values, regions)
+    layout, values = _checked(parameters, prior)
+    defects = _defects(layout, values)
     if defects:
         raise FeasibilityError(
             f"the prior of {', '.join(defect.name for defect in defects)} is not physically "
@@ -176,26 +140,24 @@ def sound_prior(
     if layout.full:
         P = pseudo_inertia(own)
     else:
-        # Bodies whose second moments are not known fill their regions. Without one, they reach as
-        # far as the centres of mass are from the links' origins, in the root mean square.
+        # Bodies whose second moments are not known are cubes that reach as far as the centres of
+        # mass are from the links' origins, in the root mean square.
         centres = own[:, 1:] / own[:, :1]
         reach = np.sqrt((centres**2).sum() / max(len(own), 1))
-        if not (reach > 0 or all(body in regions for body in bodies)):
+        if not reach > 0:
             raise FeasibilityError(
-                "no centre of mass of the prior tells how large the bodies are: give regions"
+                "all centres of mass of the prior are in the origins of their links, so that "
+                "nothing tells how large the bodies are: use the full model"
             )
         P = np.empty((len(own), 4, 4))
-        for k, body in enumerate(bodies):
-            size = regions[body].half_widths if body in regions else np.full(3, reach)
-            P[k] = from_moments(own[k, 0], centres[k], np.diag(own[k, 0] * size**2 / 3))
+        for k, (mass, *_) in enumerate(own):
+            P[k] = from_moments(mass, centres[k], mass * reach**2 / 3 * np.eye(3))
     return Prior(layout, frozen(values), bodies, columns, upper_factor(P))
 
 
 @checked
-def repaired_prior(
-    parameters: ParameterSet, prior: FloatArray, regions: Mapping[str, Region] | None = None
-) -> FloatArray:
-    """The prior with bodies that are too thin made thicker, and centres of mass moved inside.
+def repaired_prior(parameters: ParameterSet, prior: FloatArray) -> FloatArray:
+    """The prior with bodies that are too thin made thicker.
 
     Second moments about the centre of mass become at least ``THICKNESS`` of the body's largest; a
     body without any extent becomes a ball as large as the other bodies are on average. Masses are
@@ -204,8 +166,10 @@ def repaired_prior(
 
     Parameters
     ----------
-    parameters, prior, regions
-        As in ``prior_defects``.
+    parameters : ParameterSet
+        The p standard parameters, joint terms among them or not.
+    prior : FloatArray
+        Their values (p,).
 
     Returns
     -------
@@ -216,12 +180,11 @@ def repaired_prior(
     ------
     FeasibilityError
         Naming bodies whose defect is none of these, such as a negative mass.
-    DataError, OptionError
-        As ``prior_defects``.
+    DataError
+        When the values have another shape or are not finite, or a body lacks parameters.
     """
-    regions = regions or {}
-    layout, values = _checked(parameters, prior, regions)
-    defects = _defects(layout, values, regions)
+    layout, values = _checked(parameters, prior)
+    defects = _defects(layout, values)
     lost = [defect for defect in defects if not defect.repairable]
     if lost:
         raise FeasibilityError(f"the prior cannot be repaired: {'; '.join(map(str, lost))}")
@@ -234,63 +197,42 @@ def repaired_prior(
     repaired[layout.positive] = np.maximum(values[layout.positive], 0.0)
     for name in (defect.name for defect in defects if defect.name in layout.bodies):
         columns = layout.columns[layout.bodies.index(name)]
-        repaired[columns] = _repaired_body(name, values[columns], regions.get(name), ball)
+        repaired[columns] = _thicker(name, values[columns], ball)
     return repaired
 
 
-def _checked(
-    parameters: ParameterSet, values: FloatArray, regions: Mapping[str, Region]
-) -> tuple[Layout, FloatArray]:
+def _checked(parameters: ParameterSet, values: FloatArray) -> tuple[Layout, FloatArray]:
     """The layout of parameters and the values (p,), where they fit together."""
     prior = finite(values, "prior")
     if prior.shape != (len(parameters),):
         raise DataError(f"the prior must have shape ({len(parameters)},), not {prior.shape}")
-    layout = Layout.of(parameters)
-    for body in regions:
-        if body not in layout.bodies:
-            raise OptionError.unknown("body of a region", body, layout.bodies)
-    return layout, prior
+    return Layout.of(parameters), prior
 
 
-def _defects(
-    layout: Layout, values: FloatArray, regions: Mapping[str, Region]
-) -> tuple[PriorDefect, ...]:
+def _defects(layout: Layout, values: FloatArray) -> list[_Defect]:
     found = []
     for body, columns in zip(layout.bodies, layout.columns, strict=True):
-        own, region = values[columns], regions.get(body)
+        own = values[columns]
         if not own.any():
             continue
         # Of the gravity model only the mass is judged: its bodies may be points.
         P = pseudo_inertia(np.pad(own, (0, len(KINDS) - len(own))))
         reason = body_defect(P) if layout.full or own[0] <= 0 else ""
         if reason:
-            found.append(PriorDefect(body, reason, bool(own[0] > 0)))
-        elif region is not None and not (region.depths(own[1:4] / own[0]) > 0).all():
-            listed = ", ".join(f"{x:.3g}" for x in own[1:4] / own[0])
-            what = f"its centre of mass ({listed} m) is outside its region"
-            found.append(PriorDefect(body, what, region.centre in region))
+            found.append(_Defect(body, reason, bool(own[0] > 0)))
     for j in layout.positive:
         if values[j] < 0:
             what = f"it cannot be negative ({values[j]:.3g})"
-            found.append(PriorDefect(layout.parameters[int(j)].label, what, True))
-    return tuple(found)
+            found.append(_Defect(layout.parameters[int(j)].label, what, True))
+    return found
 
 
-def _repaired_body(name: str, own: FloatArray, region: Region | None, ball: float) -> FloatArray:
+def _thicker(name: str, own: FloatArray, ball: float) -> FloatArray:
+    """A body (10,) whose second moments are large enough."""
     mass, centre = float(own[0]), own[1:4] / own[0]
-    if region is not None and not (region.depths(centre) > 0).all():
-        # As far towards the middle of the region as it takes.
-        middle, now = region.depths(region.centre), region.depths(centre)
-        way = middle - now
-        part = np.divide(INSIDE * middle - now, way, out=np.zeros(len(way)), where=way > 0)
-        centre = centre + part.max() * (region.centre - centre)
-    if len(own) == len(GRAVITY_KINDS):
-        return np.append(mass, mass * centre)
-    P = pseudo_inertia(own)
-    moments, axes = np.linalg.eigh(central_moments(P))
-    if body_defect(P):
-        has_extent = moments[2] > POINT * mass * (centre @ centre)
-        moments = np.maximum(moments, THICKNESS * moments[2] if has_extent else mass * ball)
+    moments, axes = np.linalg.eigh(central_moments(pseudo_inertia(own)))
+    has_extent = moments[2] > POINT * mass * (centre @ centre)
+    moments = np.maximum(moments, THICKNESS * moments[2] if has_extent else mass * ball)
     if moments[0] <= 0:
         raise FeasibilityError(f"no body tells how large {name} is: the prior cannot be repaired")
     return parameters_of(from_moments(mass, centre, axes * moments @ axes.T))

@@ -23,23 +23,22 @@ make Σ t a lower bound of log det(1 + X), attained at its maximum.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arrays import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior
-from loopid.consistency.region import Region
 from loopid.errors import FeasibilityError, MissingExtraError, OptionError
 from loopid.pseudo_inertia import parameters_of
 
 REGULARISATIONS = ("entropic", "euclidean", "riemannian")
 # Weight of the tie-breaking pull on what has no prior, relative to what has one.
 TIE_BREAK = 1e-6
-# Relative to the prior: eigenvalues, and slacks, up to which a body or term is on the boundary.
+# Relative to the prior: eigenvalues, and values, up to which a body or term is on the boundary.
 TOUCHING, FLUSH = 1e-2, 1e-5
 # Singular values of the data below this part of the largest are round-off.
 NEGLIGIBLE = 1e-14
@@ -96,11 +95,12 @@ class Whitening:
     margin : float
     map : FloatArray
         T (p, q).
-    slopes, levels : FloatArray
-        A (k, q) and a (k,): A x + a >= 0 keeps centres of mass in their regions and friction
-        positive; 1 where joint terms have their size and all else is as in the prior.
-    row_names : tuple of str
-        Bodies, then joint terms, that the rows of A limit.
+    positive : IntArray
+        Unknowns (k,) of the joint terms that cannot be negative.
+    levels : FloatArray
+        (k,), of these terms where the unknowns are zero: 0, or 1 for those with a prior.
+    positive_names : tuple of str
+        Labels of these terms.
     pull : FloatArray
         Weights of the joint terms in any regularisation.
     """
@@ -108,16 +108,14 @@ class Whitening:
     prior: Prior
     margin: float
     map: FloatArray
-    slopes: FloatArray
+    positive: IntArray
     levels: FloatArray
-    row_names: tuple[str, ...]
+    positive_names: tuple[str, ...]
     pull: FloatArray
 
     @classmethod
-    def about(
-        cls, base: BaseParameters, prior: Prior, regions: Mapping[str, Region], margin: float
-    ) -> Whitening:
-        """Whitened unknowns about a prior that is strictly inside its regions."""
+    def about(cls, base: BaseParameters, prior: Prior, margin: float) -> Whitening:
+        """Whitened unknowns about a prior."""
         layout, inside = prior.layout, WIDTH * len(prior.bodies)
         terms = prior.values[layout.joint_columns]
         # A joint term without a prior has the size at which it weighs as much as the whole prior.
@@ -130,31 +128,16 @@ class Whitening:
         T[layout.joint_columns, inside + np.arange(len(terms))] = np.where(
             terms != 0, np.abs(terms), sizes
         )
-        rows, names = [], []
-        for k, (body, L, columns) in enumerate(
-            zip(prior.bodies, prior.factors, prior.columns, strict=True)
-        ):
+        for k, (L, columns) in enumerate(zip(prior.factors, prior.columns, strict=True)):
             changes = (1 - margin) * parameters_of(L @ UNITS @ L.T)
             T[columns, _body(k)] = changes[:, : len(columns)].T
-            if body in regions:
-                # d m - n·h >= 0 in the region, shrunk by the margin.
-                region = regions[body]
-                offsets = region.offsets - margin * region.depths(region.centre)
-                faces = np.zeros((len(offsets), len(T)))
-                faces[:, columns[:4]] = np.column_stack([offsets, -region.normals])
-                rows.append(faces)
-                names += [body] * len(offsets)
-        N = np.vstack([*rows, np.eye(len(T))[layout.positive]])
-        names += [layout.parameters[int(j)].label for j in layout.positive]
-        start = np.concatenate([np.zeros(inside), np.where(terms != 0, 0.0, 1.0)])
-        slacks = N @ (prior.values + T @ start)
         return cls(
             prior=prior,
             margin=margin,
             map=T,
-            slopes=N @ T / slacks[:, None],
-            levels=N @ prior.values / slacks,
-            row_names=tuple(names),
+            positive=inside + np.searchsorted(layout.joint_columns, layout.positive),
+            levels=(prior.values[layout.positive] != 0).astype(np.float64),
+            positive_names=layout.parameters.select(layout.positive).labels,
             pull=np.where(terms != 0, 1.0, TIE_BREAK),
         )
 
@@ -163,21 +146,22 @@ class Whitening:
         """Number of unknowns that belong to bodies."""
         return WIDTH * len(self.prior.bodies)
 
-    def without_rows(self, names: Collection[str]) -> Whitening:
-        """The same without some of the joint terms' limits."""
-        kept = [k for k, name in enumerate(self.row_names) if name not in names]
-        names = tuple(self.row_names[k] for k in kept)
-        return replace(self, slopes=self.slopes[kept], levels=self.levels[kept], row_names=names)
+    def without_limits(self, names: Collection[str]) -> Whitening:
+        """The same without the limits of some of the joint terms."""
+        kept = [k for k, name in enumerate(self.positive_names) if name not in names]
+        rest = tuple(self.positive_names[k] for k in kept)
+        limits = self.positive[kept], self.levels[kept]
+        return replace(self, positive=limits[0], levels=limits[1], positive_names=rest)
 
     def standard_parameters(self, unknowns: FloatArray) -> FloatArray:
         """Φ (p,)."""
         return np.asarray(self.prior.values + self.map @ unknowns, dtype=np.float64)
 
     def room(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Least eigenvalues (bodies,) of 1 + X, of bodies with mass, and slacks A x + a (k,)."""
+        """Least eigenvalues (bodies,) of 1 + X, of bodies with mass, and positive terms (k,)."""
         X = matrix(unknowns[: self.inside].reshape(-1, WIDTH))
         least = np.linalg.eigvalsh(np.eye(4) + X)[:, 0].astype(np.float64)
-        return least, self.slopes @ unknowns + self.levels
+        return least, unknowns[self.positive] + self.levels
 
     def depth(self, unknowns: FloatArray) -> float:
         """Positive strictly inside all constraints; at most 1."""
@@ -191,9 +175,9 @@ class Whitening:
 
     def boundary(self, unknowns: FloatArray) -> tuple[str, ...]:
         """Bodies, and joint terms, that lie on the boundary of what is consistent."""
-        least, slacks = self.room(unknowns)
+        least, terms = self.room(unknowns)
         names = [b for b, low in zip(self.prior.bodies, least, strict=True) if low <= TOUCHING]
-        names += [n for n, s in zip(self.row_names, slacks, strict=True) if s <= FLUSH]
+        names += [n for n, t in zip(self.positive_names, terms, strict=True) if t <= FLUSH]
         return tuple(dict.fromkeys(names))
 
 
@@ -350,8 +334,9 @@ class _Program:
 
     def require_inside(self, whitening: Whitening, depth: float) -> None:
         """Demand the constraints of a whitening, with some room."""
-        x = slice(0, whitening.map.shape[1])
-        self.require("Nonnegative", whitening.levels - depth, (x, -whitening.slopes))
+        count = whitening.map.shape[1]
+        limits = slice(0, count), -np.eye(count)[whitening.positive]
+        self.require("Nonnegative", whitening.levels - depth, limits)
         for k in range(len(whitening.prior.bodies)):
             self.require("PSDTriangle", (1 - depth) * IDENTITY, (_body(k), -np.eye(WIDTH)))
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
-from ruamel.yaml import YAML
 
 from loopid.arrays import FloatArray
 from loopid.excitation import Check, ExcitationDesign
@@ -30,6 +29,7 @@ from loopid.report.tables import (
     plain_table,
 )
 from loopid.trajectories import FourierCurve, SplineCurve, Waypoint
+from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
 MOST_BARS = 40  # parameters whose standard errors are drawn
@@ -173,11 +173,8 @@ def motion_file(found: ExcitationDesign) -> str:
             }
         },
     }
-    yaml, text = YAML(typ="safe", pure=True), io.StringIO()
-    yaml.allow_unicode = True
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.default_flow_style = None
-    yaml.dump(content, text)
+    text = io.StringIO()
+    yaml_writer().dump(content, text)
     return text.getvalue()
 
 

@@ -34,7 +34,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.base_parameters.search.problem import ChoiceProblem
+from loopid.base_parameters.choice import ChoiceProblem
 from loopid.base_parameters.structure import base_columns, independent_blocks
 
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.

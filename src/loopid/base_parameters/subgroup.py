@@ -18,16 +18,16 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray
-from loopid.base_parameters.search.problem import (
+from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchResult,
     SearchStrategy,
     condition_numbers,
 )
-from loopid.base_parameters.search.qr import pivots
+from loopid.base_parameters.guess import pivots
 from loopid.errors import OptionError, SearchError
 
-VARIANTS = ("gap", "pseudocode", "text")
+VARIANTS = ("gap", "pseudocode")
 MEMORY_BOUND = 2**30  # bytes that the combinations and matrices of one group may take
 # Singular values below this fraction of the largest are zero to the variant "gap": null vectors
 # are known to some 1e-12, and regular choices of robots stay above 1e-4.
@@ -47,8 +47,7 @@ class SubgroupSearch(SearchStrategy):
     variant : str
         ``"gap"``: rank by a gap, invalid choices in the order of their rank and of the condition
         number of what is not zero, rows in the order of pivoted QR. ``"pseudocode"``: as printed
-        in the paper. ``"text"``: as ``"pseudocode"``, but full-rank choices at or above the limit
-        count as invalid, as the paper's text has it.
+        in the paper.
 
     Examples
     --------

@@ -19,8 +19,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import IntArray
-from loopid.base_parameters.search.guess import FRACTIONS, good_selection, walked
-from loopid.base_parameters.search.problem import (
+from loopid.base_parameters.choice import (
     NOTHING,
     TIE_TOLERANCE,
     ChoiceProblem,
@@ -31,7 +30,8 @@ from loopid.base_parameters.search.problem import (
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.search.tree import (
+from loopid.base_parameters.guess import FRACTIONS, good_selection, walked
+from loopid.base_parameters.tree import (
     UNIT_ROUND_OFF,
     Block,
     Budget,
