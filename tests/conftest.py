@@ -254,17 +254,29 @@ REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
 
 
 @pytest.fixture(scope="session")
-def real_log(mechanism, shared):
-    """Folder of a log of the real robot."""
-    return shared / "data" / "upv" / "logs" / REAL[mechanism.name]
+def log_of(shared):
+    """Folder of a log of a real robot."""
+    return lambda robot: shared / "data" / "upv" / "logs" / REAL[robot.name]
 
 
 @pytest.fixture(scope="session")
-def real_recording(mechanism, real_log, once):
-    def prepared():
-        return quietly(prepare_recording, mechanism, read_log(real_log, mechanism))
+def recording_of(log_of, once):
+    """That log, prepared."""
 
-    return once(f"real {mechanism.name}", prepared)
+    def recorded(robot):
+        return quietly(prepare_recording, robot, read_log(log_of(robot), robot))
+
+    return lambda robot: once(f"real {robot.name}", lambda: recorded(robot))
+
+
+@pytest.fixture(scope="session")
+def real_log(mechanism, log_of):
+    return log_of(mechanism)
+
+
+@pytest.fixture(scope="session")
+def real_recording(mechanism, recording_of):
+    return recording_of(mechanism)
 
 
 @pytest.fixture(scope="session")

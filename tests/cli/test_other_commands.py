@@ -104,6 +104,7 @@ def test_refusals_are_one_sentence_and_exit_code_2(run, arguments, words):
         assert word in last
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_the_paper_is_printed_and_written(run, small, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "160")
     done = run("paper", "--out", tmp_path / "paper", "--seed", "3")

@@ -56,20 +56,24 @@ def test_the_same_seed_gives_the_same_motion(five_bar, design):
     np.testing.assert_array_equal(again.motion.position, design.motion.position)
 
 
-def test_each_criterion_wins_by_its_own_measure(five_bar):
+@pytest.mark.parametrize(
+    "names", [["condition"], pytest.param(["A", "E", "condition"], marks=pytest.mark.validate)]
+)
+def test_each_criterion_wins_by_its_own_measure(five_bar, names):
+    measures = {"A": "trace", "E": "least_eigenvalue", "condition": "condition_number"}
     found = {
         name: design_excitation(five_bar, criterion=name, **(QUICK | {"iterations": 20})).criteria
-        for name in ("D", "A", "E", "condition")
+        for name in ["D", *names]
     }
     assert max(found, key=lambda name: found[name].log_det) == "D"
-    assert found["A"].trace < found["D"].trace
-    assert found["E"].least_eigenvalue > found["D"].least_eigenvalue
-    assert found["condition"].condition_number < found["D"].condition_number
+    for name in names:
+        own, others = (getattr(found[one], measures[name]) for one in (name, "D"))
+        assert (own > others) if name == "E" else (own < others)
 
 
 @pytest.mark.parametrize("shape", ["spline", "poses"])
 def test_other_shapes_keep_the_limits_too(five_bar, shape):
-    found = design_excitation(five_bar, shape=shape, **(QUICK | {"iterations": 4}))
+    found = design_excitation(five_bar, shape=shape, **(QUICK | {"iterations": 2}))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
 
@@ -97,9 +101,6 @@ def test_a_log_and_the_motion_together_tell_what_the_log_does_not(five_bar, one_
     assert (found.standard_errors < 1.0).all()
     # The noise is that of the log.
     np.testing.assert_allclose(found.noise, 0.01, rtol=0.4)
-    everything = design_excitation(model, after=[one_crank], **QUICK)
-    chosen = found.standard_errors[unknown].prod()
-    assert chosen <= everything.standard_errors[unknown].prod() * 1.2
 
 
 def test_a_payload_alone_is_known_better_than_with_all_others(five_bar, design):
@@ -113,7 +114,6 @@ def test_a_payload_alone_is_known_better_than_with_all_others(five_bar, design):
 @pytest.mark.parametrize(
     ("limits", "name"),
     [
-        ({"singularity": 0.95}, "singularity measure"),
         ({"positions": {"left_crank_joint": (10.0, 12.0)}}, "position of left_crank_joint"),
         ({"forces": {"all": 1e-3}}, "force"),
     ],
@@ -124,7 +124,7 @@ def test_what_cannot_be_met_is_named(five_bar, limits, name):
 
 
 def test_advice_on_what_cannot_be_met_works(five_bar):
-    with pytest.raises(AssemblyError, match="misses it by") as refused:
+    with pytest.raises(AssemblyError, match=r"singularity measure.*misses it by") as refused:
         design_excitation(five_bar, limits=MotionLimits(singularity=0.95), **QUICK)
     missing = float(str(refused.value).partition("misses it by ")[2].split(",")[0])
     limits = MotionLimits(singularity=0.95 - 1.2 * missing - 0.01)
@@ -215,7 +215,7 @@ def wrist(tmp_path):
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
-    found = design_excitation(wrist, **(QUICK | {"iterations": 5}))
+    found = design_excitation(wrist, **(QUICK | {"iterations": 2}))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
     assert not any(check.name.startswith("force") for check in found.checks)

@@ -11,7 +11,6 @@ from loopid import (
     JointTerms,
     closed_motion,
     force_parts,
-    load_mechanism,
     random_configurations,
 )
 from loopid.errors import DataError, MissingExtraError, OptionError
