@@ -192,7 +192,7 @@ def base(
         find_base_parameters,
         make_strategy,
     )
-    from loopid.loading import nearly_special
+    from loopid.kinematics import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
     from loopid.report.structure import base_record, base_tables
 

@@ -74,9 +74,11 @@ def forward_dynamics(
     q = samples(configurations, mechanism.model.nq, "configurations")
     rates = samples(velocities, len(mechanism.independent), "velocities", len(q))
     motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
-    left = _motor_forces(mechanism, motion, forces) - motion_regressor(mechanism, motion) @ pi
-    inertia = closed_inertia(mechanism, motion, pi)
-    accelerations = _balanced(mechanism, inertia, left)
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    tau = samples(forces, len(motors), "forces", len(q))
+    driving = np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau)  # Gᵀ S τ
+    left = driving - motion_regressor(mechanism, motion) @ pi
+    accelerations = _balanced(mechanism, closed_inertia(mechanism, motion, pi), left)
     steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
     return replace(motion, accelerations=motion.gamma + steps)
 
@@ -92,13 +94,6 @@ def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -
     return motion.projected(np.stack(columns, axis=2))
 
 
-def _motor_forces(mechanism: Mechanism, motion: ClosedMotion, forces: FloatArray) -> FloatArray:
-    """Forces along the independent coordinates (N, dof), Gᵀ S τ."""
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    tau = samples(forces, len(motors), "forces", len(motion.configurations))
-    return np.asarray(np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau))
-
-
 def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
     """Independent accelerations (N, dof), solved with inertias of comparable size."""
     own = np.abs(np.einsum("nii->ni", inertia))
@@ -107,16 +102,13 @@ def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> 
     matrix = scales[:, :, None] * inertia * scales[:, None, :]
     target = scales * forces
     solution = Factorisation.of(matrix).solve(target[:, :, None])
-    _refuse_unbalanced(mechanism, target, target - (matrix @ solution)[:, :, 0])
-    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)
-
-
-def _refuse_unbalanced(mechanism: Mechanism, target: FloatArray, left: FloatArray) -> None:
-    most = np.abs(left).max(axis=1, initial=0.0)
+    left = np.abs(target - (matrix @ solution)[:, :, 0])
+    most = left.max(axis=1, initial=0.0)
     lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
     if len(lost):
-        name = mechanism.independent[int(np.abs(left[lost[0]]).argmax())]
+        name = mechanism.independent[int(left[lost[0]].argmax())]
         raise SingularityError(
             f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
             f"({len(lost)} such samples)"
         )
+    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)

@@ -110,7 +110,7 @@ class LogWarning(UserWarning):
 
 
 class CorrelationWarning(UserWarning):
-    """Residuals of a fit are autocorrelated: there are fewer independent samples than rows."""
+    """Errors of a fit are alike within a stretch of time, or within a recording."""
 
 
 class ExcitationWarning(UserWarning):

@@ -9,7 +9,7 @@ factorisation of blocks. Columns of zeros cost nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -29,34 +29,17 @@ PANEL, PANEL_PART = 8, 16
 
 @dataclass(frozen=True)
 class RoundedGeometry:
-    """What rounded numbers of a robot file leave open in an observation.
+    """What rounded numbers of a robot file leave open in an observation."""
 
-    Attributes
-    ----------
-    accuracy : float
-        Of lengths, in m; of angles, times the characteristic length.
-    relative : float
-        The same, to the characteristic length.
-    source : str
-        Where it is known from.
-    presumed : bool
-        Whether the numbers may as well be round by design.
-    factors : callable
-        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
-        as it is written, then of k others that the file would write alike.
-    places : mapping
-        Of some links, the loops that they are part of.
-    alike : tuple of str
-        Lengths that are nearly but not quite equal.
-    """
-
-    accuracy: float
-    relative: float
-    source: str
-    presumed: bool
+    accuracy: float  # of lengths, in m; of angles, times the characteristic length
+    relative: float  # the same, to the characteristic length
+    source: str  # where it is known from
+    presumed: bool  # whether the numbers may as well be round by design
+    # Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
+    # as it is written, then of k others that the file would write alike
     factors: Callable[[int], FloatArray]
-    places: Mapping[str, tuple[str, ...]]
-    alike: tuple[str, ...]
+    places: Mapping[str, tuple[str, ...]]  # of some links, the loops that they are part of
+    alike: tuple[str, ...]  # lengths that are nearly but not quite equal
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,25 +163,6 @@ class Observation:
             alone = cls(parameters, own, driven_rows, length, None, natural_size)
         matrix = frozen(np.concatenate(kept)) if keep_matrix else None
         return cls(parameters, factor, rows, length, matrix, natural_size, motors_alone=alone)
-
-    @checked
-    def merge(self, other: Observation) -> Observation:
-        """The rows of both, these first; their matrix, where both keep it.
-
-        Raises
-        ------
-        DataError
-            When they are not of the same parameters, length and natural size.
-        """
-        for name in ("parameters", "length", "natural_size"):
-            if getattr(self, name) != getattr(other, name):
-                raise DataError(f"observations to merge must have the same {name}")
-        factor = triangular_factor(np.concatenate([self.factor, other.factor]))
-        matrices = [one.matrix for one in (self, other) if one.matrix is not None]
-        matrix = frozen(np.concatenate(matrices)) if len(matrices) == 2 else None
-        rows = self.rows + other.rows
-        found = replace(self, factor=frozen(factor), rows=rows, matrix=matrix)
-        return replace(found, geometry=None, motors_alone=None)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:

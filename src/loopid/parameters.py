@@ -31,20 +31,11 @@ def model_kinds(model: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, order=True)
 class Parameter:
-    """One parameter: a mass, first moment or inertia of a link, or a term of a joint.
+    """One parameter: a mass, first moment or inertia of a link, or a term of a joint."""
 
-    Attributes
-    ----------
-    link : str
-        Link, or joint.
-    kind : str
-        One of ``KINDS`` for a standard parameter of a link.
-    unit : str
-        Known for standard parameters; empty where it was not given.
-    """
-
-    link: str
-    kind: str
+    link: str  # link, or joint
+    kind: str  # one of ``KINDS`` for a standard parameter of a link
+    # Known for standard parameters; empty where it was not given
     unit: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -158,21 +149,10 @@ def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
 
 @dataclass(frozen=True)
 class NamedLength:
-    """A coordinate or a distance in the robot file.
+    """A coordinate or a distance in the robot file."""
 
-    Attributes
-    ----------
-    symbol : str
-        Short form for formulas, ``x(platform_B2)``; unique within a robot.
-    value : float
-        In m; coordinates have signs.
-    meaning : str
-        The symbol in words.
-    links : frozenset of str
-        Links that it is part of: the one it is measured in, and those that are held at its ends.
-    """
-
-    symbol: str
-    value: float
-    meaning: str
+    symbol: str  # short form for formulas, ``x(platform_B2)``; unique within a robot
+    value: float  # in m; coordinates have signs
+    meaning: str  # the symbol in words
+    # Links that it is part of: the one it is measured in, and those that are held at its ends
     links: frozenset[str] = frozenset()

@@ -151,7 +151,7 @@ class SavedEstimate(_Record):
     estimator: str
     actuators: tuple[str, ...]
     condition_number: Number
-    degrees_of_freedom: Number
+    degrees_of_freedom: Column
     quality: Quality
     weights: Array
     assumed: tuple[str, ...]

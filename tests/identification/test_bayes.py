@@ -67,7 +67,7 @@ def test_the_posterior_is_the_conditional_distribution(seed, count):
     surprise = left @ np.linalg.solve(W @ prior.covariance @ W.T + omega, left)
     variance = (100 + surprise) / (100 + len(left))
     np.testing.assert_allclose(found.covariance, variance * covariance, rtol=1e-5, atol=1e-10)
-    assert found.degrees_of_freedom == 100 + len(left)
+    assert (found.degrees_of_freedom == 100 + len(left)).all()
 
 
 def test_noise_of_the_data_is_that_of_weighted_least_squares():

@@ -1,6 +1,7 @@
 """Intervals and warnings where residuals are autocorrelated."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,13 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import CorrelationWarning, ExcitationWarning, OptionError
-from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, fit, quiet_fit
+from loopid.identification import (
+    FitSamples,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    fit,
+    quiet_fit,
+)
 from loopid.identification.correlation import Autoregression
 from smooth_data import (
     DEVIATIONS,
@@ -60,7 +67,7 @@ def test_white_errors_give_the_covariance_of_independent_ones():
     result, plain = quiet_fit(samples), WeightedLeastSquares().fit(samples.problem)
     assert result.noise.coefficients.shape == (2, 0)
     np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
-    assert result.degrees_of_freedom == plain.degrees_of_freedom
+    assert (result.degrees_of_freedom == plain.degrees_of_freedom).all()
     np.testing.assert_array_equal(result.noise.effective_samples, result.noise.samples)
     np.testing.assert_allclose(result.noise.deviation, 1 / plain.weights, rtol=1e-9)
 
@@ -123,7 +130,7 @@ def test_too_few_effective_samples_determine_no_interval():
     samples = named_samples(W, autoregressive(rng, (200, 2), 0.999, lead=20_000))
     with pytest.warns(CorrelationWarning, match="too few effective"):
         result = fit(samples)
-    assert result.degrees_of_freedom < 1
+    assert (result.degrees_of_freedom < 1).all()
     assert np.isinf(result.intervals()).all()
     assert len(result.insignificant()) == 14
 
@@ -205,3 +212,66 @@ def test_intervals_cover_where_independence_fails(kind, plain_below, runs):
         plain.append(covered(WeightedLeastSquares().fit(samples.problem)))
     assert np.mean(plain) < plain_below
     assert_coverage(rates, slack=0.02)
+
+
+def several(rng, count, varied=0.0, length=120):
+    """Recordings of different motions and sizes, with parameters that vary from one to the next."""
+    parts = []
+    for k in range(count):
+        W = (0.7 + 0.1 * k) * smooth_regressor(k, length)
+        mine = TRUTH * (1 + varied * rng.normal(size=6))
+        errors = autoregressive(rng, (length, 2), 0.5) * DEVIATIONS
+        parts.append(named_samples(W, W @ mine + errors))
+    return FitSamples.combined(parts)
+
+
+def test_variances_between_recordings_are_those_of_the_jackknife():
+    samples = several(np.random.default_rng(0), 5, varied=0.2)
+    within = quiet_fit(replace(samples, runs=np.zeros(len(samples), dtype=int)), "ols")
+    X, y = samples.regressor.reshape(-1, 6), samples.force.ravel()
+    runs = np.repeat(samples.runs, 2)
+    off = [np.linalg.lstsq(X[runs != k], y[runs != k])[0] - within.values for k in range(5)]
+    jackknife = 0.8 * np.square(off).sum(axis=0)
+    found, least = quiet_fit(samples, "ols"), np.diag(within.covariance)
+    assert (jackknife > least).any()
+    np.testing.assert_allclose(np.diag(found.covariance), np.maximum(jackknife, least))
+    np.testing.assert_array_equal(found.degrees_of_freedom == 4, jackknife > least)
+
+
+def test_what_one_or_two_recordings_tell_has_no_scatter():
+    two = several(np.random.default_rng(0), 2, varied=0.5)
+    apart = replace(two, runs=np.zeros(len(two), dtype=int))
+    np.testing.assert_array_equal(quiet_fit(two).covariance, quiet_fit(apart).covariance)
+    W, rng = smooth_regressor(samples=300), np.random.default_rng(0)
+    W[100:, :, 0] = 0.0
+    samples = replace(
+        named_samples(W, W @ TRUTH + rng.normal(size=(300, 2))), runs=np.arange(300) // 100
+    )
+    alone = quiet_fit(replace(samples, runs=np.zeros(300, dtype=int)))
+    assert quiet_fit(samples).standard_errors[0] <= 3 * alone.standard_errors[0]
+
+
+def test_what_clearly_varies_between_recordings_is_named():
+    rng, parts = np.random.default_rng(0), []
+    for k in range(6):
+        W = smooth_regressor(k, 300)
+        mine = TRUTH + 0.5 * (-1) ** k * np.eye(6)[5]
+        parts.append(named_samples(W, W @ mine + rng.normal(size=(300, 2))))
+    with pytest.warns(CorrelationWarning) as caught:
+        fit(FitSamples.combined(parts))
+    assert "errors of link5.m (" in str(caught[-1].message)
+    assert "between recordings" in str(caught[-1].message)
+
+
+@runs(8, 150)
+@pytest.mark.parametrize(("count", "varied"), [(4, 0.0), (4, 0.02), (4, 0.1), (9, 0.0), (9, 0.1)])
+def test_intervals_cover_what_varies_between_recordings(count, varied, runs):
+    rates, apart = [], []
+    for seed in range(runs):
+        samples = several(np.random.default_rng(seed), count, varied)
+        rates.append(covered(quiet_fit(samples)))
+        apart.append(covered(quiet_fit(replace(samples, runs=np.zeros(len(samples), dtype=int)))))
+    slack = 2 * np.sqrt(0.95 * 0.05 / runs)
+    assert 0.94 - slack < np.mean(rates) < 0.985 + slack
+    assert np.mean(rates, axis=0).min() > 0.9 - 1.5 * slack
+    assert varied < 0.1 or np.mean(apart) < 0.8

@@ -56,7 +56,7 @@ def test_weighted_estimates_equal_the_dense_computation(seed):
     np.testing.assert_allclose(found.values, values, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.weights, weights, rtol=1e-6)
-    assert found.degrees_of_freedom == samples.used.sum() - 4
+    assert (found.degrees_of_freedom == samples.used.sum() - 4).all()
 
 
 @given(st.integers(0, 10_000))

@@ -11,8 +11,7 @@ from closure_robots import files
 from linkages import four_bar
 from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
 from loopid.errors import AccuracyWarning, ClosureWarning, RobotFileError
-from loopid.kinematics import largest_residual
-from loopid.loading import nearly_special
+from loopid.kinematics import largest_residual, nearly_special
 
 # Independent equations and base parameters of the full model: loops that only special geometry
 # lets move.

@@ -92,18 +92,18 @@ def with_line(number, text):
 
 
 BROKEN = {
-    "too many columns": (as_text(np.ones((300, 3))), ("line 1", "3 columns", "2", "x, y")),
-    "too few columns": (as_text(np.ones((300, 1))), ("line 1", "1 columns", "x, y")),
-    "ragged": (with_line(7, "1.0"), ("line 7", "1 columns")),
-    "an empty line": (with_line(9, ""), ("line 9", "is blank")),
-    "NaN": (with_line(8, "1.0 nan"), ("line 8", "column 2", "'nan'")),
-    "infinite": (with_line(8, "-inf 1.0"), ("line 8", "column 1", "'-inf'")),
-    "words": (with_line(3, "1.0 far"), ("line 3", "column 2", "'far'")),
-    "commas": (GOOD.replace(" ", ","), ("line 1", "1 columns")),
+    "too many columns": (as_text(np.ones((300, 3))), ("line 1", "2 finite numbers", "x, y")),
+    "too few columns": (as_text(np.ones((300, 1))), ("line 1", "x, y")),
+    "ragged": (with_line(7, "1.0"), ("line 7", "'1.0'")),
+    "an empty line": (with_line(9, ""), ("line 10", "must follow a row")),
+    "NaN": (with_line(8, "1.0 nan"), ("line 8", "nan")),
+    "infinite": (with_line(8, "-inf 1.0"), ("line 8", "-inf")),
+    "words": (with_line(3, "1.0 far"), ("line 3", "far")),
+    "commas": (GOOD.replace(" ", ","), ("line 1", "2 finite")),
     "empty": ("", ("0 samples", "151")),
     "blank": ("\n \n", ("0 samples", "151")),
     "too few": ("\n".join(LINES[:150]), ("150 samples", "2 Hz", "151 at 100 Hz")),
-    "no text": (b"\xff\xfe\x00", ("1 columns",)),
+    "no text": (b"\xff\xfe\x00", ("line 1",)),
 }
 
 

@@ -25,28 +25,3 @@ from loopid.base_parameters.naming import (
 )
 from loopid.base_parameters.structure import Structure, analyse, independent_blocks
 from loopid.base_parameters.subgroup import SubgroupSearch
-
-__all__ = [
-    "CRITERIA",
-    "STRATEGIES",
-    "TIE_TOLERANCE",
-    "TIME_LIMIT",
-    "BaseParameters",
-    "ChoiceProblem",
-    "CoefficientName",
-    "ExactSearch",
-    "Exclusion",
-    "ExhaustiveSearch",
-    "PivotedQR",
-    "SearchResult",
-    "SearchStrategy",
-    "Structure",
-    "SubgroupSearch",
-    "analyse",
-    "equations",
-    "expression",
-    "find_base_parameters",
-    "independent_blocks",
-    "make_strategy",
-    "name_coefficients",
-]

@@ -4,13 +4,3 @@ from loopid.consistency.fit import ConsistentFit, FitCost, consistent_fit, consi
 from loopid.consistency.prior import repaired_prior
 from loopid.consistency.program import REGULARISATIONS
 from loopid.pseudo_inertia import pseudo_inertia
-
-__all__ = [
-    "REGULARISATIONS",
-    "ConsistentFit",
-    "FitCost",
-    "consistent_fit",
-    "consistent_parameters",
-    "pseudo_inertia",
-    "repaired_prior",
-]

@@ -5,13 +5,3 @@ from loopid.excitation.criteria import CRITERIA, Criteria
 from loopid.excitation.design import ExcitationDesign, design_excitation
 from loopid.excitation.limits import MotionLimits
 from loopid.excitation.shapes import SHAPES
-
-__all__ = [
-    "CRITERIA",
-    "SHAPES",
-    "Check",
-    "Criteria",
-    "ExcitationDesign",
-    "MotionLimits",
-    "design_excitation",
-]

@@ -28,35 +28,3 @@ from loopid.experiment.identify import (
 from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
 from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
 from loopid.experiment.term_sets import TermComparison, TermSet, compare_terms
-
-__all__ = [
-    "DEFAULT_FRACTION",
-    "UNIDENTIFIABLE",
-    "BandSweep",
-    "Candidate",
-    "Excitation",
-    "ForceModel",
-    "GainFit",
-    "Identifiability",
-    "Identification",
-    "MotorGain",
-    "PayloadFit",
-    "Suspicions",
-    "TermComparison",
-    "TermSet",
-    "WeakDirection",
-    "cad_prior",
-    "compare_terms",
-    "distributed_problem",
-    "drive_gains",
-    "find_force_model",
-    "fit_by_simulation",
-    "identifiability",
-    "identify",
-    "identify_payload",
-    "prediction_error",
-    "prediction_reach",
-    "reference_instruments",
-    "split_recordings",
-    "suspicions",
-]

@@ -95,7 +95,7 @@ class PayloadFit:
             When the forces tell the mass only together with other parameters.
         """
         alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
-        mass, factor = self.mass, stdtrit(self.fit.degrees_of_freedom, 0.5 + level / 2)
+        mass, factor = self.mass, stdtrit(self.fit.degrees_of_freedom.min(), 0.5 + level / 2)
         for axis, kind in enumerate(GRAVITY_KINDS[1:]):
             if kind in alone:
                 rows = [alone["m"], alone[kind]]
@@ -346,7 +346,8 @@ def drive_gains(
         if change <= CONVERGED:
             spread = step.covariance[n:, n:] / np.outer(scales**2, scales**2)
             gains = frozen(1 / scales), frozen(spread)
-            return GainFit(samples.actuators, *gains, step.degrees_of_freedom, frozen(values))
+            freedom = float(step.degrees_of_freedom.min())
+            return GainFit(samples.actuators, *gains, freedom, frozen(values))
     raise DataError(f"the gains still change by {change:.1e} after {MOST_STEPS} steps")
 
 

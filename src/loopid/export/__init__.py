@@ -9,16 +9,3 @@ from loopid.export.c_code import (
 )
 from loopid.export.robot_file import export_robot_file, updated_robot_file
 from loopid.saved import SavedFit, read_fit, save_fit
-
-__all__ = [
-    "CompiledRegressor",
-    "RegressorCode",
-    "SavedFit",
-    "compile_regressor",
-    "export_regressor",
-    "export_robot_file",
-    "read_fit",
-    "regressor_code",
-    "save_fit",
-    "updated_robot_file",
-]

@@ -26,7 +26,7 @@ from loopid.pseudo_inertia import (
     pseudo_inertia,
     upper_factor,
 )
-from loopid.robot import Mechanism, link_frames, tie_matrix
+from loopid.robot import Mechanism, link_frames
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -144,7 +144,7 @@ def _body_parameters(
         values = values[[places[label] for label in known[0]]]  # the full model where it is there
     for model, labels in own.items():
         if values.shape == (len(labels),):
-            T = tie_matrix(mechanism.links, mechanism.ties, len(MODELS[model]))
+            T = mechanism.tie_matrix(len(MODELS[model]))
             return np.asarray((T @ values).reshape(-1, len(MODELS[model])))
     counts = " or ".join(f"({len(labels)},)" for labels in own.values())
     raise DataError(

@@ -12,7 +12,7 @@ from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
 from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
-from loopid.loading.mjcf import compile_mjcf, read_names
+from loopid.loading.mjcf import Scene, compile_mjcf
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
 
@@ -26,8 +26,8 @@ def updated_mjcf(
     mechanism: Mechanism, tree: Path, values: FloatArray, parameters: ParameterSet | None
 ) -> bytes:
     """Content of an MJCF with the inertials of its bodies updated; see ``updated_robot_file``."""
-    compiled, _ = compile_mjcf(tree)
-    old = _inertials(compiled)
+    scene = Scene(tree, compile_mjcf(tree)[0])
+    old = _inertials(scene)
     new = updated_inertials(mechanism, old, values, parameters)
     if not new:
         return tree.read_bytes()
@@ -40,7 +40,7 @@ def updated_mjcf(
                     "take it out"
                 )
     # Tags of all bodies but the world, in the order of MuJoCo's.
-    names = read_names(compiled).bodies[1:]
+    names = scene.bodies[1:]
     tags = [
         tag for world in xml.root.find_all("worldbody") for tag in world.all() if tag.name == "body"
     ]
@@ -64,13 +64,13 @@ def updated_mjcf(
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"{tree}: MuJoCo refuses the new inertials: {reason}") from error
-    require_faithful(tree, old, new, _inertials(draft))
+    require_faithful(tree, old, new, _inertials(Scene(tree, draft)))
     return content
 
 
-def _inertials(compiled: mujoco.MjModel) -> dict[str, Inertial]:
+def _inertials(scene: Scene) -> dict[str, Inertial]:
     """Inertials of all bodies that have one, by loopid's names of them; tensors are diagonal."""
-    names, found = read_names(compiled).bodies, {}
+    compiled, names, found = scene.compiled, scene.bodies, {}
     for body in range(1, compiled.nbody):
         mass, moments = float(compiled.body_mass[body]), compiled.body_inertia[body]
         if mass or moments.any():

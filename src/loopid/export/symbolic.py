@@ -25,7 +25,7 @@ from loopid.experiment import ForceModel
 from loopid.kinematics import partition
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors import JointState, JointTerms, joint_term
-from loopid.robot import Mechanism, SymbolicPose, tie_indices
+from loopid.robot import Mechanism, SymbolicPose
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 OPTIONS: dict[str, Any] = {
@@ -86,7 +86,7 @@ def _base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
     # Joints of the bodies behind each name: several where links are tied.
     names = [parameter.link for parameter in mechanism.parameters("gravity")][::4]
     joints: dict[str, list[int]] = {name: [] for name in names}
-    places = tie_indices(mechanism.links, mechanism.ties)
+    places = mechanism.tie_indices
     for body, place in zip(mechanism.bodies, places, strict=True):
         joints[names[place]].append(body.joint_id)
     columns = []

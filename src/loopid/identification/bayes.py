@@ -310,4 +310,4 @@ class BayesianRidge(ComparedByFields, Estimator):
             freedom = self.noise_samples + problem.rows
             variance = (self.noise_samples + squares) / freedom
         found = result_of(self.name, problem, values, R, weights, variance)
-        return replace(found, degrees_of_freedom=freedom)
+        return replace(found, degrees_of_freedom=np.array(freedom))

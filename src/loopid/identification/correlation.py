@@ -1,16 +1,21 @@
-"""Autocorrelated residuals: autoregressive errors, and the intervals that allow for them.
+"""Errors that are not independent: autoregressive ones, and estimates that vary between recordings.
 
 Errors of each actuator are an autoregressive process, by Burg's estimate [Percival1993]. Residuals
 are smaller, and less autocorrelated, than the errors are, because a fit takes up whatever of the
 errors its regressor can express. A model of slow errors that is fitted to residuals alone gives
 intervals that are too narrow; what was taken up has a known expectation and is added back
 [Worsley2002].
+
+What differs from recording to recording, such as friction by temperature, does not show in the
+autocorrelation. With three recordings or more, the scatter of the estimates between these tells it
+[Efron1982].
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -38,6 +43,12 @@ DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
 KEPT_INNOVATION = 0.5
 # Effective samples, relative to all, below which a user is warned.
 CLEARLY_FEWER = 0.5
+# Probability that a user is warned of a scatter between recordings that is chance.
+FALSE_ALARM = 0.01
+# Fewest recordings whose scatter counts.
+LEAST_RUNS = 3
+# Part in a combination of parameters that one recording may have for its scatter to be known.
+MOST_SHARE = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -191,6 +202,62 @@ def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
 def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
+    Variances of estimates that scatter more between recordings are those of the scatter, with as
+    many degrees of freedom as there are recordings, less one.
+    """
+    return with_scatter(within_runs(fit))
+
+
+def with_scatter(found: WorkingFit) -> WorkingFit:
+    """Of a fit ``within_runs``, what its estimates scatter between recordings included."""
+    with one_blas_thread():
+        scatter, runs = _between_runs(found)
+    result, within = found.result, np.diag(found.result.covariance)
+    varied = (within > 0) & (scatter > within)
+    if not varied.any():
+        return found
+    scale = np.sqrt(np.divide(scatter, within, out=np.ones(len(within)), where=varied))
+    freedom = np.where(varied, runs - 1.0, np.inf)
+    result = replace(
+        result,
+        covariance=result.covariance * np.outer(scale, scale),
+        degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
+    )
+    return replace(found, result=result)
+
+
+def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
+    """Variances (n,) of the estimates by their scatter between recordings, and the number of these.
+
+    By the jackknife: estimates without a recording, whose orthonormal columns x and residuals r
+    have the sums G = Σ x xᵀ and s = Σ x r, are (I - G)⁻¹ s off. 0 for few recordings, and for what
+    one recording alone tells.
+    """
+    result, samples, width = fit.result, fit.samples, len(fit.result.parameters)
+    bounds = [0, *(1 + np.flatnonzero(np.diff(samples.runs))).tolist(), len(samples)]
+    parts = [slice(*pair) for pair in pairwise(bounds)]
+    parts = [rows for rows in parts if samples.used[rows].any()]
+    squares = np.zeros(width)
+    if len(parts) < LEAST_RUNS:
+        return squares, len(parts)
+    inverse = np.linalg.inv(fit.factor[:width, :width])
+    for part in parts:
+        gram, score = np.zeros((width, width)), np.zeros(width)
+        for rows in row_blocks(part):
+            scale, W = result.weights * samples.used[rows], samples.regressor[rows]
+            residual = (samples.force[rows] - W @ result.values) * scale
+            columns = (W * scale[:, :, None]).reshape(-1, width) @ inverse
+            gram += columns.T @ columns
+            score += residual.ravel() @ columns
+        shares, turn = np.linalg.eigh(gram)
+        told = shares < MOST_SHARE
+        squares += (inverse @ turn[:, told] @ (score @ turn[:, told] / (1.0 - shares[told]))) ** 2
+    return (1.0 - 1.0 / len(parts)) * squares, len(parts)
+
+
+def within_runs(fit: WorkingFit) -> WorkingFit:
+    """The same estimates, their covariance under autoregressive errors of each actuator.
+
     The covariance is (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors; errors of
     different actuators count as independent. Rows of a prior are in X, their errors in Ω. A
     posterior stays the same where errors are independent: their size may be known beforehand.
@@ -213,7 +280,11 @@ def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
     noise = _noise_model(result, models)
     if fit.prior is not None and not noise.coefficients.any():
         return replace(fit, result=replace(result, noise=noise))
-    freedom = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
+    rows = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
+    # A spectrum by p coefficients has relative variances of up to 4p / N [Berk1974], as a variance
+    # by N / 2p degrees of freedom; a parameter may hang on one actuator's alone.
+    known = (m.samples / (2 * m.model.order) for m in models.values() if m.model.order)
+    freedom = np.array(min([rows, *known]))
     found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
     return replace(fit, result=found)
 
@@ -397,3 +468,21 @@ def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
     else:
         consequence = f"too few effective samples for intervals of {len(ratio)} parameters"
     warn(f"autocorrelated residuals of {actuators}: {consequence}", CorrelationWarning)
+
+
+def warn_of_scatter(result: FitResult, within: FitResult) -> None:
+    """Name the parameters whose estimates clearly vary from recording to recording."""
+    from scipy.special import chdtri  # slow to import
+
+    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
+    ratios = result.standard_errors / np.where(
+        within.standard_errors > 0, within.standard_errors, np.inf
+    )
+    clear = np.flatnonzero(ratios**2 > chdtri(freedom, chance) / freedom)
+    names = [f"{result.parameters.labels[j]} ({ratios[j]:.1f} times)" for j in clear]
+    if names:
+        warn(
+            "estimates vary more between recordings than errors within these explain, intervals "
+            f"allow for it: standard errors of {', '.join(names)} as large",
+            CorrelationWarning,
+        )

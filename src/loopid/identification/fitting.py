@@ -10,7 +10,13 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import ExcitationWarning, OptionError, warn
 from loopid.identification.bayes import BayesianRidge
-from loopid.identification.correlation import warn_of_correlation, with_correlated_errors
+from loopid.identification.correlation import (
+    warn_of_correlation,
+    warn_of_scatter,
+    with_correlated_errors,
+    with_scatter,
+    within_runs,
+)
 from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
 from loopid.identification.least_squares import (
     Estimator,
@@ -37,6 +43,8 @@ ESTIMATORS: dict[str, type[Estimator]] = {
 def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     """Estimate parameters, with intervals that allow for autocorrelated residuals.
 
+    Of three recordings or more, intervals also hold what differs between these, such as friction.
+
     Parameters
     ----------
     samples : FitSamples
@@ -59,7 +67,8 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     Warns
     -----
     CorrelationWarning
-        When residuals are so autocorrelated that there are clearly fewer effective samples.
+        When residuals are so autocorrelated that there are clearly fewer effective samples, or
+        parameters clearly vary between recordings.
     ExcitationWarning
         Naming the parameters whose 95 % interval includes zero.
 
@@ -97,8 +106,10 @@ def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> Work
 def _warned(samples: FitSamples, estimator: str | Estimator) -> WorkingFit:
     """As ``working_fit``, with warnings."""
     independent = chosen_estimator(estimator).fit_samples(samples)
-    found = with_correlated_errors(independent)
-    warn_of_correlation(found.result, independent.result)
+    within = within_runs(independent)
+    found = with_scatter(within)
+    warn_of_correlation(within.result, independent.result)
+    warn_of_scatter(found.result, within.result)
     warn_of_insignificant(found.result)
     return found
 
@@ -115,7 +126,7 @@ def chosen_estimator(estimator: str | Estimator) -> Estimator:
 def warn_of_insignificant(result: FitResult) -> None:
     """Name, once, the estimates that are not significant."""
     names = result.insignificant()
-    if not names or result.degrees_of_freedom < LEAST_FREEDOM:
+    if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
         return  # without freedom no interval is finite: the autocorrelation is to blame
     stds = dict(zip(result.parameters.labels, result.relative_std, strict=True))
     listed = ", ".join(f"{name} ({stds[name]:.0f} %)" for name in names)
@@ -152,8 +163,7 @@ def fit_in_steps(
     -------
     FitResult
         All parameters of ``second``; the covariance holds what the uncertainty of the known ones
-        does to the others. Quality and noise are those of the second experiment, the degrees of
-        freedom those of the poorer one.
+        does to the others. Quality and noise are those of the second experiment.
 
     Raises
     ------
@@ -185,11 +195,14 @@ def fit_in_steps(
     moved[free] = -fitted.response(second.select(held).regressor)
     covariance = moved @ spread @ moved.T
     covariance[np.ix_(free, free)] += rest.covariance
+    freedom = np.full(len(values), start.degrees_of_freedom[taken].min())
+    freedom[held] = start.degrees_of_freedom[taken]
+    freedom[free] = np.minimum(freedom[free], rest.degrees_of_freedom)
     return replace(
         rest,
         parameters=second.parameters,
         values=values,
         covariance=covariance,
-        degrees_of_freedom=min(start.degrees_of_freedom, rest.degrees_of_freedom),
+        degrees_of_freedom=freedom,
         quality=fit_quality(second.problem, values),
     )

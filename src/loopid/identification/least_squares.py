@@ -215,7 +215,7 @@ def result_of(
         values=values,
         covariance=variance * inverse @ inverse.T,
         condition_number=float(np.linalg.cond(R)),
-        degrees_of_freedom=float(problem.freedom),
+        degrees_of_freedom=np.array(float(problem.freedom)),
         quality=fit_quality(problem, values),
         weights=weights,
     )

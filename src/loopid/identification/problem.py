@@ -138,6 +138,8 @@ class FitSamples(ComparedByFields):
         (N, dof), which forces take part; by default all.
     stretches : IntArray
         (N,), number of the gap-free, evenly sampled stretch of each sample; by default one.
+    runs : IntArray
+        (N,), number of the recording of each sample; one until samples are ``combined``.
     least_errors : FloatArray
         (dof,) in N or N m, deviation below which errors count as round-off, as of forces that are
         known to be zero; by default 0.
@@ -160,6 +162,7 @@ class FitSamples(ComparedByFields):
     force: FloatArray
     used: BoolArray
     stretches: IntArray
+    runs: IntArray
     least_errors: FloatArray
     instruments: FloatArray | None = None
 
@@ -203,7 +206,8 @@ class FitSamples(ComparedByFields):
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
         if least.shape != (dof,) or (least < 0).any():
             raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
-        arrays = kept(W), kept(tau), kept(mask, np.bool_), kept(parts, np.int64), frozen(least)
+        places = kept(parts, np.int64), kept(np.zeros(len(tau)), np.int64)
+        arrays = kept(W), kept(tau), kept(mask, np.bool_), *places, frozen(least)
         return cls(parameters, tuple(actuators), *arrays)
 
     def __len__(self) -> int:
@@ -292,8 +296,11 @@ class FitSamples(ComparedByFields):
         instruments = [part.instruments for part in parts if part.instruments is not None]
         if 0 < len(instruments) < len(parts):
             raise DataError("samples to combine must all have instruments, or none of them")
-        offsets = np.cumsum([0, *(int(part.stretches.max()) + 1 for part in parts[:-1])])
-        shifted = [part.stretches + k for part, k in zip(parts, offsets, strict=True)]
+
+        def numbered(each: Sequence[IntArray]) -> IntArray:
+            offsets = np.cumsum([0, *(int(part.max()) + 1 for part in each[:-1])])
+            shifted = [part + k for part, k in zip(each, offsets, strict=True)]
+            return frozen(np.concatenate(shifted), np.int64)
 
         def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
             return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
@@ -303,7 +310,8 @@ class FitSamples(ComparedByFields):
             regressor=joined([part.regressor for part in parts]),
             force=joined([part.force for part in parts]),
             used=joined([part.used for part in parts]),
-            stretches=frozen(np.concatenate(shifted), np.int64),
+            stretches=numbered([part.stretches for part in parts]),
+            runs=numbered([part.runs for part in parts]),
             least_errors=np.max([part.least_errors for part in parts], axis=0),
             instruments=joined(instruments) if instruments else None,
         )

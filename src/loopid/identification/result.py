@@ -167,9 +167,9 @@ class FitResult(_Record):
         (n, n), for the errors of ``noise``, or independent ones where that is None.
     condition_number : float
         Of the weighted regressor.
-    degrees_of_freedom : float
-        Of Student's distribution: rows, or effective samples where errors are correlated, less
-        parameters.
+    degrees_of_freedom : FloatArray
+        (n,), of Student's distribution, or one number for all: rows less parameters, fewer where
+        errors are correlated or estimates vary between recordings.
     quality : Quality
         On the data that were fitted.
     weights : FloatArray
@@ -205,7 +205,7 @@ class FitResult(_Record):
     values: FloatArray
     covariance: FloatArray
     condition_number: float
-    degrees_of_freedom: float
+    degrees_of_freedom: FloatArray
     quality: Quality
     weights: FloatArray
     noise: NoiseModel | None = None
@@ -214,6 +214,8 @@ class FitResult(_Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
+        object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
         for name in self.assumed:
             if name not in self.parameters.labels:
                 raise OptionError.unknown("assumed parameter", name, self.parameters.labels)
@@ -238,9 +240,8 @@ class FitResult(_Record):
 
         if not 0 < level < 1:
             raise OptionError(f"level must be between 0 and 1, not {level}")
-        reach = np.full(len(self.values), np.inf)
-        if self.degrees_of_freedom >= LEAST_FREEDOM:
-            reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
+        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
+        reach[self.degrees_of_freedom < LEAST_FREEDOM] = np.inf
         reach[[name in self.assumed for name in self.parameters.labels]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 

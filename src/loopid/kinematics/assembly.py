@@ -1,9 +1,10 @@
 """Assembly: all coordinates from measured ones, on the assembly branch of the start.
 
-Samples on their own are reached along straight lines from the start, in steps whose length adapts
-so that Newton's method contracts at once and the Jacobian keeps its orientation: the solution then
-stays on the branch of the start [Allgower2003]. All samples advance together; every linear solve is
-batched.
+Measured are joints, or the coordinates of the platform. Samples on their own are reached along
+straight lines from the start, in steps whose length adapts so that Newton's method contracts at
+once and the Jacobian keeps its orientation: the solution then stays on the branch of the start
+[Allgower2003]. All samples advance together; every linear solve is batched. Steps and residuals are
+in common units (see ``constraint``).
 
 Along a trajectory each is reached from the last one that was, window by window: a few samples, the
 nodes, are solved from the start; those between them are predicted by curves and corrected by
@@ -15,6 +16,7 @@ the next sample is followed in full.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,11 +25,19 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray, IntArray, samples
-from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
-from loopid.kinematics.poses import BLOCK, blocks, integrate
-from loopid.kinematics.projection import Solver
-from loopid.robot import Mechanism
+from loopid.errors import AssemblyError, MobilityError, OptionError
+from loopid.kinematics.constraint import Constraint, scaled_residual
+from loopid.kinematics.poses import (
+    BLOCK,
+    FramePoses,
+    blocks,
+    difference,
+    frame_motions,
+    frame_poses,
+    integrate,
+)
+from loopid.kinematics.projection import Factorisation, Solver, partition
+from loopid.robot import Mechanism, Platform, relative_quaternion
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
@@ -52,31 +62,259 @@ LEAST_WINDOW = 16
 STRIDE = 8  # between nodes
 
 
-@dataclass(frozen=True, repr=False)
-class Assembly:
-    """Assembled configurations.
+class Linearisation(NamedTuple):
+    """Residual and its derivatives, exact where it is zero: Newton needs no more."""
 
-    Attributes
-    ----------
-    configurations : FloatArray
-        (N, nq); rows that could not be assembled hold NaN.
-    residual : FloatArray
-        (N,), largest closure residual in m.
-    assembled : BoolArray
-        (N,), whether the loops close to the tolerance on the start's branch.
+    residual: FloatArray  # (N, m)
+    unknown: FloatArray  # (N, m, u), by the unknown coordinates in unit steps
+    known: FloatArray  # (N, m, c), by the measured values
+
+
+class MeasuredCoordinates(ABC):
+    """A set of numbers from which the configuration follows."""
+
+    def __init__(self, mechanism: Mechanism, unknown: IntArray, width: int) -> None:
+        self.mechanism = mechanism
+        self.unknown = unknown
+        self.width = width
+
+    @abstractmethod
+    def read(self, q: FloatArray) -> FloatArray:
+        """Their values (N, width) at configurations (N, nq)."""
+
+    @abstractmethod
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        """Configurations with the measured values put in, as far as they are coordinates."""
+
+    @abstractmethod
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        """The equations at configurations (N, nq) that should have values (N, width)."""
+
+    @abstractmethod
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        """Residual (N, m) alone."""
+
+    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        """The way (N, width) from values to values."""
+        return target - origin
+
+    def tangent(self, steps: FloatArray) -> FloatArray:
+        """Tangent vectors (N, nv) of scaled steps (N, u) of the unknown coordinates."""
+        tangent = np.zeros((len(steps), self.mechanism.model.nv))
+        tangent[:, self.unknown] = steps * self.mechanism.coordinate_scales[self.unknown]
+        return tangent
+
+    def steps(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        """Scaled steps (N, u) of the unknown coordinates between configurations (N, nq)."""
+        tangent = difference(self.mechanism, origin, target)
+        return tangent[:, self.unknown] / self.mechanism.coordinate_scales[self.unknown]
+
+
+class JointCoordinates(MeasuredCoordinates):
+    """Measured joints: the others are unknown, but for single coordinates that are independent.
+
+    The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
+    could be given: it stays as it is at the start.
     """
 
-    configurations: FloatArray
-    residual: FloatArray
-    assembled: BoolArray
+    def __init__(self, mechanism: Mechanism, joints: Sequence[str]) -> None:
+        self.known, _ = partition(mechanism, joints)
+        if len(self.known) != len(joints):
+            raise OptionError("only joints with one coordinate can be measured")
+        held = mechanism.velocity_indices(mechanism.held)
+        unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(self.known, held))
+        super().__init__(mechanism, unknown, len(joints))
+        models = [mechanism.joint(name) for name in joints]
+        self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
+        # A continuous joint is stored as the cosine and sine of its angle.
+        self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)
+
+    def read(self, q: FloatArray) -> FloatArray:
+        values = q[:, self.first]
+        circle = self.first[self.circular]
+        values[:, self.circular] = np.arctan2(q[:, circle + 1], q[:, circle])
+        return values
+
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        q = q.copy()
+        q[:, self.first] = values
+        angles, circle = values[:, self.circular], self.first[self.circular]
+        q[:, circle], q[:, circle + 1] = np.cos(angles), np.sin(angles)
+        return q
+
+    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        way = target - origin
+        turns = way[:, self.circular]
+        way[:, self.circular] = np.mod(turns + np.pi, 2 * np.pi) - np.pi
+        return way
+
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        residual, jacobian = Constraint(self.mechanism, q).scaled()
+        known = jacobian[:, :, self.known] / self.mechanism.coordinate_scales[self.known]
+        return Linearisation(residual, jacobian[:, :, self.unknown], known)
+
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        return scaled_residual(self.mechanism, q)
+
+
+class PlatformCoordinates(MeasuredCoordinates):
+    """A measured platform pose: all joints are unknown, the pose adds six equations."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.platform = declared_platform(mechanism)
+        super().__init__(mechanism, np.arange(mechanism.model.nv), len(self.platform.motions))
+
+    def read(self, q: FloatArray) -> FloatArray:
+        return platform_coordinates(self.mechanism, q)
+
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        return q.copy()
+
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        residual, closures = Constraint(self.mechanism, q).scaled()
+        frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
+        twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
+        pose = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1)
+        known = np.zeros((len(q), residual.shape[1] + 6, self.width))
+        known[:, -6:] = -twist * self.platform.twist_map(values)
+        return Linearisation(
+            np.concatenate([residual, self._off_pose(frame, values)], 1),
+            np.concatenate([closures, twist * pose * self.mechanism.coordinate_scales], 1),
+            known,
+        )
+
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        frame = frame_poses(self.mechanism, q, [self.platform.frame_id], jacobians=False)
+        return np.concatenate(
+            [scaled_residual(self.mechanism, q), self._off_pose(frame, values)], 1
+        )
+
+    def _off_pose(self, frame: FramePoses, values: FloatArray) -> FloatArray:
+        """What separates the frame from its target (N, 6), in m, along the fixed axes."""
+        rotation, origin = self.platform.placements(values)
+        inverses = np.swapaxes(frame.rotation[:, 0], 1, 2), np.swapaxes(rotation, 1, 2)
+        turn = 2 * self.mechanism.length * relative_quaternion(*inverses)[0]
+        return np.concatenate([frame.origin[:, 0] - origin, turn], 1)
+
+
+@checked
+def measured_coordinates(
+    mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
+) -> MeasuredCoordinates:
+    """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
+
+    A MobilityError says that they are too few or too many to determine the motion at the reference.
+    """
+    measured: MeasuredCoordinates
+    if coordinates == "platform":
+        measured = PlatformCoordinates(mechanism)
+    else:
+        names = mechanism.measured if coordinates is None else coordinates
+        joints = (names,) if isinstance(names, str) else tuple(names)
+        measured = JointCoordinates(mechanism, joints)
+    q, unknown = mechanism.reference[None], len(measured.unknown)
+    found = int(Factorisation.of(measured.linearise(q, measured.read(q)).unknown).rank[0])
+    if found < unknown:
+        raise MobilityError(
+            f"the measured coordinates determine {found} of the {unknown} other coordinates of "
+            f"{mechanism.name} at its reference: give more, or others, or a reference "
+            "that is not singular"
+        )
+    jacobian, tolerance = Constraint(mechanism, q).scaled()[1], mechanism.closure_rank_tolerance
+    if int(Factorisation.of(jacobian, tolerance).rank[0]) > found:
+        raise MobilityError(
+            f"the {measured.width} measured coordinates of {mechanism.name} are not "
+            "independent of each other: leave some out"
+        )
+    return measured
+
+
+@checked
+def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+    """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
+
+    Raises
+    ------
+    OptionError
+        When the robot file declares none.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.platform_coordinates(robot, robot.reference).shape
+    (1, 4)
+    """
+    platform = declared_platform(mechanism)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    frame = frame_poses(mechanism, q, [platform.frame_id], jacobians=False)
+    return platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+
+
+def declared_platform(mechanism: Mechanism) -> Platform:
+    """The platform of the robot file; an OptionError when it declares none."""
+    if mechanism.platform is None:
+        raise OptionError(f"{mechanism.name} declares no platform coordinates")
+    return mechanism.platform
+
+
+@checked
+def platform_motion(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    rates: FloatArray,
+    accelerations: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform.
+
+    At closed configurations (N, nq).
+    """
+    platform = declared_platform(mechanism)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    xd = samples(rates, len(platform.motions), "platform rates", len(q))
+    xdd = samples(accelerations, len(platform.motions), "platform accelerations", len(q))
+    parts = [_platform_motion(mechanism, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
+    v, a = zip(*parts, strict=True)
+    return np.concatenate(v), np.concatenate(a)
+
+
+def _platform_motion(
+    mechanism: Mechanism, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    constraint = Constraint(mechanism, q)
+    frame = frame_poses(mechanism, q, [platform.frame_id])
+    x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+    jacobian = [constraint.jacobian(), frame.linear[:, 0], frame.angular[:, 0]]
+    scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
+    rows = np.append(mechanism.row_scales, units)
+    factors = Factorisation.of(rows[:, None] * np.concatenate(jacobian, axis=1) * scales)
+
+    def solve(closures: FloatArray, twists: FloatArray) -> FloatArray:
+        wanted = rows * np.concatenate([closures, twists], axis=1)
+        return np.asarray(scales * factors.solve(wanted[:, :, None])[:, :, 0])
+
+    E = platform.twist_map(x)
+    v = solve(np.zeros((len(q), mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
+    moving = frame_motions(mechanism, q, v, frame)
+    felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
+    twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
+    return v, solve(-constraint.drift(v), twist_rate - felt)
+
+
+@dataclass(frozen=True, repr=False)
+class Assembly:
+    """Assembled configurations."""
+
+    configurations: FloatArray  # (N, nq); rows that could not be assembled hold NaN
+    residual: FloatArray  # (N,), largest closure residual in m
+    assembled: BoolArray  # (N,), whether the loops close on the start's branch
 
     def __repr__(self) -> str:
         return f"Assembly of {len(self.assembled)} samples, {int(self.assembled.sum())} assembled"
 
-    @classmethod
-    def none(cls, width: int) -> Assembly:
-        """No samples, of configurations with a width."""
-        return cls(np.empty((0, width)), np.empty(0), np.empty(0, dtype=bool))
+    def first(self, count: int) -> Assembly:
+        """The first so many samples."""
+        return Assembly(self.configurations[:count], self.residual[:count], self.assembled[:count])
 
     @classmethod
     def joined(cls, parts: Sequence[Assembly]) -> Assembly:
@@ -170,14 +408,9 @@ def try_assemble(
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
-    Along a trajectory the next one is then reached from the last one that was assembled.
-
-    Parameters
-    ----------
-    start : FloatArray, optional
-        (nq,), or (N, nq) with a configuration for each sample.
-    shortest_step : float
-        Part of the way below which a sample is given up.
+    Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
+    there may be a start for each sample, (N, nq). A sample is given up where less than the
+    ``shortest_step``, a part of the way, can be done at a time.
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
@@ -236,16 +469,12 @@ def closes(
 
 
 class Correction(NamedTuple):
-    """Configurations (N, nq) after Newton's method, and where (N,) it contracted at once.
+    """What Newton's method leads to; Jacobian and tangent are of the last step, which is short."""
 
-    Of the last step, which is short, the Jacobian (N, m, u) by the unknown coordinates, and the
-    tangent (N, u, c): their steps per unit of the measured values.
-    """
-
-    configurations: FloatArray
-    accepted: BoolArray
-    jacobian: FloatArray
-    tangent: FloatArray
+    configurations: FloatArray  # (N, nq)
+    accepted: BoolArray  # (N,), whether it contracted at once
+    jacobian: FloatArray  # (N, m, u), by the unknown coordinates
+    tangent: FloatArray  # (N, u, c), their steps per unit of the measured values
 
 
 def correct(
@@ -293,7 +522,8 @@ def follow_trajectory(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    parts, first, window, alone = [Assembly.none(len(start))], 0, BLOCK, 1
+    none = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool))
+    parts, first, window, alone = [none], 0, BLOCK, 1
     while first < len(targets):
         part = _linked(measured, start, targets[first : first + window], options)
         count = len(part.residual)
@@ -304,16 +534,12 @@ def follow_trajectory(
             part = follow_paths(measured, np.tile(start, (len(ahead), 1)), ahead, options)
             found = np.flatnonzero(part.assembled)
             alone = 1 if len(found) else min(2 * alone, BLOCK)
-            part = _leading(part, int(found[0]) + 1 if len(found) else len(ahead))
+            part = part.first(int(found[0]) + 1 if len(found) else len(ahead))
         if part.assembled[-1]:
             start = part.configurations[-1]
         parts.append(part)
         first += len(part.residual)
     return Assembly.joined(parts)
-
-
-def _leading(part: Assembly, count: int) -> Assembly:
-    return Assembly(part.configurations[:count], part.residual[:count], part.assembled[:count])
 
 
 def _linked(
@@ -333,7 +559,7 @@ def _linked(
     nodes = correct(measured, guess, values[rows])
     known = _leading_true(nodes.accepted)
     if known < 2:
-        return Assembly.none(len(start))
+        return Assembly(guess[:0], np.empty(0), np.empty(0, dtype=bool))
     rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
     values = values[: rows[-1] + 1]
     found = correct(measured, _between(measured, rows, nodes, values), values)

@@ -52,21 +52,10 @@ class _Points:
 def close_loops(
     mechanism: Mechanism, configurations: FloatArray, movable: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Move coordinates until the loops close, as far as they do.
+    """Move coordinates, by velocity indices, until the loops close, as far as they do.
 
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), starts.
-    movable : IntArray, optional
-        Velocity indices of the coordinates that may move; all by default.
-
-    Returns
-    -------
-    configurations : FloatArray
-        (N, nq), inside the limits where that closes them.
-    residual : FloatArray
-        (N,), largest closure residual left, in m.
+    From starts (N, nq) to configurations (N, nq), inside the limits where that closes them, and the
+    largest closure residual (N,) that is left, in m.
     """
     free = np.arange(mechanism.model.nv) if movable is None else movable
     points = _Points(mechanism, configurations)
@@ -91,14 +80,8 @@ def displaced(
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
-    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed.
-
-    Returns
-    -------
-    configurations : FloatArray
-        (N, nq).
-    residual : FloatArray
-        (N,), largest closure residual left, in m: large where the way met a singularity.
+    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed. Gives
+    configurations (N, nq) and the residual (N,) left, in m: large where the way met a singularity.
     """
     chosen, dependent = partition(mechanism)
     longest = float(np.abs(steps / mechanism.coordinate_scales[chosen]).max(initial=0.0))
@@ -114,13 +97,7 @@ def displaced(
 def nearby_configurations(
     mechanism: Mechanism, configuration: FloatArray, count: int = 8, seed: int = 0
 ) -> FloatArray:
-    """Walk away from a closed configuration (nq,) by seeded random steps.
-
-    Returns
-    -------
-    FloatArray
-        (n, nq): the configuration itself, then those of ``count`` walks that stay closed.
-    """
+    """A closed configuration (nq,), then those of so many random walks from it that stay closed."""
     if mechanism.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
     generator = random_generator(seed, stream=3)

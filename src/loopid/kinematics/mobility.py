@@ -25,36 +25,18 @@ WELL_APART = (0.05, 1e-2, 1e-4)
 
 @dataclass(frozen=True)
 class Mobility:
-    """Mobility at a configuration.
+    """Mobility at a configuration."""
 
-    Attributes
-    ----------
-    rows, rank : int
-        Closure equations and how many of them are independent.
-    degrees_of_freedom : int
-        nv - rank, at the configuration itself.
-    generic_degrees_of_freedom : int
-        The same around it; fewer where the configuration is singular.
-    rank_gap : float
-        Ratio of the last counted singular value to the next, infinite when there is none.
-    least : float
-        The last counted singular value, relative to the largest.
-    residual : float
-        Largest closure residual in m.
-    undetermined : tuple of str
-        Passive coordinates that can move while all motors stand still.
-    tolerance : float
-        Singular values below this fraction of the largest counted as zero.
-    """
-
-    rows: int
+    rows: int  # closure equations and how many of them are independent
     rank: int
-    degrees_of_freedom: int
-    generic_degrees_of_freedom: int
+    degrees_of_freedom: int  # nv - rank, at the configuration itself
+    generic_degrees_of_freedom: int  # the same around it; fewer where the configuration is singular
+    # Ratio of the last counted singular value to the next, infinite when there is none
     rank_gap: float
-    least: float
-    residual: float
-    undetermined: tuple[str, ...]
+    least: float  # the last counted singular value, relative to the largest
+    residual: float  # largest closure residual in m
+    undetermined: tuple[str, ...]  # passive coordinates that can move while all motors stand still
+    # Singular values below this fraction of the largest counted as zero
     tolerance: float = RANK_TOLERANCE
 
     @property
@@ -134,17 +116,9 @@ def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]
 
 
 def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:
-    """Choose independent coordinates from closed configurations (N, nq) around a reference.
+    """Choose independent coordinates, actuated ones first, from closed configurations (N, nq).
 
-    Returns
-    -------
-    tuple of str
-        Names among ``mechanism.coordinates``, actuated ones first.
-
-    Raises
-    ------
-    MobilityError
-        When nothing can move.
+    A MobilityError says that nothing can move.
     """
     _, jacobians = Constraint(mechanism, configurations).scaled()
     spaces = [null_space(A, mechanism.closure_rank_tolerance) for A in jacobians]

@@ -14,10 +14,14 @@ from itertools import combinations, islice
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
+from loopid.kinematics.assembly import (
+    CLOSURE_TOLERANCE,
+    JointCoordinates,
+    PathOptions,
+    follow_paths,
+)
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
@@ -64,20 +68,10 @@ class _Solution:
 def assembly_modes(mechanism: Mechanism, drawn: FloatArray) -> tuple[AssemblyMode, ...]:
     """Assembly modes of a mechanism around a drawn pose (nq,), closed or not; the best first.
 
-    Modes that lead to a singular drawn pose come first, among them those in which most links stay
-    parallel; then those of least motion.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Closed at its reference: the drawn pose, or a closed one near it.
-    drawn : FloatArray
-
-    Returns
-    -------
-    tuple of AssemblyMode
-        At most ``MOST_MODES``, without ranks; none where no regular pose inside the limits is
-        found.
+    The mechanism is closed at its reference: the drawn pose, or one near it. Modes that lead to a
+    singular drawn pose come first, among them those in which most links stay parallel; then those
+    of least motion. They are ``MOST_MODES`` at most, without ranks; none where no regular pose
+    inside the limits is found.
     """
     motors = JointCoordinates(mechanism, mechanism.measured)
     home = mechanism.reference[None]

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from loopid.arrays import BoolArray, FloatArray
 from loopid.parameters import model_kinds
-from loopid.robot import Mechanism, scratch_data, tie_matrix
+from loopid.robot import Mechanism, scratch_data
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
@@ -38,24 +38,12 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class FramePoses:
-    """F frames at N samples.
+    """F frames at N samples."""
 
-    Attributes
-    ----------
-    origin : FloatArray
-        (N, F, 3) in m.
-    rotation : FloatArray
-        (N, F, 3, 3), columns are the frame's axes.
-    supports : BoolArray
-        (F, nv), which coordinates move each frame.
-    joint_jacobian : FloatArray
-        (N, 6, nv), ``data.J``; without rows where it was not asked for.
-    """
-
-    origin: FloatArray
-    rotation: FloatArray
-    supports: BoolArray
-    joint_jacobian: FloatArray
+    origin: FloatArray  # (N, F, 3) in m
+    rotation: FloatArray  # (N, F, 3, 3), columns are the frame's axes
+    supports: BoolArray  # (F, nv), which coordinates move each frame
+    joint_jacobian: FloatArray  # (N, 6, nv), ``data.J``; without rows where not asked for
 
     @cached_property
     def angular(self) -> FloatArray:
@@ -77,19 +65,11 @@ class FramePoses:
 
 @dataclass(frozen=True)
 class FrameMotions:
-    """Velocities and accelerations of F frames at N samples, (N, F, 3) each.
+    """Velocities and accelerations of F frames at N samples, (N, F, 3) each."""
 
-    Attributes
-    ----------
-    velocity, acceleration : FloatArray
-        Of the origins.
-    turn, turning : FloatArray
-        Angular.
-    """
-
-    velocity: FloatArray
+    velocity: FloatArray  # of the origins
     acceleration: FloatArray
-    turn: FloatArray
+    turn: FloatArray  # angular
     turning: FloatArray
 
 
@@ -172,8 +152,8 @@ def torque_regressors(
             # For a single coordinate the binding drops the axis of its one row.
             np.dot(to_row, Y if tree.nv > 1 else Y.reshape(1, -1), out=out)
         K[rows] = whole[: rows.stop - rows.start, :, columns]
-    if mechanism.ties:
-        K = K @ tie_matrix(mechanism.links, mechanism.ties, len(model_kinds(model)))
+    if mechanism.tied:
+        K = K @ mechanism.tie_matrix(len(model_kinds(model)))
     return K
 
 

@@ -29,13 +29,13 @@ LARGE = 400  # entries of a matrix that is worth looking at for blocks
 
 
 class _Block(NamedTuple):
-    """L blocks of one shape of N matrices, with U (N, L, r, k), s (N, L, k) and Vᵀ (N, L, k, c)."""
+    """L blocks of one shape of N matrices, with their singular value decompositions."""
 
-    rows: IntArray
-    columns: IntArray
-    left: FloatArray
-    values: FloatArray
-    right: FloatArray
+    rows: IntArray  # (L, r)
+    columns: IntArray  # (L, c)
+    left: FloatArray  # (N, L, r, k)
+    values: FloatArray  # (N, L, k)
+    right: FloatArray  # (N, L, k, c)
 
 
 @dataclass(frozen=True)
@@ -43,25 +43,13 @@ class Factorisation:
     """Singular value decompositions of N matrices (N, m, n), for repeated solves.
 
     Large matrices fall apart into the blocks of loops that have no coordinates in common.
-
-    Attributes
-    ----------
-    blocks : tuple of _Block
-    width : int
-        n.
-    values : FloatArray
-        (N, k), singular values, descending.
-    rank : IntArray
-        (N,), with singular values relative to the largest of each matrix.
-    least : FloatArray
-        (N,), singular values up to here count as zero.
     """
 
     blocks: tuple[_Block, ...]
-    width: int
-    values: FloatArray
-    rank: IntArray
-    least: FloatArray
+    width: int  # n
+    values: FloatArray  # (N, k), singular values, descending
+    rank: IntArray  # (N,)
+    least: FloatArray  # (N,), relative to the largest: values up to here count as zero
 
     @classmethod
     def of(cls, matrices: FloatArray, tolerance: float = RANK_TOLERANCE) -> Factorisation:
@@ -128,20 +116,11 @@ class Solver:
 
     An inverse takes a fifth of the time of a singular value decomposition; the Frobenius norms of
     a matrix and its inverse bound its condition.
-
-    Attributes
-    ----------
-    matrices : FloatArray
-        (N, m, n).
-    inverses : FloatArray or None
-        (N, n, n); None where the matrices are not square, or one is exactly singular.
-    ill_conditioned : IntArray
-        Samples whose ratio of least to largest singular value is not proven to exceed a bound.
     """
 
-    matrices: FloatArray
-    inverses: FloatArray | None
-    ill_conditioned: IntArray
+    matrices: FloatArray  # (N, m, n)
+    inverses: FloatArray | None  # (N, n, n); None where not square, or one is exactly singular
+    ill_conditioned: IntArray  # samples whose ratio of singular values is not proven to be larger
 
     @classmethod
     def of(cls, matrices: FloatArray, bound: float) -> Solver:
@@ -205,26 +184,15 @@ def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatAr
 
 @dataclass(frozen=True, repr=False)
 class Projection:
-    """The motion that the loops allow, at N configurations.
+    """The motion that the loops allow, at N configurations."""
 
-    Attributes
-    ----------
-    G : FloatArray
-        (N, nv, dof), all velocities from the independent ones.
-    gamma : FloatArray or None
-        (N, nv), accelerations at zero independent acceleration; None without velocities.
-    independent : IntArray
-        (dof,), velocity indices of the independent coordinates.
-    dependent_columns : FloatArray
-        (N, rows, nv - dof), columns of the constraint Jacobian in common units.
-    tolerance : float
-        Singular values below this fraction of the largest counted as zero.
-    """
-
-    G: FloatArray
+    G: FloatArray  # (N, nv, dof), all velocities from the independent ones
+    # (N, nv), accelerations at zero independent acceleration; None without velocities
     gamma: FloatArray | None
-    independent: IntArray
+    independent: IntArray  # (dof,), velocity indices of the independent coordinates
+    # (N, rows, nv - dof), columns of the constraint Jacobian in common units
     dependent_columns: FloatArray
+    # Singular values below this fraction of the largest counted as zero
     tolerance: float = RANK_TOLERANCE
 
     def __repr__(self) -> str:
@@ -242,23 +210,12 @@ class Projection:
 
 @dataclass(frozen=True, repr=False)
 class ClosedMotion:
-    """Velocities and accelerations that keep the loops closed, at N samples.
+    """Velocities and accelerations that keep the loops closed, at N samples."""
 
-    Attributes
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities, accelerations : FloatArray
-        (N, nv), v = G u̇ and a = G ü + γ.
-    gamma : FloatArray
-        (N, nv), the part of the accelerations that the velocities cause.
-    projection : Projection
-    """
-
-    configurations: FloatArray
-    velocities: FloatArray
+    configurations: FloatArray  # (N, nq), closed
+    velocities: FloatArray  # (N, nv), v = G u̇ and a = G ü + γ
     accelerations: FloatArray
-    gamma: FloatArray
+    gamma: FloatArray  # (N, nv), the part of the accelerations that the velocities cause
     projection: Projection
 
     def __repr__(self) -> str:
@@ -387,7 +344,7 @@ def _projected(
     rates: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """G, the dependent columns A_d, and with independent velocities (N, dof) also v and γ."""
-    nv, scales, doubts = mechanism.model.nv, mechanism.coordinate_scales, []
+    nv, doubts = mechanism.model.nv, []
     G = np.empty((len(q), nv, len(chosen)))
     columns = np.empty((len(q), mechanism.rows, len(dependent)))
     v, gamma = np.zeros((2, 0 if rates is None else len(q), nv))
@@ -401,8 +358,7 @@ def _projected(
         doubts.append((rows.start + solver.ill_conditioned, solver.factors))
         if rates is not None:
             v[rows] = np.einsum("nij,nj->ni", G[rows], rates[rows])
-            drift = mechanism.row_scales * constraint.drift(v[rows])
-            gamma[rows, dependent] = -scales[dependent] * solver.solve(drift[:, :, None])[:, :, 0]
+            gamma[rows] = drift_acceleration(constraint, v[rows], dependent, solver)
     _refuse_singular(doubts, len(dependent))
     return G, columns, v, gamma
 
@@ -418,6 +374,17 @@ def velocity_map(
     to_units = scales[dependent, None] / scales[chosen]
     G[:, dependent] = -to_units * solver.solve(jacobian[:, :, chosen])
     return G, solver
+
+
+def drift_acceleration(
+    constraint: Constraint, v: FloatArray, dependent: IntArray, solver: Solver
+) -> FloatArray:
+    """γ (N, nv) at velocities (N, nv), with the solver of A_d: A γ = -Ȧ v."""
+    mechanism, gamma = constraint.mechanism, np.zeros_like(v)
+    drift = mechanism.row_scales * constraint.drift(v)
+    step = solver.solve(drift[:, :, None])[:, :, 0]
+    gamma[:, dependent] = -mechanism.coordinate_scales[dependent] * step
+    return gamma
 
 
 def least_over_largest(columns: FloatArray) -> FloatArray:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from loopid.arguments import affordable, checked
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, PathOptions, follow_paths
+from loopid.kinematics.assembly import (
+    CLOSURE_TOLERANCE,
+    MeasuredCoordinates,
+    PathOptions,
+    follow_paths,
+    measured_coordinates,
+)
 from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
 from loopid.seeds import random_generator
@@ -97,19 +102,22 @@ def configuration_batches(
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
     # Of many loops that move on their own one fails in nearly every draw from anywhere.
     spread *= min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
-    draw = _Draw(spread, DEFAULT_MARGIN if margin is None else margin)
+    least = DEFAULT_MARGIN if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
-            raise AssemblyError(_too_few(mechanism, found, drawn, draw.margin, broken))
-        values = home + draw.spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
+            raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
+        values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
         with one_blas_thread():
             outcome = follow_paths(measured, start, values, PATHS)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
         outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
-        regular = q[singularity_measure(mechanism, q) >= draw.margin]
-        draw = draw.adapted(len(q), len(regular), fixed_margin=margin is not None)
+        regular = q[singularity_measure(mechanism, q) >= least]
+        if len(q) < FEW * BATCH:  # draw nearer
+            spread = max(NARROWER * spread, LEAST_SPREAD)
+        if len(regular) < FEW * len(q) and margin is None:  # accept less
+            least = max(0.5 * least, LEAST_MARGIN)
         regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
@@ -150,23 +158,6 @@ def _too_few(
         f"only {found} of {drawn} random draws of {mechanism.name} close with a singularity "
         f"measure of at least {margin:g}: lower the margin or check the limits{limits}"
     )
-
-
-@dataclass(frozen=True)
-class _Draw:
-    """How far from the reference, and how far from singularities, configurations are drawn."""
-
-    spread: float
-    margin: float
-
-    def adapted(self, closed: int, regular: int, fixed_margin: bool) -> _Draw:
-        """Draw nearer where few of a batch close, accept less where few of these are regular."""
-        spread, margin = self.spread, self.margin
-        if closed < FEW * BATCH:
-            spread = max(NARROWER * spread, LEAST_SPREAD)
-        if regular < FEW * closed and not fixed_margin:
-            margin = max(0.5 * margin, LEAST_MARGIN)
-        return _Draw(spread, margin)
 
 
 def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generator) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.robot import CLOSURE_KINDS, JointCoupling, LoopClosure, link_frames
@@ -74,49 +74,32 @@ class ClosureDescription(Section):
             raise ValueError("a coupling has 'of' and 'polynomial' together, or neither")
         allowed = {"type", "name", needed, *optional}
         for key in sorted(self.model_fields_set - allowed):
-            raise ValueError(
-                f"a {self.type} closure has no {key!r}: choose among {listed(allowed)}"
-            )
+            valid = ", ".join(sorted(allowed))
+            raise ValueError(f"a {self.type} closure has no {key!r}: choose among {valid}")
         if "length" in optional and self.length is None:
             raise ValueError(f"a {self.type} closure needs its 'length' in m")
-        for joints in (self.joints, self.of):
-            if joints is not None:
-                _require_coupling(joints)
         return self
 
-    @field_validator("axes")
-    @classmethod
-    def _axes_have_a_direction(
-        cls, axes: tuple[Vector, Vector] | None
-    ) -> tuple[Vector, Vector] | None:
-        for axis in axes or ():
-            if not any(axis):
-                raise ValueError("an axis is zero")
-        return axes
-
     @model_validator(mode="after")
-    def _axes_fit(self) -> ClosureDescription:
+    def _values_fit(self) -> ClosureDescription:
+        if any(not any(axis) for axis in self.axes or ()):
+            raise ValueError("axes: an axis is zero")
         same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
         if same and self.axes and self.axes[0] != self.axes[1]:
             raise ValueError(
                 f"a {self.type} closure turns neither frame: its two axes must be alike"
             )
+        for joints in (self.joints, self.of):
+            if joints is not None and not joints:
+                raise ValueError("a coupling closure needs a joint at least")
+            for name, coefficient in (joints or {}).items():
+                if coefficient == 0:
+                    raise ValueError(f"joint {name} has coefficient zero in a coupling")
+                if not 1e-30 < abs(coefficient) < 1e30:
+                    raise ValueError(
+                        f"joint {name} has a coefficient beyond all measure, {coefficient:g}"
+                    )
         return self
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names in alphabetical order, for a message."""
-    return ", ".join(sorted(names))
-
-
-def _require_coupling(joints: dict[str, float]) -> None:
-    if not joints:
-        raise ValueError("a coupling closure needs a joint at least")
-    for name, coefficient in joints.items():
-        if coefficient == 0:
-            raise ValueError(f"joint {name} has coefficient zero in a coupling")
-        if not 1e-30 < abs(coefficient) < 1e30:
-            raise ValueError(f"joint {name} has a coefficient beyond all measure, {coefficient:g}")
 
 
 # Looked up in the model.

@@ -23,11 +23,10 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import mobility
+from loopid.kinematics import mobility, rounding_that_closes
 from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import Description, RobotFiles, find_files, merged
 from loopid.loading.reference import close_reference, why_singular
-from loopid.loading.rounding import rounding_that_closes
 from loopid.loading.tree import (
     TreeSource,
     build_tree,

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,10 +31,8 @@ FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body
           "key_qpos")  # fmt: skip
 # MuJoCo's enumerations do not compare equal to entries of arrays.
 JOINT_KINDS = {
-    int(mujoco.mjtJoint.mjJNT_FREE): "free",
-    int(mujoco.mjtJoint.mjJNT_BALL): "ball",
-    int(mujoco.mjtJoint.mjJNT_SLIDE): "slide",
-    int(mujoco.mjtJoint.mjJNT_HINGE): "hinge",
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{kind.upper()}")): kind
+    for kind in ("free", "ball", "slide", "hinge")
 }
 CONNECT, WELD = int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)
 JOINT, TENDON = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
@@ -90,7 +87,7 @@ def read_mjcf(path: Path) -> TreeSource:
     """
     compiled, warnings = compile_mjcf(path)
     with naming(path):
-        scene = Scene(path, compiled, read_names(compiled))
+        scene = Scene(path, compiled)
         # MuJoCo has a name for models that have none.
         name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
     model, child_links = _tree(scene, name)
@@ -101,67 +98,66 @@ def read_mjcf(path: Path) -> TreeSource:
     ]
     tight, slack = _limited_tendons(scene)
     closures += tight
-    terms, left_out = _joint_forces(scene)
+    forces = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     return TreeSource(
         name=name,
         file=path,
         model=model,
-        inertial_links=tuple(_where(scene.names.bodies, heavy)),
+        inertial_links=tuple(_where(scene.bodies, heavy)),
         child_links=child_links,
         description=Description(
             closures=closures,
             name_mot=motors or None,
             reference=_reference(scene),
-            joint_terms=terms,
+            joint_terms={joint: values for joint, values in forces.terms.items() if values},
         ),
         notes=(*_left_out(scene), *slack, *notes, *warnings),
-        left_out=tuple(left_out),
+        left_out=tuple(forces.left_out),
     )
 
 
 # The file as MuJoCo compiles it, with a name for every element.
 
 
-@dataclass(frozen=True)
-class Names:
-    """Names by index.
+class Scene:
+    """A compiled model, the file that it was read from, and names of its elements.
 
-    Attributes
-    ----------
-    taken : set of str
-        Names of links, joints and frames that are in use.
-    bodies, joints : tuple of str
-        Unique: unnamed bodies are called ``<parent>_body`` and unnamed joints ``<body>_hinge``,
-        ``_slide``, ``_ball`` or ``_free``.
-    sites, equalities, tendons, actuators, keys : tuple of str
-        As in the file: empty where it names none.
+    Those of bodies and joints are unique: unnamed bodies are called ``<parent>_body`` and unnamed
+    joints ``<body>_hinge``, ``_slide``, ``_ball`` or ``_free``. Of other elements they are empty
+    where the file gives none.
     """
 
-    taken: set[str]
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
-    sites: tuple[str, ...]
-    equalities: tuple[str, ...]
-    tendons: tuple[str, ...]
-    actuators: tuple[str, ...]
-    keys: tuple[str, ...]
+    def __init__(self, file: Path, compiled: mujoco.MjModel) -> None:
+        self.file, self.compiled = file, compiled
+        bodies, joints, self.sites, self.equalities, self.tendons, self.actuators, self.keys = (
+            [_text(compiled, int(address)) for address in getattr(compiled, f"name_{what}adr")]
+            for what in ("body", "jnt", "site", "eq", "tendon", "actuator", "key")
+        )
+        self.bodies, self.joints, self.taken = bodies, joints, {"", "universe", *bodies, *joints}
+        for body, parent in enumerate(compiled.body_parentid):
+            bodies[body] = bodies[body] or self.fresh(f"{bodies[parent]}_body")
+        for joint, body in enumerate(compiled.jnt_bodyid):
+            # "universe" is Pinocchio's own name of what stands still.
+            if joints[joint] in ("", "universe"):
+                joints[joint] = self.fresh(f"{bodies[body]}_{self.joint_kind(joint)}")
 
     def fresh(self, wanted: str) -> str:
         """Take the name that is wanted, or the first numbered one that is not in use."""
-        return _fresh(self.taken, wanted)
-
-
-class Scene(NamedTuple):
-    """A compiled model, the file that it was read from, and names of its elements."""
-
-    file: Path
-    compiled: mujoco.MjModel
-    names: Names
+        name, count = wanted, 1
+        while name in self.taken:
+            count += 1
+            name = f"{wanted}_{count}"
+        self.taken.add(name)
+        return name
 
     def joint_kind(self, joint: int) -> str:
         return JOINT_KINDS[int(self.compiled.jnt_type[joint])]
+
+
+def _named(names: Sequence[str], k: int) -> str:
+    return names[k] or f"number {k}"
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
@@ -336,23 +332,6 @@ def _gives_inertia(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
     return False
 
 
-def read_names(compiled: mujoco.MjModel) -> Names:
-    """Names of a compiled model; what the file leaves unnamed gets a name that stays."""
-    bodies, joints, *others = (
-        [_text(compiled, int(address)) for address in getattr(compiled, f"name_{what}adr")]
-        for what in ("body", "jnt", "site", "eq", "tendon", "actuator", "key")
-    )
-    taken = {"", "universe", *bodies, *joints}
-    for body, parent in enumerate(compiled.body_parentid):
-        bodies[body] = bodies[body] or _fresh(taken, f"{bodies[parent]}_body")
-    for joint, body in enumerate(compiled.jnt_bodyid):
-        # "universe" is Pinocchio's own name of what stands still.
-        if joints[joint] in ("", "universe"):
-            kind = JOINT_KINDS[int(compiled.jnt_type[joint])]
-            joints[joint] = _fresh(taken, f"{bodies[body]}_{kind}")
-    return Names(taken, *map(tuple, (bodies, joints, *others)))
-
-
 def _text(compiled: mujoco.MjModel, address: int) -> str:
     # MuJoCo takes any bytes for a name.
     names = compiled.names
@@ -360,15 +339,6 @@ def _text(compiled: mujoco.MjModel, address: int) -> str:
     if not text.isprintable():
         raise RobotFileError(f"names must be printable and on one line, not {text!r:.60}")
     return text
-
-
-def _fresh(taken: set[str], wanted: str) -> str:
-    name, count = wanted, 1
-    while name in taken:
-        count += 1
-        name = f"{wanted}_{count}"
-    taken.add(name)
-    return name
 
 
 def _placement(position: Sequence[float], quaternion: Sequence[float] = (1, 0, 0, 0)) -> pin.SE3:
@@ -401,13 +371,13 @@ def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
     The joints of a body are a chain, with massless links between them. Bodies without joints become
     part of the body that carries them.
     """
-    compiled, names = scene.compiled, scene.names
+    compiled = scene.compiled
     model, child_links = pin.Model(), dict[str, str]()
     model.name = name
     weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     model.gravity.linear = np.zeros(3) if weightless else np.array(compiled.opt.gravity)
     mounts: list[Mount] = []
-    for body, link in enumerate(names.bodies):
+    for body, link in enumerate(scene.bodies):
         mount = Mount(0, 0, pin.SE3.Identity())
         if body > 0:
             mount = mounts[compiled.body_parentid[body]]
@@ -418,19 +388,19 @@ def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
             mount = _add_joint(scene, model, joint, mount)
             carried = link
             if joint < first + count - 1:
-                carried = names.fresh(f"{names.joints[joint]}_link")
+                carried = scene.fresh(f"{scene.joints[joint]}_link")
                 mount = _add_link(model, carried, mount, pin.Inertia.Zero())
-            child_links[names.joints[joint]] = carried
+            child_links[scene.joints[joint]] = carried
         principal = _placement(compiled.body_ipos[body], compiled.body_iquat[body])
         moments = np.diag(compiled.body_inertia[body])
         inertia = principal.act(pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments))
         mounts.append(_add_link(model, link, mount, inertia))
     # Named sites, for a description beside the file to refer to; links and joints come first.
-    for site, site_name in enumerate(names.sites):
-        if site_name not in names.taken:
-            link = names.bodies[compiled.site_bodyid[site]]
+    for site, site_name in enumerate(scene.sites):
+        if site_name not in scene.taken:
+            link = scene.bodies[compiled.site_bodyid[site]]
             there = _placement(compiled.site_pos[site], compiled.site_quat[site])
-            add_frame(model, names.fresh(site_name), link, there)
+            add_frame(model, scene.fresh(site_name), link, there)
     return model, child_links
 
 
@@ -463,7 +433,7 @@ def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Moun
         motion = pin.JointModelFreeFlyer() if kind == "free" else pin.JointModelSpherical()
         high = np.concatenate([np.full(motion.nq - 4, np.inf), QUATERNION_LIMIT])
         low, effort = -high, np.full(motion.nv, np.inf)
-    unlimited, name = np.full(motion.nv, np.inf), scene.names.joints[joint]
+    unlimited, name = np.full(motion.nv, np.inf), scene.joints[joint]
     index = model.addJoint(mount.joint, motion, start, name, effort, unlimited, low, high)
     frame = model.addJointFrame(index, mount.frame)
     return Mount(int(index), int(frame), anchor.inverse())
@@ -494,12 +464,12 @@ def _reference(scene: Scene) -> dict[str, float | list[float]]:
     Several coordinates of one joint are in Pinocchio's order: positions, then a quaternion with w
     last.
     """
-    compiled, keys = scene.compiled, scene.names.keys
+    compiled, keys = scene.compiled, scene.keys
     q = np.array(compiled.qpos0)
     if keys:
         q = np.array(compiled.key_qpos[keys.index("home") if "home" in keys else 0])
     values: dict[str, float | list[float]] = {}
-    for joint, name in enumerate(scene.names.joints):
+    for joint, name in enumerate(scene.joints):
         kind, start = scene.joint_kind(joint), int(compiled.jnt_qposadr[joint])
         if kind in ("hinge", "slide"):
             values[name] = float(q[start])
@@ -521,7 +491,7 @@ def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescriptio
         try:
             return _coupling(scene, equality)
         except ValueError as error:
-            what = f"{scene.file}: equality {_equality_name(scene, equality)}"
+            what = f"{scene.file}: equality {_named(scene.equalities, equality)}"
             raise RobotFileError(f"{what} {error}") from error
     welded, data = kind == WELD, compiled.eq_data[equality]
     if compiled.eq_objtype[equality] == SITE:
@@ -531,11 +501,11 @@ def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescriptio
         places = [_placement(data[ANCHOR_1], data[QUATERNION]), _placement(data[ANCHOR_2])]
     else:
         places = [_placement(data[:3]), _placement(data[3:6])]
-    name, what = scene.names.equalities[equality], "weld" if welded else "connect"
+    name, what = scene.equalities[equality], "weld" if welded else "connect"
     frames = []
     for number, body in enumerate(_bodies(compiled, equality)):
-        link = scene.names.bodies[body]
-        frames.append(scene.names.fresh(f"{name}_{number + 1}" if name else f"{link}_{what}"))
+        link = scene.bodies[body]
+        frames.append(scene.fresh(f"{name}_{number + 1}" if name else f"{link}_{what}"))
         add_frame(model, frames[-1], link, places[number])
     # A weld may leave rotation free.
     turned = welded and data[TORQUE_SCALE] != 0
@@ -556,10 +526,6 @@ def _holds_mocap(scene: Scene, equality: int) -> bool:
     if compiled.eq_type[equality] not in (CONNECT, WELD):
         return False
     return any(compiled.body_mocapid[body] >= 0 for body in _bodies(compiled, equality))
-
-
-def _equality_name(scene: Scene, equality: int) -> str:
-    return scene.names.equalities[equality] or f"number {equality}"
 
 
 def _coupling(scene: Scene, equality: int) -> ClosureDescription:
@@ -592,12 +558,12 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
     if not np.isfinite([*curve, *joints.values()]).all():
         raise ValueError("has coefficients that are too large")
     named, of = (
-        {scene.names.joints[joint]: value for joint, value in terms.items() if value != 0}
+        {scene.joints[joint]: value for joint, value in terms.items() if value != 0}
         for terms in (joints, x)
     )
     if not named:
         raise ValueError("couples no joint")
-    name = scene.names.equalities[equality] or None
+    name = scene.equalities[equality] or None
     if not any(powers):
         return ClosureDescription(type="coupling", name=name, joints=named, offset=constant)
     return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
@@ -608,13 +574,9 @@ def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]
     compiled, tight = scene.compiled, list[ClosureDescription]()
     notes: dict[str, list[str]] = {}
     for tendon in np.flatnonzero(compiled.tendon_limited):
-        name = scene.names.tendons[tendon] or f"number {tendon}"
+        name = _named(scene.tendons, int(tendon))
         low, high = map(float, compiled.tendon_range[tendon])
-        try:
-            terms = _fixed_tendon(scene, int(tendon))
-        except ValueError:
-            terms = {}
-        joints = {scene.names.joints[joint]: factor for joint, factor in terms.items() if factor}
+        joints = _driven(scene, int(tendon))
         held = high - low <= ROOM * max(map(abs, joints.values()), default=1.0)
         if held and joints:
             middle = 0.5 * (low + high)
@@ -635,7 +597,7 @@ def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
     terms: dict[int, float] = {}
     for wrap in range(first, first + count):
         if compiled.wrap_type[wrap] != WRAPS_JOINT:
-            name = scene.names.tendons[tendon] or tendon
+            name = scene.tendons[tendon] or tendon
             raise ValueError(f"is of the spatial tendon {name}: only fixed tendons are supported")
         joint = int(compiled.wrap_objid[wrap])
         terms[joint] = terms.get(joint, 0.0) + float(compiled.wrap_prm[wrap])
@@ -658,7 +620,7 @@ def _motors(
     for actuator in range(scene.compiled.nu):
         if _passive_force(scene.compiled, actuator) is not None:
             continue
-        driven, name = list(_transmission(scene, actuator)), _actuator_name(scene, actuator)
+        driven, name = list(_transmission(scene, actuator)), _named(scene.actuators, actuator)
         if not driven:
             idle.append(name)
         if len(driven) > 1:
@@ -698,8 +660,8 @@ def _leaders(
 
 def _left_out(scene: Scene) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
-    compiled, names = scene.compiled, scene.names
-    equalities = [_equality_name(scene, equality) for equality in range(compiled.neq)]
+    compiled = scene.compiled
+    equalities = [_named(scene.equalities, equality) for equality in range(compiled.neq)]
     active = _active(compiled)
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
@@ -712,7 +674,7 @@ def _left_out(scene: Scene) -> list[str]:
         ),
         "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
-        "limits of ball joints are not checked": _where(names.joints, limited_balls),
+        "limits of ball joints are not checked": _where(scene.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
     if compiled.nflex:
@@ -737,14 +699,35 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 Terms = dict[str, dict[str, float]]
 
 
-def _joint_forces(scene: Scene) -> tuple[Terms, list[LeftOut]]:
+class _Forces:
     """Values of joint terms by joint, and forces that no model has."""
-    compiled, names, left_out = scene.compiled, scene.names, list[LeftOut]()
-    found: Terms = {name: {} for name in names.joints}
+
+    def __init__(self, joints: Iterable[str]) -> None:
+        self.terms: Terms = {name: {} for name in joints}
+        self.left_out: list[LeftOut] = []
+
+    def act(self, what: str, tendon: Mapping[str, float], values: Mapping[str, float]) -> None:
+        """Add what acts along one joint to its terms; along several or none it is left out."""
+        values = {kind: float(value) for kind, value in values.items() if value}
+        if len(tendon) == 1:
+            ((joint, factor),) = tendon.items()
+            powers, terms = {"Fo": factor, "Fc": abs(factor)}, self.terms[joint]
+            for kind, value in values.items():
+                terms[kind] = terms.get(kind, 0.0) + value * powers.get(kind, factor**2)
+        elif values:
+            given = ", ".join(f"{kind} {value:g}" for kind, value in values.items())
+            known = values if tendon else {}
+            self.left_out.append(LeftOut(f"{given} of {what}", {}, tendon, known))
+
+
+def _joint_forces(scene: Scene) -> _Forces:
+    """What joints, tendons, actuators and gravity compensation do beside the rigid bodies."""
+    compiled, forces = scene.compiled, _Forces(scene.joints)
+    left_out = forces.left_out
     springs = not _disabled(compiled, "SPRING", "PASSIVE")
     dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
     friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
-    for joint, name in enumerate(names.joints):
+    for joint, name in enumerate(scene.joints):
         dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
         values = {
             "Ia": compiled.dof_armature[dof],
@@ -757,72 +740,44 @@ def _joint_forces(scene: Scene) -> tuple[Terms, list[LeftOut]]:
             values |= {"Ks": stiffness, "Fo": -stiffness * slack}
         elif stiffness:
             left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
-        if kind == "free":
-            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
-            left_out += [LeftOut(f"{given} of the free joint {name}")] if given else []
-        else:
-            _add(found, {name: 1.0}, values)
+        forces.act(f"the free joint {name}", {} if kind == "free" else {name: 1.0}, values)
         for what, poly, index in (
             ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
             ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
         ):
             if index < len(poly) and poly[index].any():
                 left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
-    _add_tendons(scene, found, left_out, (springs, dampers, friction))
-    _add_actuators(scene, found, left_out)
+    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
+    for tendon, name in enumerate(scene.tendons):
+        stiffness = float(springs * compiled.tendon_stiffness[tendon])
+        low, high = map(float, compiled.tendon_lengthspring[tendon])
+        values = {
+            "Ia": armature[tendon],
+            "Fc": friction * compiled.tendon_frictionloss[tendon],
+            "Fv": dampers * compiled.tendon_damping[tendon],
+            "Ks": stiffness,
+            "Fo": -stiffness * low,
+        }
+        bent = any(
+            _poly(compiled, f"tendon_{what}poly")[tendon:][:1].any()
+            for what in ("stiffness", "damping")
+        )
+        simple = not bent and (low == high or not stiffness)
+        forces.act(f"tendon {name or tendon}", _driven(scene, tendon) if simple else {}, values)
+    _add_actuators(scene, forces)
     for body, part in enumerate(compiled.body_gravcomp):
         if part and compiled.body_mass[body]:
-            link, mass = names.bodies[body], float(part * compiled.body_mass[body])
+            link, mass = scene.bodies[body], float(part * compiled.body_mass[body])
             weight = {link: (mass, *map(float, compiled.body_ipos[body]))}
             left_out.append(LeftOut(f"gravity compensation of {link}", weight))
     if compiled.opt.density or compiled.opt.viscosity:
         left_out.append(LeftOut("the fluid around the robot"))
-    return {joint: values for joint, values in found.items() if values}, left_out
+    return forces
 
 
 def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
     """Higher coefficients of newer versions of MuJoCo; none in older ones."""
     return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
-
-
-def _add(found: Terms, tendon: Mapping[str, float], values: Mapping[str, float]) -> bool:
-    """Add what acts along one joint to its terms; whether it does."""
-    if len(tendon) != 1:
-        return False
-    ((joint, factor),) = tendon.items()
-    powers = {"Fo": factor, "Fc": abs(factor)}
-    for kind, value in values.items():
-        if value:
-            own = float(value) * powers.get(kind, factor**2)
-            found[joint][kind] = found[joint].get(kind, 0.0) + own
-    return True
-
-
-def _add_tendons(
-    scene: Scene, found: Terms, left_out: list[LeftOut], on: tuple[bool, bool, bool]
-) -> None:
-    """Springs, dampers, friction and inertia of tendons; of one joint they are the joint's own."""
-    compiled, (springs, dampers, friction) = scene.compiled, on
-    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
-    for tendon, name in enumerate(scene.names.tendons):
-        stiffness = float(springs * compiled.tendon_stiffness[tendon])
-        low, high = map(float, compiled.tendon_lengthspring[tendon])
-        values = {
-            "Ia": float(armature[tendon]),
-            "Fc": float(friction * compiled.tendon_frictionloss[tendon]),
-            "Fv": float(dampers * compiled.tendon_damping[tendon]),
-            "Ks": stiffness,
-            "Fo": -stiffness * low,
-        }
-        poly = (
-            _poly(compiled, f"tendon_{what}poly")[tendon:][:1] for what in ("stiffness", "damping")
-        )
-        simple = not any(row.any() for row in poly) and (low == high or not stiffness)
-        joints = _driven(scene, tendon)
-        if any(values.values()) and not (joints and simple and _add(found, joints, values)):
-            known = (joints, values) if joints and simple else ({}, {})
-            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
-            left_out.append(LeftOut(f"{given} of tendon {name or tendon}", {}, *known))
 
 
 def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
@@ -831,27 +786,23 @@ def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
         terms = _fixed_tendon(scene, tendon)
     except ValueError:
         return {}
-    return {scene.names.joints[j]: gear * factor for j, factor in terms.items() if factor}
+    return {scene.joints[j]: gear * factor for j, factor in terms.items() if factor}
 
 
-def _add_actuators(scene: Scene, found: Terms, left_out: list[LeftOut]) -> None:
+def _add_actuators(scene: Scene, forces: _Forces) -> None:
     """Inertia and damping of actuators, the forces of those that are no motors, and gears."""
-    compiled, gears = scene.compiled, []
+    compiled, gears, left_out = scene.compiled, list[str](), forces.left_out
     armature, damping = (
         getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
         for what in ("armature", "damping")
     )
     for actuator in range(compiled.nu):
-        name, gear = _actuator_name(scene, actuator), float(compiled.actuator_gear[actuator, 0])
-        tendon = _transmission(scene, actuator)
-        passive = _passive_force(compiled, actuator)
-        values = dict.fromkeys(("Ia", "Fv", "Ks", "Fo"), 0.0) | (passive or {})
+        name, gear = _named(scene.actuators, actuator), float(compiled.actuator_gear[actuator, 0])
+        tendon, passive = _transmission(scene, actuator), _passive_force(compiled, actuator)
+        values = {"Ia": 0.0, "Fv": 0.0} | (passive or {})
         values["Ia"] += float(armature[actuator])
         values["Fv"] += float(damping[actuator])
-        if any(values.values()) and not _add(found, tendon, values):
-            given = ", ".join(f"{k} {value:g}" for k, value in values.items() if value)
-            known = (tendon, values) if tendon else ({}, {})
-            left_out.append(LeftOut(f"{given} of actuator {name}", {}, *known))
+        forces.act(f"actuator {name}", tendon, values)
         if passive is not None:
             what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
             left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
@@ -862,17 +813,13 @@ def _add_actuators(scene: Scene, found: Terms, left_out: list[LeftOut]) -> None:
         left_out.append(LeftOut(what, is_force=False))
 
 
-def _actuator_name(scene: Scene, actuator: int) -> str:
-    return scene.names.actuators[actuator] or f"number {actuator}"
-
-
 def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
     """Joints that an actuator drives, with the factors of its length."""
     compiled = scene.compiled
     kind, target = compiled.actuator_trntype[actuator], int(compiled.actuator_trnid[actuator, 0])
     gear = float(compiled.actuator_gear[actuator, 0])
     if kind in DRIVES_JOINT:
-        return {scene.names.joints[target]: gear} if gear else {}
+        return {scene.joints[target]: gear} if gear else {}
     return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
 
 

@@ -22,30 +22,28 @@ from loopid.kinematics import (
     CLOSURE_TOLERANCE,
     FOLDED,
     NEAR_SINGULARITY,
+    ROUND_OFF,
+    SIX_DIGITS,
     Factorisation,
     assembly_modes,
+    changes,
     close_by_continuation,
     close_loops,
     closed_motion,
     configuration_batches,
     difference,
+    exact_geometry,
     geometry_accuracy,
     independent_coordinates,
     integrate,
+    largest_gap,
     largest_residual,
     mobility,
     nearby_configurations,
     random_motions,
+    rounding_that_closes,
     scaled_constraint,
     singularity_measure,
-)
-from loopid.loading.rounding import (
-    ROUND_OFF,
-    SIX_DIGITS,
-    changes,
-    exact_geometry,
-    largest_gap,
-    rounding_that_closes,
 )
 from loopid.loading.tree import write_joint
 from loopid.observation import Observation
@@ -81,24 +79,9 @@ def close_reference(
     that pose is singular or far from the written one, its assembly modes are compared.
 
     Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
-    has rounded: to the rounding that is given, else to six digits.
-
-    Raises
-    ------
-    RobotFileError
-        With the residual that is left and the closure that stays open most.
-    MobilityError
-        When nothing can move.
-
-    Warns
-    -----
-    ReferenceWarning
-        When the closed configuration is outside the limits of a joint, or is one of several
-        assembly modes that differ in rank.
-    SingularityWarning
-        When the written one is singular.
-    ClosureWarning
-        When joints or closures were moved, and by how much.
+    has rounded: to the rounding that is given, else to six digits. Whatever of this was needed is
+    warned of; a RobotFileError names the closure that stays open most, a MobilityError says that
+    nothing can move.
     """
     near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
     chosen, reason = None, None

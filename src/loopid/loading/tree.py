@@ -27,39 +27,21 @@ Chain = tuple[tuple[str, pin.JointModel], ...]
 
 @dataclass(frozen=True)
 class TreeSource:
-    """An open tree as read from a file.
+    """An open tree as read from a file."""
 
-    Attributes
-    ----------
-    name : str
-        Of the robot.
-    file : Path
-        Where the tree was read; named in messages.
-    model : pinocchio.Model
-        With a frame of type ``BODY`` for every link, named like it, and ``OP_FRAME`` frames for
-        whatever the description's closures join beyond links.
-    inertial_links : tuple of str
-        Links with inertia, in the order of the file.
-    child_links : dict
-        Joint name to the link that it carries.
-    description : Description
-        What the file itself says of closures, motors and reference.
-    notes : tuple of str
-        What the file says and the model leaves out: warned of on loading.
-    replaced : dict
-        Joint of the file to the joints that have taken its place.
-    left_out : tuple of LeftOut
-        Forces of the file that no model has: warned of on loading, too.
-    """
-
-    name: str
-    file: Path
+    name: str  # of the robot
+    file: Path  # where the tree was read; named in messages
+    # With a frame of type ``BODY`` for every link, named like it, and ``OP_FRAME`` frames for
+    # whatever the description's closures join beyond links
     model: pin.Model
-    inertial_links: tuple[str, ...]
-    child_links: dict[str, str]
+    inertial_links: tuple[str, ...]  # links with inertia, in the order of the file
+    child_links: dict[str, str]  # joint name to the link that it carries
+    # What the file itself says of closures, motors and reference
     description: Description = field(default_factory=Description)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what the file says and the model leaves out: warned of on loading
+    # Joint of the file to the joints that have taken its place
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    # Forces of the file that no model has: warned of on loading, too
     left_out: tuple[LeftOut, ...] = ()
 
 
@@ -77,17 +59,8 @@ def build_tree(
 ) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
-    The reference of the description comes back with the values of the joints that are left.
-
-    Parameters
-    ----------
-    locked : sequence of str
-        Joints, or single turns of spherical joints such as ``ball.wz``.
-
-    Raises
-    ------
-    RobotFileError, OptionError
-        Where a joint is unknown, or cannot be replaced or locked.
+    Locked are joints, or single turns of spherical joints such as ``ball.wz``. The reference of the
+    description comes back with the values of the joints that are left.
     """
     for name in description.joint_name:
         joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")

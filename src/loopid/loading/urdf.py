@@ -67,34 +67,17 @@ PACKAGE = "package://"
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF whose names, numbers and tree are sound.
+    """A URDF whose names, numbers and tree are sound."""
 
-    Attributes
-    ----------
-    root : Element
-        The whole file.
-    tree : str
-        XML of links and joints only, for Pinocchio.
-    robot : yourdfpy.urdf.Robot
-        Links and joints in the order of the file.
-    second : tuple of Element
-        Joints that give a link a second parent: they are no part of the tree.
-    """
-
-    root: Element
-    tree: str
-    robot: Robot
+    root: Element  # the whole file
+    tree: str  # XML of links and joints only, for Pinocchio
+    robot: Robot  # links and joints in the order of the file
+    # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF with yourdfpy.
-
-    Raises
-    ------
-    RobotFileError
-        Naming the file, the link, joint or tag and the offending value.
-    """
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
     from yourdfpy import URDF  # here, as it takes 0.3 s to import
 
     with naming(path):
@@ -243,12 +226,7 @@ def numbers(
 
 
 def plain_number(text: str) -> float:
-    """A number as all readers write it: Python's float takes 1_6 and digits of other scripts, too.
-
-    Raises
-    ------
-    ValueError
-    """
+    """A number as all readers write it: Python takes 1_6 and digits of other scripts, too."""
     if NUMBER.fullmatch(text) is None:
         raise ValueError(f"not a number: {text!r:.60}")
     return float(text)

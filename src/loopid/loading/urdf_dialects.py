@@ -74,18 +74,8 @@ Couplings = dict[str, ClosureDescription]  # by the joint that follows the other
 def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
     """Read the tree of a URDF, and what the file says of closures and motors.
 
-    Parameters
-    ----------
-    path : Path
-    floating_base : bool
-        Whether the root link moves freely, on a joint called ``root_joint``.
-    free_mimics : bool
-        Whether joints that mimic others move on their own all the same.
-
-    Raises
-    ------
-    RobotFileError
-        Naming the file, the link, joint or tag and the offending value.
+    A root link that floats does so on a joint called ``root_joint``; free mimics move on their own.
+    Errors name the file, the link, joint or tag and the offending value.
     """
     urdf = read_urdf_file(path)
     links, joints = urdf.robot.links, urdf.robot.joints

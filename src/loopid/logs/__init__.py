@@ -10,17 +10,3 @@ from loopid.logs.recording import (
 )
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
-
-__all__ = [
-    "SINGULARITY_MARGIN",
-    "Dropped",
-    "Log",
-    "LogMapping",
-    "MotionSpectrum",
-    "RateHistory",
-    "Recording",
-    "motion_spectrum",
-    "prepare_recording",
-    "read_log",
-    "read_mapping",
-]

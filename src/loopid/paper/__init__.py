@@ -6,5 +6,3 @@ prints is data in ``structure``; everything else comes from the same functions t
 
 from loopid.paper.page import paper_files, paper_tables
 from loopid.paper.reproduction import PaperReproduction, reproduce_paper
-
-__all__ = ["PaperReproduction", "paper_files", "paper_tables", "reproduce_paper"]

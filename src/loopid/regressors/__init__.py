@@ -22,26 +22,3 @@ from loopid.regressors.joint_terms import (
     joint_term,
 )
 from loopid.regressors.structural import structural_observation
-
-__all__ = [
-    "JOINT_TERMS",
-    "NO_TERMS",
-    "OF_FILE",
-    "FileForce",
-    "ForceParts",
-    "JointState",
-    "JointTerm",
-    "JointTerms",
-    "Observation",
-    "dynamic_regressor",
-    "file_forces",
-    "force_parts",
-    "gravity_regressor",
-    "joint_term",
-    "motion_parameters",
-    "motion_regressor",
-    "standard_values",
-    "structural_observation",
-    "tree_regressor",
-    "warn_of_omitted",
-]

@@ -179,21 +179,11 @@ def motion_regressor(
 
 @dataclass(frozen=True, repr=False)
 class ForceParts:
-    """Parts of the actuator forces, each (N, dof) in N or N m.
+    """Parts of the actuator forces, each (N, dof) in N or N m."""
 
-    Attributes
-    ----------
-    inertial : FloatArray
-        Linear in the accelerations of the independent coordinates.
-    coriolis : FloatArray
-        Quadratic in their velocities, through the tree's own terms and γ.
-    gravity : FloatArray
-        What holds the robot at rest.
-    """
-
-    inertial: FloatArray
-    coriolis: FloatArray
-    gravity: FloatArray
+    inertial: FloatArray  # linear in the accelerations of the independent coordinates
+    coriolis: FloatArray  # quadratic in their velocities, through the tree's own terms and γ
+    gravity: FloatArray  # what holds the robot at rest
 
     def __repr__(self) -> str:
         count, dof = self.gravity.shape

@@ -27,26 +27,15 @@ NOTHING = 1e-12  # of the largest rigid-body force: round-off
 
 @dataclass(frozen=True)
 class FileForce:
-    """A force that the robot file gives and that rigid bodies do not have.
-
-    Attributes
-    ----------
-    what : str
-    joint, kind : str
-        Of a joint term; empty for what no model has.
-    value : float
-        Coefficient of the joint term, in ``unit``; NaN for what no model has.
-    unit : str
-    size : float
-        Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
-        that feels it most; infinite where these are zero, NaN where it is not known.
-    """
+    """A force that the robot file gives and that rigid bodies do not have."""
 
     what: str
-    joint: str = ""
+    joint: str = ""  # of a joint term; empty for what no model has
     kind: str = ""
-    value: float = np.nan
+    value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
     unit: str = ""
+    # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
+    # that feels it most; infinite where these are zero, NaN where it is not known
     size: float = np.nan
 
 

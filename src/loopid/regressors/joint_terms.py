@@ -37,34 +37,19 @@ class JointState(NamedTuple):
 
 @dataclass(frozen=True)
 class JointTerm:
-    """A kind of force in a joint.
+    """A kind of force in a joint."""
 
-    Attributes
-    ----------
-    name : str
-        In sentences.
-    units : tuple of str
-        Of the coefficient, for a sliding and for a turning joint.
-    law : callable
-        What the coefficient multiplies, of the ``JointState``, the ``JointTerms`` that refine it,
-        NumPy or CasADi (for exported C code), and the number ``at``.
-    beside : tuple of str
-        Kinds that the law has further coefficients of.
-    jumps : bool
-        Whether it follows the sign of the rate.
-    needs_position : bool
-        Whether a coordinate of a joint with several, which has a rate only, cannot have it.
-    at : float
-        The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
-        in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
-    """
-
-    name: str
-    units: tuple[str, str]
+    name: str  # in sentences
+    units: tuple[str, str]  # of the coefficient, for a sliding and for a turning joint
+    # What the coefficient multiplies, of the ``JointState``, the ``JointTerms`` that refine it,
+    # NumPy or CasADi (for exported C code), and the number ``at``
     law: Callable[[JointState, JointTerms, Any, float], Any]
-    beside: tuple[str, ...] = ()
-    jumps: bool = False
+    beside: tuple[str, ...] = ()  # kinds that the law has further coefficients of
+    jumps: bool = False  # whether it follows the sign of the rate
+    # Whether a coordinate of a joint with several, which has a rate only, cannot have it
     needs_position: bool = False
+    # The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
+    # in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     at: float = 0.0
 
     def signal(self, joint: JointState, terms: JointTerms, math: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -23,12 +23,14 @@ from loopid.kinematics import (
 from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, joint_term
-from loopid.robot import Mechanism, in_groups
+from loopid.robot import Mechanism
 from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
+# Configurations (N, nq), independent velocities and accelerations (N, dof).
+Motions = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @checked
@@ -86,15 +88,31 @@ def structural_observation(
     if keep_matrix:
         width = len(parameters) * len(mechanism.independent)
         affordable("samples with keep_matrix", samples, bytes_each=2 * 8 * width)
-    kept = _Motions(enough)
-    regressors = _random_regressors(mechanism, model, joint_terms, samples, seed, margin, kept)
-    parts = regressors if progress is None else _reported(regressors, samples, progress)
+    generator, kept = random_generator(seed, stream=1), list[Motions]()
+
+    def regressors() -> Iterator[FloatArray]:
+        done = 0
+        for q in configuration_batches(mechanism, samples, seed, margin):
+            rates = np.zeros((2, len(q), len(mechanism.independent)))
+            if model == "gravity" and joint_terms is None:
+                columns = gravity_regressor(mechanism, q)
+            else:
+                rates = _random_rates(mechanism, joint_terms, len(q), generator)
+                motion = closed_motion(mechanism, q, *rates)
+                columns = motion_regressor(mechanism, motion, model, joint_terms)
+            if done < enough:
+                kept.append((q, *rates))
+            done += len(q)
+            if progress is not None:
+                progress(done, samples)
+            yield columns
+
     # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
     with one_blas_thread():
         found = Observation.from_parts(
-            parts,
+            regressors(),
             parameters,
             mechanism.length,
             keep_matrix,
@@ -108,73 +126,33 @@ def structural_observation(
     return replace(found, order=order, geometry=rounded(None), motors_alone=alone)
 
 
-def _random_regressors(
-    mechanism: Mechanism,
-    model: str,
-    joint_terms: JointTerms | None,
-    samples: int,
-    seed: int,
-    margin: float | None,
-    kept: _Motions,
-) -> Iterator[FloatArray]:
-    generator = random_generator(seed, stream=1)
-    for q in configuration_batches(mechanism, samples, seed, margin):
-        if model == "gravity" and joint_terms is None:
-            kept.add(q, *np.zeros((2, len(q), len(mechanism.independent))))
-            yield gravity_regressor(mechanism, q)
-            continue
-        rates = random_motions(mechanism, len(q), generator)
-        if joint_terms is not None:
-            rates = _slowed(mechanism, joint_terms, rates[0]), rates[1]
-        kept.add(q, *rates)
-        yield motion_regressor(mechanism, closed_motion(mechanism, q, *rates), model, joint_terms)
+def _random_rates(
+    mechanism: Mechanism, terms: JointTerms | None, count: int, generator: np.random.Generator
+) -> FloatArray:
+    """Velocities and accelerations (2, count, dof), partly slow enough for friction to show.
 
-
-def _slowed(mechanism: Mechanism, terms: JointTerms, velocities: FloatArray) -> FloatArray:
-    """Velocities (N, dof), in parts so small that what friction does near standstill shows."""
+    What a Stribeck or smooth friction does near standstill is to be seen.
+    """
+    rates = np.stack(random_motions(mechanism, count, generator))
     narrow = [
         (joint, joint_term(kind).at)
-        for joint, kinds in terms.of_joints.items()
+        for joint, kinds in (terms.of_joints if terms else {}).items()
         for kind in kinds
         if "~" in kind
     ]
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
-    slowed = velocities.copy()
     for k, (joint, rate) in enumerate(narrow, 1):
         unit = mechanism.coordinate_scales[mechanism.velocity_indices([joint])[0]]
         usual = unit * np.sqrt(gravity / mechanism.length)
-        slowed[k :: len(narrow) + 1] *= min(1.0, 2 * rate / usual)
-    return slowed
-
-
-def _reported(parts: Iterator[FloatArray], total: int, progress: Progress) -> Iterator[FloatArray]:
-    done = 0
-    for part in parts:
-        done += len(part)
-        progress(done, total)
-        yield part
-
-
-@dataclass
-class _Motions:
-    """Configurations, independent velocities and accelerations: the first so many samples."""
-
-    wanted: int
-    batches: list[tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=list)
-
-    def add(self, *batch: FloatArray) -> None:
-        """Keep as much of a batch as is wanted."""
-        left = self.wanted - sum(len(q) for q, _, _ in self.batches)
-        q, velocities, accelerations = (part[: max(left, 0)] for part in batch)
-        if len(q):
-            self.batches.append((q, velocities, accelerations))
+        rates[0, k :: len(narrow) + 1] *= min(1.0, 2 * rate / usual)
+    return rates
 
 
 def _rounded_geometry(
     mechanism: Mechanism,
     model: str,
     joint_terms: JointTerms | None,
-    motions: _Motions,
+    motions: list[Motions],
     driven: int | None,
 ) -> RoundedGeometry | None:
     accuracy = geometry_accuracy(mechanism)
@@ -185,9 +163,7 @@ def _rounded_geometry(
     ids, names = mechanism.closure_frames[0], [closure.name for closure in mechanism.closures]
     paths = [set(tree.supports[tree.frames[frame].parentJoint]) for frame in ids]
     around = [one ^ other for one, other in zip(paths[::2], paths[1::2], strict=True)]
-    for body, link in zip(
-        mechanism.bodies, in_groups(mechanism.links, mechanism.ties), strict=True
-    ):
+    for body, link in zip(mechanism.bodies, mechanism.in_groups(mechanism.links), strict=True):
         loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
         places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))
     factors = partial(_factors_within, mechanism, model, joint_terms, motions, driven, accuracy)
@@ -206,7 +182,7 @@ def _factors_within(
     mechanism: Mechanism,
     model: str,
     joint_terms: JointTerms | None,
-    motions: _Motions,
+    motions: list[Motions],
     driven: int | None,
     accuracy: Accuracy,
     count: int,
@@ -219,7 +195,7 @@ def _factors_within(
     others = (within_accuracy(mechanism, accuracy, generator) for _ in range(count))
     found = []
     for other in (mechanism, *others):
-        moved = (same_motion(mechanism, other, *batch) for batch in motions.batches)
+        moved = (same_motion(mechanism, other, *batch) for batch in motions)
         parts = (motion_regressor(other, one, model, joint_terms)[:, :driven] for one in moved)
         found.append(Observation.from_parts(parts, parameters, mechanism.length).factor)
     return np.stack(found)

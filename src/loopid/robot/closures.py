@@ -34,18 +34,10 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class FramePair:
-    """Poses of the frames a and b of a closure at N samples.
+    """Poses of the frames a and b of a closure at N samples."""
 
-    Attributes
-    ----------
-    distance : FloatArray
-        (N, 3, 1) in m, from the origin of a to that of b.
-    rotation_a, rotation_b : FloatArray
-        (N, 3, 3), columns are the axes of the frames.
-    """
-
-    distance: FloatArray
-    rotation_a: FloatArray
+    distance: FloatArray  # (N, 3, 1) in m, from the origin of a to that of b
+    rotation_a: FloatArray  # (N, 3, 3), columns are the axes of the frames
     rotation_b: FloatArray
 
     @cached_property
@@ -297,27 +289,15 @@ def _constant(casadi: Any, columns: FloatArray) -> Any:
 
 @dataclass(frozen=True)
 class ClosureKind:
-    """A kind of closure.
+    """A kind of closure."""
 
-    Attributes
-    ----------
-    equations : callable
-        The equations of a closure of this kind.
-    aliases : tuple of str
-        Other names in use for it.
-    axes : tuple of Axis or None
-        Default of its key ``axes`` in a robot file; None where it has no axes.
-    same_axes : bool
-        Whether the axis must be the same vector in both frames.
-    has_length : bool
-        Whether it has the key ``length``.
-    """
-
+    # The equations of a closure of this kind
     equations: Callable[[LoopClosure], tuple[Equations, ...]]
-    aliases: tuple[str, ...] = ()
+    aliases: tuple[str, ...] = ()  # other names in use for it
+    # Default of its key ``axes`` in a robot file; None where it has no axes
     axes: tuple[Axis, Axis] | None = None
-    same_axes: bool = False
-    has_length: bool = False
+    same_axes: bool = False  # whether the axis must be the same vector in both frames
+    has_length: bool = False  # whether it has the key ``length``
 
 
 CLOSURE_KINDS = {
@@ -404,29 +384,16 @@ class JointCoupling:
 
     Coefficients times coordinates, less a polynomial of a second sum s of coordinates, are an
     offset: c·q - a2 s² - a3 s³ - a4 s⁴ = offset.
-
-    Attributes
-    ----------
-    joints : tuple of str
-        Joints with one coordinate.
-    coefficients : tuple of float
-        Of each coordinate, in m or rad.
-    offset : float
-    q_indices, v_indices : tuple of int
-        Positions of the coordinates in configurations and in velocities.
-    argument : tuple of float
-        Factors of the coordinates in s; none where the coupling is linear.
-    powers : tuple of float
-        Coefficients of s², s³, ...
     """
 
-    joints: tuple[str, ...]
-    coefficients: tuple[float, ...]
+    joints: tuple[str, ...]  # joints with one coordinate
+    coefficients: tuple[float, ...]  # of each coordinate, in m or rad
     offset: float
-    q_indices: tuple[int, ...]
+    q_indices: tuple[int, ...]  # positions of the coordinates in configurations and in velocities
     v_indices: tuple[int, ...]
+    # Factors of the coordinates in s; none where the coupling is linear
     argument: tuple[float, ...] = ()
-    powers: tuple[float, ...] = ()
+    powers: tuple[float, ...] = ()  # coefficients of s², s³,
     kind: ClassVar[str] = "coupling"
     aliases: ClassVar[tuple[str, ...]] = ("gear", "mimic")
     rows: ClassVar[int] = 1

@@ -15,7 +15,7 @@ import pinocchio as pin
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.parameters import NamedLength
-from loopid.robot.mechanism import Mechanism, in_groups
+from loopid.robot.mechanism import Mechanism
 
 # Lengths below this fraction of the largest coordinate are zeros that a rotation has rounded.
 ZERO_LENGTH = 1e-12
@@ -30,37 +30,22 @@ class _Point:
     position: FloatArray
     links: frozenset[str]
 
-    @property
-    def largest(self) -> float:
-        return float(np.abs(self.position).max())
-
 
 @checked
 def named_lengths(mechanism: Mechanism) -> tuple[NamedLength, ...]:
-    """Lengths that the robot file gives, other than zero.
+    """Lengths that the robot file gives, other than zero, in order of preference.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Returns
-    -------
-    tuple of NamedLength
-        In order of preference: rods of closures, coordinates of closure frames, coordinates of
-        joints in the links that carry them, distances of these points from the link's origin,
-        distances between two of a link. Points of a link that coincide count once, by their
-        first name.
+    Rods of closures, coordinates of closure frames, coordinates of joints in the links that carry
+    them, distances of these points from the link's origin, distances between two of a link. Points
+    of a link that coincide count once, by their first name.
     """
     points = [*_points(mechanism)]
-    tolerance = ZERO_LENGTH * max((point.largest for point in points), default=0.0)
-    points = _distinct(points, tolerance)
-    lengths = [*_rods(mechanism), *_coordinates(points)]
-    lengths += [*_distances_from_origins(points, tolerance), *_distances(points, tolerance)]
-    # Groups of tied links stand in place of their members.
+    tolerance = ZERO_LENGTH * max((float(np.abs(p.position).max()) for p in points), default=0.0)
+    # Tied links go by the name of their group.
     return tuple(
-        replace(x, links=frozenset(in_groups(x.links, mechanism.ties)))
-        for x in lengths
-        if abs(x.value) > tolerance
+        NamedLength(symbol, value, meaning, frozenset(mechanism.in_groups(links)))
+        for symbol, value, meaning, links in _lengths(mechanism, points, tolerance)
+        if abs(value) > tolerance
     )
 
 
@@ -104,35 +89,26 @@ def _distinct(points: Iterable[_Point], tolerance: float) -> list[_Point]:
     return distinct
 
 
-def _rods(mechanism: Mechanism) -> Iterator[NamedLength]:
-    model, links = mechanism.model, _carried_links(mechanism.model)
+def _lengths(
+    mechanism: Mechanism, all_points: Iterable[_Point], tolerance: float
+) -> Iterator[tuple[str, float, str, frozenset[str]]]:
+    """Symbols, values, meanings and links of all lengths, zeros among them."""
+    model, carried = mechanism.model, _carried_links(mechanism.model)
     for closure in mechanism.closures:
-        held = frozenset(links[model.frames[k].parentJoint] for k in closure.frame_ids)
-        meaning = f"length of closure {closure.name}"
-        yield NamedLength(f"length({closure.name})", closure.length, meaning, held)
-
-
-def _coordinates(points: Iterable[_Point]) -> Iterator[NamedLength]:
-    for point in points:
-        for axis, value in zip("xyz", point.position.tolist(), strict=True):
-            meaning = f"{axis} of {point.name} in {point.link}"
-            yield NamedLength(f"{axis}({point.name})", value, meaning, point.links)
-
-
-def _distances_from_origins(points: Iterable[_Point], tolerance: float) -> Iterator[NamedLength]:
-    for point in points:
+        links = frozenset(carried[model.frames[k].parentJoint] for k in closure.frame_ids)
+        yield f"length({closure.name})", closure.length, f"length of closure {closure.name}", links
+    points = _distinct(all_points, tolerance)
+    for p in points:
+        for axis, value in zip("xyz", p.position.tolist(), strict=True):
+            yield f"{axis}({p.name})", value, f"{axis} of {p.name} in {p.link}", p.links
+    for p in points:
         # On an axis of the link its coordinate is this distance.
-        if np.count_nonzero(np.abs(point.position) > tolerance) > 1:
-            distance = float(np.linalg.norm(point.position))
-            meaning = f"distance of {point.name} from the origin of {point.link}"
-            yield NamedLength(f"d({point.name})", distance, meaning, point.links)
-
-
-def _distances(points: Iterable[_Point], tolerance: float) -> Iterator[NamedLength]:
-    away = [point for point in points if point.largest > tolerance]
+        if np.count_nonzero(np.abs(p.position) > tolerance) > 1:
+            meaning = f"distance of {p.name} from the origin of {p.link}"
+            yield f"d({p.name})", float(np.linalg.norm(p.position)), meaning, p.links
+    away = [p for p in points if np.abs(p.position).max() > tolerance]
     for one, other in combinations(away, 2):
         if one.link == other.link:
-            names, distance = (one.name, other.name), np.linalg.norm(one.position - other.position)
-            meaning = f"distance between {names[0]} and {names[1]} in {one.link}"
-            links = one.links | other.links
-            yield NamedLength(f"d({', '.join(names)})", float(distance), meaning, links)
+            distance = float(np.linalg.norm(one.position - other.position))
+            meaning = f"distance between {one.name} and {other.name} in {one.link}"
+            yield f"d({one.name}, {other.name})", distance, meaning, one.links | other.links

@@ -45,65 +45,18 @@ PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body that carries parameters: all the links fixed to one joint.
+    """A rigid body that carries parameters: all the links fixed to one joint."""
 
-    Attributes
-    ----------
-    link : str
-        The link that the joint carries; the parameters are in its frame.
-    joint_id : int
-        Index of the joint in the Pinocchio model.
-    """
-
-    link: str
-    joint_id: int
+    link: str  # the link that the joint carries; the parameters are in its frame
+    joint_id: int  # index of the joint in the Pinocchio model
 
 
 @dataclass(frozen=True)
 class LinkGroup:
-    """Links with the same parameters, each in its own frame.
+    """Links with the same parameters, each in its own frame."""
 
-    Attributes
-    ----------
-    name : str
-        Stands for any of them in the labels of parameters.
-    links : tuple of str
-    """
-
-    name: str
+    name: str  # stands for any of them in the labels of parameters
     links: tuple[str, ...]
-
-
-def in_groups(links: Iterable[str], groups: Sequence[LinkGroup]) -> tuple[str, ...]:
-    """Names of links (n,) with the groups' in place of their members'."""
-    group_of = {link: group.name for group in groups for link in group.links}
-    return tuple(group_of.get(link, link) for link in links)
-
-
-def tie_indices(links: Sequence[str], groups: Sequence[LinkGroup]) -> IntArray:
-    """For each link (n,) the position of its name, or its group's, among the distinct ones."""
-    names = in_groups(links, groups)
-    distinct = list(dict.fromkeys(names))
-    return np.array([distinct.index(name) for name in names], dtype=np.int64)
-
-
-@checked
-def tie_matrix(links: Sequence[str], groups: Sequence[LinkGroup], width: int) -> FloatArray:
-    """T (width n, width m) with π = T π_tied, for ``width`` parameters a link.
-
-    Links declared alike, as the legs of a parallel robot, share one set of parameters. The
-    regressor of the shared ones is Y T: the sum of the links' columns.
-
-    Raises
-    ------
-    OptionError
-        When the width is negative.
-    """
-    if width < 0:
-        raise OptionError(f"width must be a number of parameters from 0 on, not {width}")
-    indices = tie_indices(links, groups)
-    selection = np.eye(int(indices.max(initial=-1)) + 1)[indices]
-    return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -113,22 +66,12 @@ class Platform:
     The placement in the fixed frame is the translation along the fixed axes named among
     x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
     rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
-
-    Attributes
-    ----------
-    frame : str
-    frame_id : int
-        Index of the frame in the Pinocchio model.
-    names : tuple of str
-        What the robot's own literature calls the coordinates.
-    motions : tuple of str
-        Elementary motion of each coordinate.
     """
 
     frame: str
-    frame_id: int
-    names: tuple[str, ...]
-    motions: tuple[str, ...]
+    frame_id: int  # index of the frame in the Pinocchio model
+    names: tuple[str, ...]  # what the robot's own literature calls the coordinates
+    motions: tuple[str, ...]  # elementary motion of each coordinate
 
     def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
@@ -190,27 +133,16 @@ class Platform:
 
 @dataclass(frozen=True, repr=False)
 class AssemblyMode:
-    """One way of assembling a robot whose drawn pose leaves a choice.
+    """One way of assembling a robot whose drawn pose leaves a choice."""
 
-    Attributes
-    ----------
-    reference : FloatArray
-        (nq,), a closed, regular configuration inside the limits, read-only.
-    distance : float
-        How far the passive coordinates are from where they are drawn, in rad and characteristic
-        lengths.
-    continues : bool
-        Whether regular poses lead from there to the drawn one, which is then singular.
-    parallel : int
-        Pairs of links of a loop that do not turn against each other.
-    rank : int or None
-        Number of base parameters of the full model; None where it was not found.
-    """
-
-    reference: FloatArray
+    reference: FloatArray  # (nq,), a closed, regular configuration inside the limits, read-only
+    # How far the passive coordinates are from where they are drawn, in rad and characteristic
+    # lengths
     distance: float
+    # Whether regular poses lead from there to the drawn one, which is then singular
     continues: bool
-    parallel: int
+    parallel: int  # pairs of links of a loop that do not turn against each other
+    # Number of base parameters of the full model; None where it was not found
     rank: int | None = None
 
     def __post_init__(self) -> None:
@@ -219,44 +151,25 @@ class AssemblyMode:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the robot file gives of forces and no model has.
+    """What the robot file gives of forces and no model has."""
 
-    Attributes
-    ----------
-    what : str
-        The force and where it acts, such as ``"gravity compensation of upper"``.
-    weights : mapping
-        Link to mass and centre of mass in its frame, (4,), whose weight the force carries.
-    tendon : mapping
-        Coordinate to the factor with which it enters the length of a tendon.
-    values : mapping
-        Kinds of joint terms to the tendon's coefficients of them.
-    is_force : bool
-        Otherwise what forces and positions are counted by, such as a gear.
-
-    Without weights and tendon the size of the force is not known.
-    """
-
-    what: str
+    what: str  # the force and where it acts, such as ``"gravity compensation of upper"``
+    # Link to mass and centre of mass in its frame, (4,), whose weight the force carries
     weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    # Coordinate to the factor with which it enters the length of a tendon
     tendon: Mapping[str, float] = field(default_factory=dict)
+    # Kinds of joint terms to the tendon's coefficients of them
     values: Mapping[str, float] = field(default_factory=dict)
+    # Otherwise what forces and positions are counted by, such as a gear. Without weights and
+    # tendon the size of the force is not known.
     is_force: bool = True
 
 
 class Loop(NamedTuple):
-    """Closures that share passive joints: they open and close together.
+    """Closures that share passive joints: they open and close together."""
 
-    Attributes
-    ----------
-    rows : IntArray
-        Of the closure equations.
-    columns : IntArray
-        Velocity indices of the coordinates that move the closures' frames against each other.
-    closures : tuple of LoopClosure
-    """
-
-    rows: IntArray
+    rows: IntArray  # of the closure equations
+    # Velocity indices of the coordinates that move the closures' frames against each other
     columns: IntArray
     closures: tuple[LoopClosure, ...]
 
@@ -618,14 +531,31 @@ class Mechanism:
         """Links that name the bodies with parameters."""
         return tuple(body.link for body in self.bodies)
 
-    @property
-    def ties(self) -> tuple[LinkGroup, ...]:
-        """The groups of links that share their parameters."""
-        return self.identical if self.tied else ()
+    def in_groups(self, links: Iterable[str]) -> tuple[str, ...]:
+        """Names of links (n,), of those that share their parameters the group's."""
+        groups = self.identical if self.tied else ()
+        group_of = {link: group.name for group in groups for link in group.links}
+        return tuple(group_of.get(link, link) for link in links)
+
+    @cached_property
+    def tie_indices(self) -> IntArray:
+        """For each body the position of its name, or its group's, among the distinct ones."""
+        names = self.in_groups(self.links)
+        distinct = list(dict.fromkeys(names))
+        return np.array([distinct.index(name) for name in names], dtype=np.int64)
+
+    def tie_matrix(self, width: int) -> FloatArray:
+        """T with π = T π_tied, for ``width`` parameters a link.
+
+        Links declared alike, as the legs of a parallel robot, share one set of parameters. The
+        regressor of the shared ones is Y T: the sum of the links' columns.
+        """
+        selection = np.eye(int(self.tie_indices.max(initial=-1)) + 1)[self.tie_indices]
+        return np.asarray(np.kron(selection, np.eye(width)), dtype=np.float64)
 
     def parameters(self, model: str = "full") -> ParameterSet:
         """Standard parameters of all bodies in ``"gravity"`` or ``"full"`` form."""
-        names = dict.fromkeys(in_groups(self.links, self.ties))
+        names = dict.fromkeys(self.in_groups(self.links))
         return ParameterSet.of_links(names, model_kinds(model))
 
     @cached_property
@@ -652,7 +582,7 @@ class Mechanism:
         carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
         links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
         joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
-        names = (*in_groups(links, self.ties), *self.coordinates_of(joints))
+        names = (*self.in_groups(links), *self.coordinates_of(joints))
         return tuple(dict.fromkeys(names))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
@@ -663,7 +593,7 @@ class Mechanism:
         width = len(model_kinds(model))
         inertias = [self.model.inertias[body.joint_id] for body in self.bodies]
         values = np.array([inertia.toDynamicParameters()[:width] for inertia in inertias])
-        place = tie_indices(self.links, self.ties)
+        place = self.tie_indices
         tied = [values[place == k].mean(axis=0) for k in range(place.max() + 1)]
         return np.concatenate(tied)
 
@@ -710,17 +640,10 @@ def shortened(names: Sequence[str], most: int = 8) -> str:
 
 @dataclass(frozen=True)
 class InertiaDefect:
-    """What is wrong with a body's inertia.
-
-    Attributes
-    ----------
-    link : str
-    impossible : bool
-        No body has it; otherwise a plate, a rod or a point has, which fill no volume.
-    reason : str
-    """
+    """What is wrong with a body's inertia."""
 
     link: str
+    # No body has it; otherwise a plate, a rod or a point has, which fill no volume
     impossible: bool
     reason: str
 

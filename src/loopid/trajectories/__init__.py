@@ -1,6 +1,5 @@
 """How the robot moves: waypoints, motion files, Fourier series, and what all joints do then."""
 
-from loopid.trajectories.curves import Curve, FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
 from loopid.trajectories.joint_motion import (
     JointMotion,
@@ -9,32 +8,19 @@ from loopid.trajectories.joint_motion import (
     joint_motion,
     review_motion,
 )
-from loopid.trajectories.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
+from loopid.trajectories.motion import (
+    Arc,
+    Curve,
+    FourierCurve,
+    FourierSeries,
+    Motion,
+    SplineCurve,
+    Waypoint,
+    point_to_point,
+)
 from loopid.trajectories.motion_files import (
     MotionProgram,
     PlannedMotion,
     read_motion_program,
     read_reference,
 )
-
-__all__ = [
-    "Arc",
-    "Curve",
-    "FourierCurve",
-    "FourierSeries",
-    "JointMotion",
-    "JointRange",
-    "LowPass",
-    "Motion",
-    "MotionProgram",
-    "MotionReview",
-    "PlannedMotion",
-    "SplineCurve",
-    "Waypoint",
-    "differentiate",
-    "joint_motion",
-    "point_to_point",
-    "read_motion_program",
-    "read_reference",
-    "review_motion",
-]

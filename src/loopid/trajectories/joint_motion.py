@@ -29,24 +29,13 @@ class JointMotion:
     """Configurations of a mechanism over time, and the motion of its independent coordinates.
 
     All arrays are read-only.
-
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s.
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities, accelerations : FloatArray
-        (N, dof) of the independent coordinates.
-    singularity : FloatArray
-        (N,), see ``Projection.singularity``.
     """
 
-    time: FloatArray
-    configurations: FloatArray
-    velocities: FloatArray
+    time: FloatArray  # (N,) in s
+    configurations: FloatArray  # (N, nq), closed
+    velocities: FloatArray  # (N, dof) of the independent coordinates
     accelerations: FloatArray
-    singularity: FloatArray
+    singularity: FloatArray  # (N,), see ``Projection.singularity``
 
     def __post_init__(self) -> None:
         count = finite_rows(self.time, "time").shape[:1]
@@ -152,27 +141,13 @@ class JointRange:
 
 @dataclass(frozen=True, repr=False)
 class MotionReview:
-    """Findings about a motion.
+    """Findings about a motion."""
 
-    Attributes
-    ----------
-    ranges : tuple of JointRange
-        In the order of the mechanism's joints.
-    singularity : float
-        Least singularity measure on the way.
-    singular_time : float
-        When it is least, in s.
-    margin : float
-        What the measure was asked to keep.
-    speeds : dict
-        Largest speed of each independent coordinate, in m/s or rad/s.
-    """
-
-    ranges: tuple[JointRange, ...]
-    singularity: float
-    singular_time: float
-    margin: float
-    speeds: dict[str, float]
+    ranges: tuple[JointRange, ...]  # in the order of the mechanism's joints
+    singularity: float  # least singularity measure on the way
+    singular_time: float  # when it is least, in s
+    margin: float  # what the measure was asked to keep
+    speeds: dict[str, float]  # largest speed of each independent coordinate, in m/s or rad/s
 
     def __repr__(self) -> str:
         found = "; ".join(self.problems) or "nothing speaks against the motion"

@@ -1,7 +1,13 @@
-"""Motions of some coordinates: sampled, from waypoint to waypoint, and periodic."""
+"""Motions of some coordinates: sampled, periodic, from waypoint to waypoint, and smooth detours.
+
+A curve leaves a pose at rest and comes back to it at rest: x(t) = start + Σ_j φ_j(t) x_j with
+functions φ_j of one variable whose values, rates and accelerations vanish at both ends, or whose
+combination does.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,30 +16,21 @@ import numpy as np
 from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError
-from loopid.trajectories.curves import Curve
 
 # Of a sampled motion: a slip of the pen should not fill the memory.
 MOST_SAMPLES = 10_000_000
+# Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
+REST = 1e-9
 
 
 @checked_fields
 @dataclass(frozen=True, repr=False)
 class Motion:
-    """Coordinates over time, with their first two derivatives.
+    """Coordinates over time, with their first two derivatives."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The c coordinates: joints, or those of the platform.
-    time : FloatArray
-        (N,) in s, increasing.
-    position, velocity, acceleration : FloatArray
-        (N, c) in m or rad, and per s and s²; read-only.
-    """
-
-    names: tuple[str, ...]
-    time: FloatArray
-    position: FloatArray
+    names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
+    time: FloatArray  # (N,) in s, increasing
+    position: FloatArray  # (N, c) in m or rad, and per s and s²; read-only
     velocity: FloatArray
     acceleration: FloatArray
 
@@ -77,23 +74,123 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
     return np.arange(steps + 1) / rate
 
 
-@checked_fields
-@dataclass(frozen=True)
-class Arc:
-    """A detour of one coordinate on the way to a waypoint, zero at both ends.
+class Curve(ABC):
+    """A detour of c coordinates.
 
     Attributes
     ----------
-    coordinate : str
-    height : float
-        Value half-way, in m or rad.
-    flatness : float
-        0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
-        ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²)).
+    shape : FloatArray
+        (m, c), what the functions are multiplied by.
     """
 
+    shape: FloatArray
+
+    @staticmethod
+    @abstractmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        """``count`` functions φ_j, their rates and accelerations (3, N, count) at times (N,)."""
+
+    @abstractmethod
+    def backwards(self) -> Curve:
+        """The same curve, from its end to its start."""
+
+    def detour(self, time: FloatArray, seconds: float) -> FloatArray:
+        """Position off the start, rate and acceleration (3, N, c) at times (N,) of so many s."""
+        return self.functions(len(self.shape), time, seconds) @ self.shape
+
+    def _check(self) -> None:
+        shape = finite(self.shape, "shape of a curve")
+        if shape.ndim != 2 or not shape.size:
+            raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
+        object.__setattr__(self, "shape", frozen(shape))
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class FourierCurve(Curve):
+    """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997].
+
+    Attributes
+    ----------
+    shape : FloatArray
+        (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H, with Σ h sine_h = 0 and
+        Σ h² cosine_h = 0, so that it starts and ends at rest.
+    """
+
+    shape: FloatArray
+
+    def __post_init__(self) -> None:
+        self._check()
+        if len(self.shape) % 2:
+            raise DataError("a Fourier curve has as many sines as cosines")
+        terms = self.at_rest(len(self.shape) // 2)
+        off = np.abs(terms @ self.shape)
+        if (off > REST * (np.abs(terms).sum(axis=0) @ np.abs(self.shape))).any():
+            raise DataError(
+                "a Fourier curve must start at rest: for each coordinate the sums of h sine_h and "
+                "of h² cosine_h must be zero"
+            )
+
+    @staticmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        omega = 2 * np.pi / seconds * np.arange(1, count // 2 + 1)
+        sine, cosine = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
+        position = np.concatenate([sine, cosine - 1], axis=1)
+        rate = np.concatenate([omega * cosine, -omega * sine], axis=1)
+        second = np.concatenate([-(omega**2) * sine, -(omega**2) * cosine], axis=1)
+        return np.stack([position, rate, second])
+
+    def backwards(self) -> FourierCurve:
+        sines = len(self.shape) // 2
+        return FourierCurve(np.concatenate([-self.shape[:sines], self.shape[sines:]]))
+
+    @staticmethod
+    def at_rest(harmonics: int) -> FloatArray:
+        """Rows (2, 2 H) that a shape must be orthogonal to."""
+        h, zero = np.arange(1.0, harmonics + 1), np.zeros(harmonics)
+        return np.stack([np.append(h, zero), np.append(zero, h**2)])
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class SplineCurve(Curve):
+    """A spline of degree five through waypoints at equal times.
+
+    Attributes
+    ----------
+    shape : FloatArray
+        (P, c), waypoints less the start, from which it goes and to which it comes back.
+    """
+
+    shape: FloatArray
+
+    def __post_init__(self) -> None:
+        self._check()
+
+    def backwards(self) -> SplineCurve:
+        return SplineCurve(self.shape[::-1])
+
+    @staticmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        knots = np.linspace(0.0, seconds, count + 2)
+        rest = [(1, np.zeros(count)), (2, np.zeros(count))]
+        through = np.eye(count + 2)[:, 1:-1]
+        spline = make_interp_spline(knots, through, k=5, bc_type=(rest, rest))
+        at = np.clip(time, 0.0, seconds)
+        return np.stack([spline(at, nu) for nu in range(3)])
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Arc:
+    """A detour of one coordinate on the way to a waypoint, zero at both ends."""
+
     coordinate: str
-    height: float
+    height: float  # value half-way, in m or rad
+    # 0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
+    # ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²))
     flatness: float = 0.0
 
     def __post_init__(self) -> None:
@@ -283,9 +380,7 @@ class FourierSeries:
     def motion(self, duration: float | None = None, rate: float = 100.0) -> Motion:
         """Sample the series, by default over one period (duration in s, rate in Hz)."""
         time = _sample_times(self.period if duration is None else duration, rate)
-        omega = 2 * np.pi * self.frequency * np.arange(1, self.sine.shape[1] + 1)
-        sines, cosines = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
-        position = self.offset + sines @ self.sine.T + cosines @ self.cosine.T
-        velocity = (cosines * omega) @ self.sine.T - (sines * omega) @ self.cosine.T
-        acceleration = -(sines * omega**2) @ self.sine.T - (cosines * omega**2) @ self.cosine.T
-        return Motion(self.names, time, position, velocity, acceleration)
+        shape = np.concatenate([self.sine.T, self.cosine.T])
+        off, velocity, second = FourierCurve.functions(len(shape), time, self.period) @ shape
+        position = self.offset + self.cosine.sum(axis=1) + off
+        return Motion(self.names, time, position, velocity, second)

@@ -19,9 +19,16 @@ from loopid.arrays import FloatArray, frozen, number
 from loopid.errors import DataError, LogError, MissingFileError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading import find_motion_file
-from loopid.trajectories.curves import FourierCurve, SplineCurve
 from loopid.trajectories.filtering import LowPass, differentiate
-from loopid.trajectories.motion import MOST_SAMPLES, Arc, Motion, Waypoint, point_to_point
+from loopid.trajectories.motion import (
+    MOST_SAMPLES,
+    Arc,
+    FourierCurve,
+    Motion,
+    SplineCurve,
+    Waypoint,
+    point_to_point,
+)
 from loopid.yaml_files import Section, read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
@@ -155,21 +162,11 @@ class ProgramDescription(Section):
 
 @dataclass(frozen=True, repr=False)
 class PlannedMotion:
-    """A motion of a file, with its steps followed.
+    """A motion of a file, with its steps followed."""
 
-    Attributes
-    ----------
-    description : str
-        What the file says of it.
-    start : FloatArray
-        (c,) in m or rad.
-    waypoints : tuple of Waypoint
-        Repeats and ways back are written out.
-    """
-
-    description: str
-    start: FloatArray
-    waypoints: tuple[Waypoint, ...]
+    description: str  # what the file says of it
+    start: FloatArray  # (c,) in m or rad
+    waypoints: tuple[Waypoint, ...]  # repeats and ways back are written out
 
     def __repr__(self) -> str:
         ways = len(self.waypoints)
@@ -183,23 +180,13 @@ class PlannedMotion:
 
 @dataclass(frozen=True, repr=False)
 class MotionProgram:
-    """The motions of a file.
+    """The motions of a file."""
 
-    Attributes
-    ----------
-    path : Path
-        File it was read from.
-    coordinates : tuple of str
-        The c coordinates that all motions move: platform coordinates or joints.
-    rate : float
-        Samples per second where nothing else is asked for.
-    motions : mapping
-        From the names to ``PlannedMotion``, in the order of the file.
-    """
-
-    path: Path
+    path: Path  # file it was read from
+    # The c coordinates that all motions move: platform coordinates or joints
     coordinates: tuple[str, ...]
-    rate: float
+    rate: float  # samples per second where nothing else is asked for
+    # From the names to ``PlannedMotion``, in the order of the file
     motions: Mapping[str, PlannedMotion]
 
     def __repr__(self) -> str:
@@ -437,22 +424,14 @@ def read_reference(
     with closing(text_blocks(file)) as blocks:
         for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             words = data.decode("utf-8", "replace").split()
-            if not words:
-                continue  # at the end
-            if line > len(rows) + 1:
-                raise LogError(f"{file}, line {len(rows) + 1}: is blank, but rows follow")
-            if len(words) != len(names):
+            values = [number(word) for word in words]
+            whole = len(values) == len(names) and bool(np.isfinite(values).all())
+            if words and not (whole and line == len(rows) + 1):  # blank lines are at the end only
                 raise LogError(
-                    f"{file}, line {line}: {len(words)} columns, but {len(names)} coordinates "
-                    f"({', '.join(names)})"
+                    f"{file}, line {line}: must follow a row, and be {len(names)} finite numbers "
+                    f"({', '.join(names)}), not {' '.join(words)!r:.60}"
                 )
-            rows.append([number(word) for word in words])
-            if not np.isfinite(rows[-1]).all():
-                column = int(np.flatnonzero(~np.isfinite(rows[-1]))[0])
-                raise LogError(
-                    f"{file}, line {line}: column {column + 1} must be a finite number, not "
-                    f"{words[column]!r:.30}"
-                )
+            rows += [values] if words else []
             if len(rows) > MOST_SAMPLES:
                 raise LogError(f"{file} has more than the {MOST_SAMPLES:,} rows of a motion")
     least = lowpass.least_samples(rate)

@@ -1,23 +1,42 @@
-"""Geometry of files with a few digits: closures that miss, and what is meant to be special.
+"""Geometry of files with a few digits: how accurate it is, and what it is meant to be.
 
-At a configuration that is as closed as it can be, all places are corrected in the world: frames of
-closures until these close and, where the user agrees, axes that are nearly parallel or square, and
-lengths that are nearly equal. The robot is then drawn anew from where its joints are.
+Numbers of a file that end after so many decimals are known to half a unit of the last one. What is
+drawn special (parallel, in a plane) stays so: zeros and right angles are not rounded numbers.
+
+Where closures miss, places are corrected in the world at a configuration that is as closed as it
+can be: frames of closures until these close and, where the user agrees, axes that are nearly
+parallel or square, and lengths that are nearly equal. The robot is then drawn anew from where its
+joints are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arrays import FloatArray
+from loopid.kinematics.constraint import Constraint, scaled_residual
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import (
+    ClosedMotion,
+    Projection,
+    drift_acceleration,
+    partition,
+    velocity_map,
+)
 from loopid.robot import CLOSURE_KINDS, FramePair, LoopClosure, Mechanism, PairRates
 
+# Numbers with fewer decimals are round by design, those between the first two may be; those with
+# more than the last have all the digits there are.
+LEAST_DECIMALS, SURE_DECIMALS, MOST_DECIMALS = 5, 6, 12
+DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few decimals
+SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
+CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
 SIX_DIGITS = 1e-6  # m or rad: what a file is taken to be rounded to where it must be
 # Numbers of a loop that add up, and lengths that are meant to be equal, in units of the rounding.
 NEARLY = 20.0
@@ -26,6 +45,137 @@ EXACT = 1e-13  # of the characteristic length
 ROUND_OFF = 1e-14  # of the characteristic length, in geometry that is as it is meant to be
 APART = 0.1  # rad, between directions that span a plane
 REGULAR = 1e-4  # of singular values: what hardly changes lengths is left as it is
+
+
+# How accurate it is.
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How far the geometry may be from what the file writes."""
+
+    length: float  # m; 0 where it is exact
+    angle: float  # rad
+    source: str  # where that is known from
+    presumed: bool = False  # whether so few decimals may be round by design
+
+
+def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
+    """What the robot file says of its rounding, or what its numbers and closures show."""
+    if mechanism.rounding is not None:
+        angle = mechanism.rounding / mechanism.length
+        return Accuracy(mechanism.rounding, angle, "the rounding that is given")
+    numbers: tuple[list[float], list[float]] = ([], [])
+    for place in _placements(mechanism.model):
+        numbers[0].extend(place.translation)
+        numbers[1].extend(x for x in pin.rpy.matrixToRpy(place.rotation) if not _square(x))
+    numbers[0].extend(closure.length for closure in mechanism.closures)
+    decimals = [_decimals(np.array(part)) for part in numbers]
+    length, angle = (0.5 * 10.0**-count if count else 0.0 for count in decimals)
+    said = [f"{n} decimals of {what}" for n, what in zip(decimals, ("m", "rad"), strict=True) if n]
+    if mechanism.closure_residual > length:
+        length, said = mechanism.closure_residual, ["what the closures leave open"]
+    presumed = 0 < max(decimals) < SURE_DECIMALS and not mechanism.closure_residual
+    return Accuracy(length, angle, ", ".join(said), presumed)
+
+
+def _placements(model: pin.Model) -> list[pin.SE3]:
+    """Of all joints and frames, in the frames that the file has them in."""
+    found = []
+    for frame in list(model.frames)[1:]:
+        place = frame.placement
+        if frame.type == pin.FrameType.JOINT:
+            place = model.jointPlacements[frame.parentJoint]
+        found.append(model.frames[frame.parentFrame].placement.actInv(place))
+    return found
+
+
+def nearly_equal_lengths(mechanism: Mechanism, accuracy: Accuracy) -> tuple[str, ...]:
+    """Pairs of distances between joints that differ, but hardly: ``elbow 0.2 m, wrist 0.200001 m``.
+
+    In a linkage such as a parallelogram equal lengths decide what can be known.
+    """
+    model, found = mechanism.model, dict[str, float]()
+    for frame, place in zip(list(model.frames)[1:], _placements(model), strict=True):
+        if length := float(np.linalg.norm(place.translation)):
+            found[frame.name] = length
+    found |= {closure.name: closure.length for closure in mechanism.closures if closure.length}
+    by_length = sorted(found.items(), key=lambda item: item[1])
+    return tuple(
+        f"{one} {a:.9g} m, {other} {b:.9g} m"
+        for (one, a), (other, b) in pairwise(by_length)
+        if accuracy.length / 2 < b - a <= NEARLY * accuracy.length
+    )
+
+
+def _square(angle: float) -> bool:
+    return bool(abs(np.sin(2 * angle)) < 2 * SQUARE)
+
+
+def _decimals(values: FloatArray) -> int:
+    """Decimals that most of the numbers have which are not round by design; 0 if all they can."""
+    counts = np.arange(MOST_DECIMALS + 2)
+    rounded = np.round(values[:, None] * 10.0**counts) / 10.0**counts
+    ends = np.abs(rounded - values[:, None]) <= DIGITS_LEFT * np.maximum(np.abs(values), 1)[:, None]
+    ends[:, -1] = True
+    needed = ends.argmax(axis=1)
+    needed = needed[needed >= LEAST_DECIMALS]
+    most = int(np.median(needed)) if len(needed) else 0
+    return most if most <= MOST_DECIMALS else 0
+
+
+def within_accuracy(
+    mechanism: Mechanism, accuracy: Accuracy, generator: np.random.Generator
+) -> Mechanism:
+    """The robot with other geometry that the file would write alike."""
+    model, places = mechanism.model.copy(), _placements(mechanism.model)
+    for k, (frame, place) in enumerate(zip(list(model.frames)[1:], places, strict=True), start=1):
+        shift, turn = generator.uniform(-1, 1, (2, 3))
+        rpy = pin.rpy.matrixToRpy(place.rotation)
+        rpy = rpy + accuracy.angle * turn * [not _square(x) for x in rpy]
+        xyz = place.translation + accuracy.length * shift * (place.translation != 0)
+        moved = model.frames[frame.parentFrame].placement * pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+        if frame.type == pin.FrameType.JOINT:
+            model.jointPlacements[frame.parentJoint] = moved
+        elif k in mechanism.closure_frames[0]:
+            model.frames[k].placement = moved
+    longer = accuracy.length * generator.uniform(-1, 1, len(mechanism.closures))
+    closures = tuple(
+        replace(closure, length=closure.length + more) if closure.length else closure
+        for closure, more in zip(mechanism.closures, longer, strict=True)
+    )
+    return replace(mechanism, model=model, closures=closures)
+
+
+def same_motion(
+    mechanism: Mechanism,
+    other: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+) -> ClosedMotion:
+    """The motion that a robot of slightly other geometry makes of the same independent motion.
+
+    From configurations (N, nq) that are closed for ``mechanism``, and velocities and accelerations
+    (N, dof). Equations that are redundant for the one and contradict each other for the other are
+    satisfied in the least-squares sense, with the rank that they have for the one.
+    """
+    q, (chosen, dependent) = configurations, partition(mechanism)
+    scales = mechanism.coordinate_scales[dependent]
+    _, solver = velocity_map(mechanism, Constraint(mechanism, q).scaled()[1], chosen, dependent)
+    for _ in range(CORRECTIONS):
+        step = np.zeros((len(q), mechanism.model.nv))
+        step[:, dependent] = -scales * solver.solve(scaled_residual(other, q)[:, :, None])[:, :, 0]
+        q = integrate(other, q, step)
+    constraint = Constraint(other, q)
+    G, solver = velocity_map(other, constraint.scaled()[1], chosen, dependent)
+    v = np.einsum("nij,nj->ni", G, velocities)
+    gamma = drift_acceleration(constraint, v, dependent, solver)
+    a = np.einsum("nij,nj->ni", G, accelerations) + gamma
+    return ClosedMotion(q, v, a, gamma, Projection(G, gamma, chosen, solver.matrices))
+
+
+# What it is meant to be.
 
 
 def rounding_that_closes(gap: float, length: float) -> float:
@@ -276,59 +426,50 @@ def _nodes(mechanism: Mechanism, world: _World) -> list[_Node]:
 def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[int, float]:
     """Move points so that lengths in bodies that are nearly equal or zero are so; gives rods."""
     nodes = _nodes(mechanism, world)
-    pairs = []  # of nodes in one body, and what of their distance is a length
-    for i, j in combinations(range(len(nodes)), 2):
-        if set(nodes[i].bodies) & set(nodes[j].bodies):
-            across = _across(nodes[i].direction, nodes[j].direction)
-            if across is not None:
-                pairs.append((i, j, across))
     x = np.array([getattr(world, n.places[0][0])[n.places[0][1]].translation for n in nodes])
-    start = x.copy()
-    lengths = [float(np.linalg.norm(P @ (x[i] - x[j]))) for i, j, P in pairs]
+    start, pairs = x, list[FloatArray]()
+    for (i, one), (j, other) in combinations(enumerate(nodes), 2):
+        if set(one.bodies) & set(other.bodies):
+            between = np.zeros((3, *x.shape))  # of the points (n, 3), what makes their distance
+            between[:, i] = _across(one.direction, other.direction)
+            between[:, j] = -between[:, i]
+            pairs.append(between)
+    difference = np.reshape(pairs, (-1, 3, *x.shape))
+    lengths = np.linalg.norm(np.einsum("kanb,nb->ka", difference, x), axis=1)
     groups: list[list[int]] = []
     for k in np.argsort(lengths, kind="stable"):
         if groups and lengths[k] - lengths[groups[-1][0]] < tolerance:
             groups[-1].append(int(k))
         else:
             groups.append([int(k)])
+    none = [k for group in groups if lengths[group[0]] < tolerance for k in group]
+    alike = [both for group in groups if group[0] not in none for both in pairwise(group)]
+    before, after = np.array(alike, dtype=np.int64).reshape(-1, 2).T
     for _ in range(NEWTON_STEPS):
-        rows, values = [], []
-        for group in groups:
-            if lengths[group[0]] < tolerance:
-                for k in group:
-                    i, j, P = pairs[k]
-                    row = np.zeros((3, *x.shape))
-                    row[:, i], row[:, j] = P, -P
-                    rows += list(row)
-                    values += list(P @ (x[i] - x[j]))
-                continue
-            gradients = []
-            for k in group:
-                i, j, P = pairs[k]
-                d = P @ (x[i] - x[j])
-                row, size = np.zeros(x.shape), float(np.linalg.norm(d))
-                row[i], row[j] = d / size, -d / size
-                gradients.append((row, size))
-            for (row, size), (first, wanted) in zip(gradients[1:], gradients, strict=False):
-                rows.append(row - first)
-                values.append(size - wanted)
-        if not rows or np.abs(values).max() < 1e-3 * EXACT * mechanism.length:
+        d = np.einsum("kanb,nb->ka", difference, x)
+        size = np.linalg.norm(d, axis=1)
+        slope = np.einsum("ka,kanb->knb", d / np.maximum(size, 1e-300)[:, None], difference)
+        values = np.concatenate([d[none].ravel(), size[after] - size[before]])
+        if np.abs(values).max(initial=0.0) < 1e-3 * EXACT * mechanism.length:
             break
-        matrix = np.array(rows).reshape(len(rows), -1)
-        x = x - np.linalg.lstsq(matrix, np.array(values), rcond=REGULAR)[0].reshape(x.shape)
-    rods = {}
-    for node, before, after in zip(nodes, start, x, strict=True):
+        rows = np.concatenate(
+            [difference[none].reshape(-1, *x.shape), slope[after] - slope[before]]
+        )
+        step = np.linalg.lstsq(rows.reshape(len(rows), -1), values, rcond=REGULAR)[0]
+        x = x - step.reshape(x.shape)
+    for node, move in zip(nodes, x - start, strict=True):
         for kind, k in node.places:
             places = getattr(world, kind)
-            places[k] = pin.SE3(places[k].rotation, places[k].translation + after - before)
-    for k, closure in enumerate(mechanism.closures):
-        if closure.kind == "distance":
-            a, b = world.frames[2 * k], world.frames[2 * k + 1]
-            rods[k] = float(np.linalg.norm(b.translation - a.translation))
-    return rods
+            places[k] = pin.SE3(places[k].rotation, places[k].translation + move)
+    ends = [place.translation for place in world.frames]
+    return {
+        k: float(np.linalg.norm(ends[2 * k + 1] - ends[2 * k]))
+        for k, closure in enumerate(mechanism.closures)
+        if closure.kind == "distance"
+    }
 
 
-def _across(one: FloatArray | None, other: FloatArray | None) -> FloatArray | None:
+def _across(one: FloatArray | None, other: FloatArray | None) -> FloatArray:
     """Projector (3, 3) on what of a distance between points or lines of a body is a length."""
     lines = [line for line in (one, other) if line is not None]
     if len(lines) < 2:
