@@ -18,9 +18,11 @@ import pytest
 import typer
 from hypothesis import settings
 
+import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
 from loopid import (
+    bundled_robots,
     find_force_model,
     identify,
     load_mechanism,
@@ -36,7 +38,7 @@ from made_runs import friction, logged, quietly, wander
 ROOT = Path(__file__).parents[1]
 
 settings.register_profile(
-    "reproducible", deadline=None, derandomize=True, database=None, max_examples=25
+    "reproducible", deadline=None, derandomize=True, database=None, max_examples=15
 )
 settings.load_profile("reproducible")
 
@@ -78,6 +80,18 @@ def robot_data():
 @pytest.fixture(scope="session")
 def load_once():
     return cache(load_mechanism)
+
+
+@pytest.fixture
+def bundled_once(load_once, monkeypatch):
+    """Examples and pages share the bundled robots that they load."""
+    names = bundled_robots()
+
+    def load(file, *arguments, **options):
+        alone = file in names and not (arguments or options)
+        return load_once(file) if alone else load_mechanism(file, *arguments, **options)
+
+    monkeypatch.setattr(loopid, "load_mechanism", load)
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind

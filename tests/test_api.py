@@ -18,6 +18,7 @@ from test_docs import PAGES
 NAMES = [name for name in loopid.__all__ if name != "__version__"]
 
 
+@pytest.mark.usefixtures("bundled_once")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_has_an_example_that_runs(name):
@@ -51,7 +52,9 @@ def imported(*words):
 def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
     heavy = {"numpy", "scipy", "pinocchio", "pydantic", "yourdfpy", "polars"}
     assert not imported("import loopid, loopid.cli") & heavy
-    assert {"pinocchio", "pydantic"} <= imported("import loopid", "loopid.load_mechanism")
+    found = imported("import loopid, loopid.cli", "loopid.load_mechanism('3ups_rpu')")
+    assert {"pinocchio", "pydantic", "yourdfpy"} <= found
+    assert not {"mujoco", "dask", "sympy", "matplotlib"} & found
 
 
 def test_type_checkers_see_the_same_names():

@@ -252,8 +252,9 @@ def test_a_call_without_a_log_is_a_usage_error(run):
     assert "Traceback" not in done.err
 
 
+@pytest.mark.validate
 def test_a_real_log_is_identified(run_json, mechanism, real_log):
-    found = run_json("identify", mechanism.name, real_log, "--from", "10", "--to", "40")
+    found = run_json("identify", mechanism.name, real_log)
     assert found["training"][0]["name"] == real_log.name
     assert len(found["fit"]["base_parameters"]) == 23
     assert all(entry["value"] is not None for entry in found["fit"]["base_parameters"])

@@ -2,8 +2,6 @@
 
 import re
 import signal
-import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -154,17 +152,6 @@ def test_usage_errors_exit_with_2_and_no_traceback(run, arguments):
     done = run(*arguments)
     assert done.code == 2
     assert "Traceback" not in done.err
-
-
-def test_heavy_libraries_are_imported_only_when_needed():
-    heavy = ("yourdfpy", "trimesh", "mujoco", "dask", "sympy", "matplotlib")
-    loaded = f"print([m for m in {heavy} if m in sys.modules])"
-    script = (
-        f"import sys, loopid, loopid.cli; {loaded}; loopid.load_mechanism('3ups_rpu'); {loaded}"
-    )
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:2] == ["[]", "['yourdfpy', 'trimesh']"]
 
 
 # Options of loading, each on a robot that needs it
