@@ -8,7 +8,7 @@ import pickle
 import re
 import sys
 import warnings
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
 from pathlib import Path
 
@@ -87,6 +87,7 @@ def bundled_once(load_once, monkeypatch):
     """Examples and pages share the bundled robots that they load."""
     names = bundled_robots()
 
+    @wraps(load_mechanism)
     def load(file, *arguments, **options):
         alone = file in names and not (arguments or options)
         return load_once(file) if alone else load_mechanism(file, *arguments, **options)

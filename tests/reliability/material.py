@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from random import Random
 
+import beside_tests  # noqa: F401
 import numpy as np
 from recorded_logs import write_hdf5, write_parquet
 
