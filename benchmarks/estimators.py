@@ -39,7 +39,6 @@ from loopid.identification import (
     Estimator,
     FitResult,
     FitSamples,
-    TotalLeastSquares,
     quiet_fit,
 )
 from loopid.trajectories import Motion, differentiate
@@ -60,8 +59,6 @@ HARMONICS, FREQUENCY = 5, 0.1
 
 # Trust in the robot file and in what is known of friction, where data are few.
 RELATIVE, JOINT_RELATIVE = 0.2, 0.5
-# Errors of a noisy regressor, relative to the root mean square of each column.
-COLUMN_NOISE = 0.01
 # What docs/estimators.md recommends for each kind of errors.
 RECOMMENDED = {
     "white, one size": "ols",
@@ -70,11 +67,10 @@ RECOMMENDED = {
     "outliers": "bisquare",
     "AR(1), outliers": "bisquare",
     "noisy positions": "iv",
-    "noisy columns": "tls",
     "few samples": "bayes",
 }
 # Cases whose errors are of one size for all motors.
-ONE_SIZE = ("white, one size", "noisy columns")
+ONE_SIZE = ("white, one size",)
 Errors = Callable[[np.random.Generator], np.ndarray]
 # Samples, true values and estimator options of a repetition.
 Run = tuple[FitSamples, np.ndarray, dict[str, Estimator]]
@@ -204,15 +200,18 @@ def table(case: Case, runs: int, only: str, recommended: bool) -> Iterator[dict[
 
 def scenarios(case: Case) -> Iterator[tuple[str, Draw, tuple[str, ...]]]:
     """Name, repetition and estimators of each kind of errors."""
-    robust = ("wls", "huber", "bisquare")
+    robust = ("wls", "bisquare")
     yield "white, one size", forces(case, equal=True), ("ols",)
     yield "white", forces(case), ("ols", *robust)
     yield "AR(1)", forces(case, correlation=CORRELATION), ("wls", "bisquare")
     yield "outliers", forces(case, outliers=OUTLIERS), robust
     yield "AR(1), outliers", forces(case, CORRELATION, OUTLIERS), ("wls", "bisquare")
     if case.motion is not None:
-        yield "noisy positions", lambda rng: noisy(case, rng), ("wls", "tls", "iv")
-    yield "noisy columns", lambda rng: noisy_columns(case, rng), ("wls", "tls")
+        yield (
+            "noisy positions",
+            lambda rng: (measured_motion(case, rng), case.truth, {}),
+            ("wls", "iv"),
+        )
     yield "few samples", lambda rng: few(case, rng), ("wls", "bayes")
 
 
@@ -222,25 +221,6 @@ def forces(
     """Forces with errors."""
     errors = case.errors(correlation, outliers, equal)
     return lambda rng: (case.samples.with_force(case.samples.force + errors(rng)), case.truth, {})
-
-
-def noisy(case: Case, rng: np.random.Generator) -> Run:
-    """Positions with errors, and so the regressor; the sizes of its errors are known."""
-    samples = measured_motion(case, rng)
-    assert samples.instruments is not None
-    errors = np.sqrt(((samples.regressor - samples.instruments) ** 2).mean(axis=(0, 1)))
-    sizes = errors / case.deviations.mean()
-    return samples, case.truth, {"tls": TotalLeastSquares(sizes, case.deviations)}
-
-
-def noisy_columns(case: Case, rng: np.random.Generator) -> Run:
-    """A regressor with errors that are independent of each other, as no robot has them."""
-    W, force = case.samples.regressor, case.samples.force + case.errors(equal=True)(rng)
-    sizes = COLUMN_NOISE * np.sqrt((W**2).mean(axis=(0, 1)))
-    measured = W + sizes * rng.normal(size=W.shape)
-    samples = FitSamples.of(case.samples.parameters, case.samples.actuators, measured, force)
-    tls = TotalLeastSquares(sizes / case.deviations.mean())
-    return samples, case.truth, {"tls": tls}
 
 
 def few(case: Case, rng: np.random.Generator) -> Run:

@@ -59,7 +59,7 @@ def observe(mechanism, model, q):
     """Observation of a mechanism at poses, and its structure."""
     W = motion_regressor(mechanism, moved(mechanism, model, q), model)
     parameters = mechanism.parameters(model)
-    observation = Observation.from_matrix(W, parameters, mechanism.length, keep_matrix=True)
+    observation = Observation.from_matrix(W, parameters, mechanism.length)
     return observation, analyse(observation)
 
 

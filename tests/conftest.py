@@ -322,4 +322,4 @@ def identification(knee, knee_run, once):
 @pytest.fixture(scope="session")
 def paper(once):
     """The paper's reproduction from fewer samples and draws."""
-    return once("paper", lambda: quietly(reproduce_paper, repetitions=12, rate=2.0))
+    return once("paper", lambda: quietly(reproduce_paper, rate=2.0))

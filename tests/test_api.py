@@ -79,5 +79,5 @@ def test_defaults_of_options_are_those_of_the_functions():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert default(cli.motions, "margin") == default(loopid.review_motion, "margin")
-    assert default(cli.identify, "train") == default(loopid.split_recordings, "fraction")
+    assert default(cli.motions, "margin").default == default(loopid.review_motion, "margin")
+    assert default(cli.identify, "train").default == default(loopid.split_recordings, "fraction")

@@ -8,11 +8,10 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 STREET = (
     "errors",
+    "scratch",
     "arrays",
     "arguments",
-    "seeds",
     "workers",
-    "scratch",
     "files",
     "yaml_files",
     "parameters",

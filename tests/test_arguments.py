@@ -106,10 +106,6 @@ def test_fields_are_checked_however_they_are_set():
         (lambda robot: structural_observation(robot, samples=10**8), "samples must be at most"),
         (lambda robot: random_configurations(robot, 10**10), "count must be at most"),
         (lambda robot: random_motions(robot, 10**10), "count must be at most"),
-        (
-            lambda robot: structural_observation(robot, samples=3 * 10**6, keep_matrix=True),
-            "samples with keep_matrix must be at most",
-        ),
     ],
 )
 def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, words):

@@ -8,6 +8,7 @@ from bank_doc import block, certificate, combinations, table
 from bank_robots import COUNTS, GAP, MODELS, ROBOTS, count, load, moved, observed, poses
 from loopid import find_base_parameters, mobility, structural_observation
 from loopid.base_parameters import analyse
+from loopid.regressors import motion_regressor
 
 COLUMNS = ("full", "gravity", "full, alike", "gravity, alike")
 CLAIMS = [(robot, column) for robot in ROBOTS for column in COLUMNS if COUNTS[robot][column]]
@@ -17,7 +18,10 @@ PUBLISHED = [robot for robot in ROBOTS if block(robot, "published")]
 
 def fresh(robot, column):
     """Regressor at poses that no structure was found from."""
-    return observed(robot, column, seed=7)[0].matrix
+    model, _, alike = column.partition(", ")
+    mechanism = load(robot, bool(alike))
+    K = motion_regressor(mechanism, moved(mechanism, model, poses(robot, 7)), model)
+    return K.reshape(-1, K.shape[2])
 
 
 def claimed_vectors(robot, column):

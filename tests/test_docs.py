@@ -60,15 +60,6 @@ def test_links_lead_to_files_and_headings(page):
             assert heading in map(anchor, headings), link
 
 
-def test_the_tolerances_of_the_notation_exist():
-    source = "\n".join(file.read_text() for file in (ROOT / "src").rglob("*.py"))
-    table = (ROOT / "docs" / "notation.md").read_text().partition("## Tolerances")[2]
-    names = [name for row in table.splitlines() for name in re.findall(r"`([A-Z_]{3,})`", row)]
-    assert len(names) > 10
-    for name in names:
-        assert re.search(rf"^(\w+, )*{name}\b[^=\n]* = ", source, re.M), name
-
-
 @pytest.mark.parametrize("page", ALL, ids=lambda page: page.name)
 def test_source_files_that_are_named_exist(page):
     files = [f"/{f.relative_to(ROOT)}" for part in PARTS for f in (ROOT / part).rglob("*.py")]

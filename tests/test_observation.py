@@ -105,30 +105,19 @@ def random_matrix(seed, *shape):
 def test_parts_make_the_same_observation_as_the_whole(lengths, width, seed):
     W = random_matrix(seed, sum(lengths), width)
     parts = np.split(W, np.cumsum(lengths)[:-1])
-    whole = Observation.from_matrix(W, named(width), 2.0, keep_matrix=True)
-    joined = Observation.from_parts(iter(parts), named(width), 2.0, keep_matrix=True)
+    whole = Observation.from_matrix(W, named(width), 2.0)
+    joined = Observation.from_parts(iter(parts), named(width), 2.0)
     assert (joined.rows, joined.length) == (whole.rows, whole.length) == (len(W), 2.0)
-    np.testing.assert_array_equal(joined.matrix, W)
     np.testing.assert_allclose(joined.factor.T @ joined.factor, W.T @ W, atol=1e-12)
-
-
-def test_the_matrix_is_kept_only_on_request():
-    W = random_matrix(0, 5, 2)
-    assert Observation.from_matrix(W, named(2)).matrix is None
-    assert Observation.from_matrix(W, named(2)).parameters == named(2)
 
 
 def test_an_observation_cannot_be_changed():
     W = random_matrix(0, 5, 2)
-    observation = Observation.from_matrix(W, named(2), keep_matrix=True)
-    for array in (observation.factor, observation.matrix):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0, 0] = 1.0
+    observation = Observation.from_matrix(W, named(2))
+    with pytest.raises(ValueError, match="read-only"):
+        observation.factor[0, 0] = 1.0
     with pytest.raises(FrozenInstanceError):
         observation.rows = 3
-    kept = W.copy()
-    W[:] = 0.0
-    np.testing.assert_array_equal(observation.matrix, kept)
 
 
 @pytest.mark.parametrize(
@@ -155,6 +144,15 @@ def test_an_observation_without_parts_is_refused():
 
 def test_samples_of_several_rows_are_stacked():
     W = random_matrix(0, 6, 4, 5)
-    whole = Observation.from_matrix(W, named(5), keep_matrix=True)
+    whole = Observation.from_matrix(W, named(5))
     assert whole.rows == 24
-    np.testing.assert_array_equal(whole.matrix, W.reshape(-1, 5))
+    rows = W.reshape(-1, 5)
+    np.testing.assert_allclose(whole.factor.T @ whole.factor, rows.T @ rows, atol=1e-12)
+
+
+def test_what_the_motors_alone_feel_are_the_first_rows_of_each_sample():
+    W = random_matrix(0, 40, 3, 5)
+    alone = Observation.from_parts([W[:7], W[7:]], named(5), driven=2).motors_alone
+    rows = W[:, :2].reshape(-1, 5)
+    assert alone.rows == 80
+    np.testing.assert_allclose(alone.factor.T @ alone.factor, rows.T @ rows, atol=1e-12)

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from loopid import scratch
+from loopid.arrays import finite, frozen, samples
 from loopid.errors import DataError
 from loopid.scratch import (
-    finite_rows,
-    kept,
     row_blocks,
-    sample_rows,
     spooled,
 )
 
@@ -47,10 +45,10 @@ def test_what_lies_in_a_file_is_kept_without_a_copy(monkeypatch):
     monkeypatch.setattr(scratch, "SPOOLED_BYTES", 0)
     array = in_file(np.arange(20.0).reshape(10, 2))
     for view in (array, array[2:5], array[::-1], array[:, 1]):
-        assert np.shares_memory(kept(view), view)
-    assert not np.shares_memory(kept(array, np.int64), array)
+        assert np.shares_memory(frozen(view), view)
+    assert not np.shares_memory(frozen(array, np.int64), array)
     mine = np.arange(3.0)
-    copy = kept(mine)
+    copy = frozen(mine)
     mine[0] = 7.0
     assert copy[0] == 0.0
     assert not copy.flags.writeable
@@ -63,17 +61,17 @@ def test_numbers_that_are_none_are_named_wherever_they_lie(monkeypatch):
     array[13, 1] = np.nan
     for given in (array, in_file(array)):
         with pytest.raises(DataError, match=r"force must be finite, but entry \(13, 1\) is nan"):
-            finite_rows(given, "force")
+            finite(given, "force")
 
 
 def test_rows_of_another_number_or_width_are_refused(monkeypatch):
     monkeypatch.setattr(scratch, "SPOOLED_BYTES", 0)
     array = in_file(np.zeros((20, 2)))
-    assert sample_rows(array, 2, "force", 20) is array
+    assert samples(array, 2, "force", 20) is array
     with pytest.raises(DataError, match=r"force must have shape \(samples, 3\)"):
-        sample_rows(array, 3, "force", 20)
+        samples(array, 3, "force", 20)
     with pytest.raises(DataError, match="force must have 21 rows"):
-        sample_rows(array, 2, "force", 21)
+        samples(array, 2, "force", 21)
 
 
 GROWING = """

@@ -1,4 +1,4 @@
-"""Arguments of public functions, checked by pydantic against their annotations."""
+"""Arguments of public functions, checked by pydantic against their annotations; seeds."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cache, wraps
 from inspect import signature
 from typing import ParamSpec, TypeVar
 
+import numpy as np
 from pydantic import ConfigDict, ValidationError, validate_call
 
 from loopid.errors import OptionError
@@ -90,3 +91,20 @@ def _valid(message: str) -> str:
     return (
         message.partition(",")[0].removeprefix("Input should be ").replace("a dictionary or ", "")
     )
+
+
+def random_generator(seed: int, stream: int = 0) -> np.random.Generator:
+    """A generator for a seed; different streams of one seed are independent."""
+    return np.random.default_rng([_seed(seed), stream])
+
+
+def derived_seed(seed: int, *part: int) -> int:
+    """A seed for a part of the work: independent of those of other parts and of other seeds."""
+    state = np.random.SeedSequence([_seed(seed), *part]).generate_state(1, np.uint64)
+    return int(state[0])
+
+
+def _seed(seed: int) -> int:
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise OptionError(f"seed must be a whole number from 0 on, not {seed!r}")
+    return int(seed)

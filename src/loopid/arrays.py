@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Field, SkipValidation
 
 from loopid.errors import DataError
+from loopid.scratch import in_file, row_blocks
 
 # Arguments of these types are checked by the functions that take them, which know their shapes.
 FloatArray = Annotated[NDArray[np.float64], SkipValidation]
@@ -31,8 +32,8 @@ _texts.maxother, _texts.maxtuple = 70, 4
 
 
 def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-    """A read-only copy, for the fields of frozen dataclasses."""
-    copy = np.array(array, dtype=dtype)
+    """A read-only copy, for the fields of frozen dataclasses; of arrays in files only a view."""
+    copy = np.asarray(array).view() if in_file(array, dtype) else np.array(array, dtype=dtype)
     copy.setflags(write=False)
     return copy
 
@@ -43,16 +44,13 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     Numbers beyond ``LARGEST`` are refused too, whose products overflow.
     """
     values = _real(array, name)
-    if not all_measurable(values):
-        first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
-        bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
-        raise DataError(f"{name} must be finite{bound}, but entry {first} is {values[first]}")
+    for rows in row_blocks(len(values)) if in_file(values) else (...,):
+        part = values[rows]
+        if part.size and not (part.max() <= LARGEST and part.min() >= -LARGEST):
+            first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
+            bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
+            raise DataError(f"{name} must be finite{bound}, but entry {first} is {values[first]}")
     return values
-
-
-def all_measurable(values: FloatArray) -> bool:
-    """Whether no entry is NaN, infinite or beyond ``LARGEST``."""
-    return not values.size or bool(values.max() <= LARGEST and values.min() >= -LARGEST)
 
 
 def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
@@ -97,18 +95,7 @@ def spread_rows(count: int, most: int) -> IntArray:
 
 
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
-    """The array as finite rows of a given width; one row may come without its axis.
-
-    Parameters
-    ----------
-    count : int, optional
-        Number of rows that there must be.
-
-    Returns
-    -------
-    FloatArray
-        Shape (N, width).
-    """
+    """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
         raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")

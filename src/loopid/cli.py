@@ -20,12 +20,13 @@ from math import inf
 from pathlib import Path
 from threading import current_thread, main_thread
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from typer import Argument, Option
 
 from loopid.errors import (
     AccuracyWarning,
@@ -50,45 +51,24 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-RobotFile = Annotated[
-    str, typer.Argument(metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
-]
-Logs = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="LOG...",
-        help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
-    ),
-]
-Motions = Annotated[
-    str | None,
-    typer.Argument(metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one."),
-]
-Model = Annotated[
-    str, typer.Option(help="gravity (slow motion) or full (all ten parameters a body).")
-]
-Terms = Annotated[
-    str,
-    typer.Option(
-        help="Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of "
-        "motors and passive joints; after semicolons of some joints: "
-        '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
-    ),
-]
-LogMap = Annotated[
-    str | None, typer.Option(metavar="YAML", help="Which columns of LOG are what, and their units.")
-]
-Cutoff = Annotated[
-    float | None,
-    typer.Option(help="Of the low-pass filter in Hz; by default what the spectrum asks for."),
-]
-Repair = Annotated[
-    bool, typer.Option("--repair", help="Repair inconsistent bodies of the robot file first.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
-Out = Annotated[
-    str | None, typer.Option(metavar="DIR", help="Write report, figures and results to a folder.")
-]
+FILE = Argument(..., metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
+LOGS = Argument(
+    ...,
+    metavar="LOG...",
+    help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
+)
+MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
+MODEL = Option("gravity", help="gravity (slow motion) or full (all ten parameters a body).")
+TERMS = (
+    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of "
+    "motors and passive joints; after semicolons of some joints: "
+    '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
+)
+MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
+CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
+REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
+JSON = Option(False, "--json", help="Print JSON instead of tables.")
+OUT = Option(None, metavar="DIR", help="Write report, figures and results to a folder.")
 LEAST_TIME = 0.01  # s, of a search when the limit is used
 LONGEST, AGAIN = 1e6, 0.5  # s, of a limit that is kept, and until it is enforced again
 AFTERWARDS = 0.35  # of the time before the search, kept for what comes after it: as of 181 bodies
@@ -96,30 +76,19 @@ Load = Callable[[], "Mechanism"]
 
 
 def loaded(
-    file: RobotFile,
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."),
-    ] = None,
-    rounding: Annotated[
-        float | None,
-        typer.Option(help="Of the file's numbers, in m and rad: what closes within it is closed."),
-    ] = None,
-    snap: Annotated[
-        bool,
-        typer.Option(
-            "--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."
-        ),
-    ] = False,
-    floating_base: Annotated[
-        bool, typer.Option("--floating-base", help="The URDF's root moves freely.")
-    ] = False,
-    free_mimics: Annotated[
-        bool, typer.Option("--free-mimics", help="Mimicking joints move on their own.")
-    ] = False,
-    tied: Annotated[
-        bool, typer.Option("--tied", help="Links declared identical share parameters.")
-    ] = False,
+    file: str = FILE,
+    lock: list[str] | None = Option(
+        None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
+    ),
+    rounding: float | None = Option(
+        None, help="Of the file's numbers, in m and rad: what closes within it is closed."
+    ),
+    snap: bool = Option(
+        False, "--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."
+    ),
+    floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
+    free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
+    tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
 ) -> Any:
     """The robot (``Mechanism``) that the options of a command ask for."""
     from loopid.loading import load_mechanism
@@ -153,7 +122,7 @@ def of_robot(command: Callable[..., None]) -> Callable[..., None]:
 
 @app.command()
 @of_robot
-def check(load: Load, as_json: Json = False) -> None:
+def check(load: Load, as_json: bool = JSON) -> None:
     """Report joints, closures, mobility and distance to singularity."""
     from loopid.report.structure import check_record, check_tables
 
@@ -165,23 +134,16 @@ def check(load: Load, as_json: Json = False) -> None:
 @of_robot
 def base(
     load: Load,
-    model: Model = "gravity",
-    search: Annotated[str, typer.Option(help="exact, subgroup, exhaustive or qr.")] = "exact",
-    terms: Terms = "none",
-    criterion: Annotated[
-        str, typer.Option(help="nullspace (cond V22) or regressor (cond W_B).")
-    ] = "nullspace",
-    samples: Annotated[
-        int | None, typer.Option(help="Random closed poses; enough by default.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of the random poses.")] = 0,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S", help="Of everything, in s, with the best so far; else 10 s of the search."
-        ),
-    ] = None,
-    as_json: Json = False,
+    model: str = MODEL,
+    search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
+    terms: str = Option("none", help=TERMS),
+    criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
+    samples: int | None = Option(None, help="Random closed poses; enough by default."),
+    seed: int = Option(0, help="Of the random poses."),
+    time_limit: float | None = Option(
+        None, metavar="S", help="Of everything, in s, with the best so far; else 10 s of search."
+    ),
+    as_json: bool = JSON,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters import (
@@ -230,7 +192,7 @@ def base(
                 other, moved = special
                 W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
                 record["base_parameters_if_snapped"] = count = _count(W)
-                if count:
+                if count and count != len(found[0]):
                     warn(
                         f"{mechanism.path}: geometry is nearly special: {len(bases[0])} base "
                         f"parameters as it is, {count} with --snap, {moved}",
@@ -256,10 +218,10 @@ def _count(observation: Observation) -> int | None:
 @of_robot
 def motions(
     load: Load,
-    program: Motions = None,
-    rate: Annotated[float, typer.Option(help="Samples per second.")] = 20.0,
-    margin: Annotated[float, typer.Option(help="Least singularity measure.")] = 0.02,
-    as_json: Json = False,
+    program: str | None = MOTIONS,
+    rate: float = Option(20.0, help="Samples per second."),
+    margin: float = Option(0.02, help="Least singularity measure."),
+    as_json: bool = JSON,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
     from loopid.report.structure import motions_record, motions_tables
@@ -281,31 +243,21 @@ def motions(
 @of_robot
 def simulate(
     load: Load,
-    program: Motions = None,
-    motion: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of the file; its first by default.")
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="CSV", help="The log; on the terminal without it.")
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Samples per second.")] = 100.0,
-    noise: Annotated[
-        float, typer.Option(help="Standard deviation of the forces, in N or N m.")
-    ] = 0.0,
-    encoder_step: Annotated[
-        float, typer.Option(help="Resolution of the positions, in m or rad; 0 for exact ones.")
-    ] = 0.0,
-    terms: Annotated[
-        str,
-        typer.Option(
-            help='As for identify with values: "Fc=60,Fv=900; elbow: Ks=12"; none at first.'
-        ),
-    ] = "none",
-    cad_error: Annotated[
-        float,
-        typer.Option(help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."),
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the noise and of the bodies.")] = 0,
+    program: str | None = MOTIONS,
+    motion: str | None = Option(None, metavar="NAME", help="Of the file; its first by default."),
+    out: str | None = Option(None, metavar="CSV", help="The log; on the terminal without it."),
+    rate: float = Option(100.0, help="Samples per second."),
+    noise: float = Option(0.0, help="Standard deviation of the forces, in N or N m."),
+    encoder_step: float = Option(
+        0.0, help="Resolution of the positions, in m or rad; 0 for exact ones."
+    ),
+    terms: str = Option(
+        "none", help='As for identify with values: "Fc=60,Fv=900; elbow: Ks=12"; none at first.'
+    ),
+    cad_error: float = Option(
+        0.0, help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."
+    ),
+    seed: int = Option(0, help="Of the noise and of the bodies."),
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
     from loopid.regressors import JointTerms
@@ -332,74 +284,49 @@ def simulate(
 @of_robot
 def excite(
     load: Load,
-    out: Out = None,
-    model: Model = "gravity",
-    terms: Terms = "none",
-    criterion: Annotated[str, typer.Option(help="D, A, E or condition.")] = "D",
-    shape: Annotated[
-        str, typer.Option(help="fourier, spline, or poses to stand in (gravity).")
-    ] = "fourier",
-    size: Annotated[
-        int | None, typer.Option(help="Harmonics, waypoints or poses; enough by default.")
-    ] = None,
-    duration: Annotated[
-        float | None, typer.Option(help="In s; 20 for a gravity model, 10 for a full one.")
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Samples per second of the run.")] = 100.0,
-    coordinates: Annotated[
-        str, typer.Option(help="Design in joints or platform coordinates.")
-    ] = "joints",
-    share: Annotated[float, typer.Option(help="Part of each limit that may be used.")] = 1.0,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."),
-    ] = None,
-    max_speed: Annotated[
-        list[str] | None,
-        typer.Option(metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."),
-    ] = None,
-    max_acceleration: Annotated[
-        list[str] | None, typer.Option(metavar="[JOINT=]A", help="As --max-speed.")
-    ] = None,
-    max_force: Annotated[
-        list[str] | None, typer.Option(metavar="[JOINT=]F", help="As --max-speed.")
-    ] = None,
-    workspace: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."),
-    ] = None,
-    margin: Annotated[
-        float | None, typer.Option(help="Least singularity measure; 0.02, or what is possible.")
-    ] = None,
-    collisions: Annotated[
-        bool, typer.Option(help="Links must not touch, by the URDF's collision geometry.")
-    ] = True,
-    noise: Annotated[
-        list[str] | None,
-        typer.Option(metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."),
-    ] = None,
-    after: Annotated[
-        list[str] | None, typer.Option(metavar="LOG", help="Add to what this log tells.")
-    ] = None,
-    mapping: LogMap = None,
-    wanted: Annotated[
-        list[str] | None,
-        typer.Option("--for", metavar="PARAMETER", help="Excite this one; repeatable."),
-    ] = None,
-    payload: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Only its parameters are unknown.")
-    ] = None,
-    time_limit: Annotated[float, typer.Option(help="Of the design, in s.")] = 60.0,
-    starts: Annotated[int, typer.Option(help="Random motions to begin with.")] = 4,
-    iterations: Annotated[
-        int | None, typer.Option(help="Evaluations of each start; as many as the time allows.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
-    jobs: Annotated[int, typer.Option(metavar="N", help="Processes, for several starts.")] = 1,
-    solver: Annotated[
-        str | None, typer.Option(help="ipopt, where it is installed, or slsqp.")
-    ] = None,
-    as_json: Json = False,
+    out: str | None = OUT,
+    model: str = MODEL,
+    terms: str = Option("none", help=TERMS),
+    criterion: str = Option("D", help="D, A, E or condition."),
+    shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
+    size: int | None = Option(None, help="Harmonics, waypoints or poses; enough by default."),
+    duration: float | None = Option(None, help="In s; 20 for a gravity model, 10 for a full one."),
+    rate: float = Option(100.0, help="Samples per second of the run."),
+    coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
+    share: float = Option(1.0, help="Part of each limit that may be used."),
+    limit: list[str] | None = Option(
+        None, metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."
+    ),
+    max_speed: list[str] | None = Option(
+        None, metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."
+    ),
+    max_acceleration: list[str] | None = Option(None, metavar="[JOINT=]A", help="As --max-speed."),
+    max_force: list[str] | None = Option(None, metavar="[JOINT=]F", help="As --max-speed."),
+    workspace: list[str] | None = Option(
+        None, metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."
+    ),
+    margin: float | None = Option(
+        None, help="Least singularity measure; 0.02, or what is possible."
+    ),
+    collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
+    noise: list[str] | None = Option(
+        None, metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."
+    ),
+    after: list[str] | None = Option(None, metavar="LOG", help="Add to what this log tells."),
+    mapping: str | None = MAPPING,
+    wanted: list[str] | None = Option(
+        None, "--for", metavar="PARAMETER", help="Excite this one; repeatable."
+    ),
+    payload: str | None = Option(None, metavar="LINK", help="Only its parameters are unknown."),
+    time_limit: float = Option(60.0, help="Of the design, in s."),
+    starts: int = Option(4, help="Random motions to begin with."),
+    iterations: int | None = Option(
+        None, help="Evaluations of each start; as many as the time allows."
+    ),
+    seed: int = Option(0, help="Of the random motions."),
+    jobs: int = Option(1, metavar="N", help="Processes, for several starts."),
+    solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
+    as_json: bool = JSON,
 ) -> None:
     """Design a motion that excites the parameters, within what the robot can do.
 
@@ -481,71 +408,49 @@ def _number(option: str, text: str, number: str) -> float:
 @of_robot
 def identify(
     load: Load,
-    logs: Logs,
-    mapping: LogMap = None,
-    model: Model = "gravity",
-    terms: Terms = "Fc,Fv,file",
-    compare_terms: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."),
-    ] = None,
-    estimator: Annotated[
-        str, typer.Option(help="wls, ols, huber, bisquare, iv (with --reference) or bayes.")
-    ] = "wls",
-    unidentifiable: Annotated[
-        str,
-        typer.Option(
-            help="Of combinations that LOG does not excite: an error, or the robot file as prior."
-        ),
-    ] = "error",
-    prior_deviation: Annotated[
-        float | None,
-        typer.Option(help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."),
-    ] = None,
-    consistent: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KIND",
-            help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
-        ),
-    ] = None,
-    repair: Repair = False,
-    reference: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
-        ),
-    ] = None,
-    reference_mapping: Annotated[
-        str | None, typer.Option(metavar="YAML", help="As --mapping, of the --reference logs.")
-    ] = None,
-    cutoff: Cutoff = None,
-    train: Annotated[
-        float,
-        typer.Option(help="Part of each log's moving samples that is fitted; the rest validates."),
-    ] = 0.6,
-    validate: Annotated[
-        list[str] | None, typer.Option(metavar="LOG", help="Validate on this log instead.")
-    ] = None,
-    start: Annotated[
-        float, typer.Option("--from", metavar="S", help="Of each LOG, in s from its start.")
-    ] = 0.0,
-    end: Annotated[
-        float, typer.Option("--to", metavar="S", help="Of each LOG, in s from its start.")
-    ] = inf,
-    rows: Annotated[
-        str | None,
-        typer.Option(metavar="M:N", help="Rows of each LOG, as its file counts them from 1."),
-    ] = None,
-    friction_log: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LOG", help="Identify the terms from this log first."),
-    ] = None,
-    jobs: Annotated[
-        int, typer.Option(metavar="N", help="Processes that compute the regressors.")
-    ] = 1,
-    out: Out = None,
-    as_json: Json = False,
+    logs: list[str] = LOGS,
+    mapping: str | None = MAPPING,
+    model: str = MODEL,
+    terms: str = Option("Fc,Fv,file", help=TERMS),
+    compare_terms: list[str] | None = Option(
+        None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
+    ),
+    estimator: str = Option("wls", help="wls, ols, bisquare, iv (with --reference) or bayes."),
+    unidentifiable: str = Option(
+        "error",
+        help="Of combinations that LOG does not excite: an error, or the robot file as prior.",
+    ),
+    prior_deviation: float | None = Option(
+        None, help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."
+    ),
+    consistent: str | None = Option(
+        None,
+        metavar="KIND",
+        help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
+    ),
+    repair: bool = REPAIR,
+    reference: list[str] | None = Option(
+        None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
+    ),
+    reference_mapping: str | None = Option(
+        None, metavar="YAML", help="As --mapping, of the --reference logs."
+    ),
+    cutoff: float | None = CUTOFF,
+    train: float = Option(
+        0.6, help="Part of each log's moving samples that is fitted; the rest validates."
+    ),
+    validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
+    start: float = Option(0.0, "--from", metavar="S", help="Of each LOG, in s from its start."),
+    end: float = Option(inf, "--to", metavar="S", help="Of each LOG, in s from its start."),
+    rows: str | None = Option(
+        None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1."
+    ),
+    friction_log: list[str] | None = Option(
+        None, metavar="LOG", help="Identify the terms from this log first."
+    ),
+    jobs: int = Option(1, metavar="N", help="Processes that compute the regressors."),
+    out: str | None = OUT,
+    as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid import experiment
@@ -595,20 +500,19 @@ def identify(
 
 @app.command()
 def predict(
-    fit: Annotated[str, typer.Argument(metavar="FIT", help="Saved fit of 'loopid identify'.")],
-    logs: Logs,
-    robot: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Of the fit; by default where it was then."),
-    ] = None,
-    mapping: LogMap = None,
-    cutoff: Cutoff = None,
-    out: Out = None,
-    as_json: Json = False,
+    fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
+    logs: list[str] = LOGS,
+    robot: str | None = Option(
+        None, metavar="FILE", help="Of the fit; by default where it was then."
+    ),
+    mapping: str | None = MAPPING,
+    cutoff: float | None = CUTOFF,
+    out: str | None = OUT,
+    as_json: bool = JSON,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
     from loopid.prediction import predict as predicted
-    from loopid.report.prediction import prediction_files, prediction_record, prediction_tables
+    from loopid.report.forces import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
 
     require_output(out)
@@ -625,31 +529,28 @@ def predict(
 @of_robot
 def payload(
     load: Load,
-    link: Annotated[str, typer.Argument(metavar="LINK", help="That the payload is fixed to.")],
-    unloaded: Annotated[list[str], typer.Option(metavar="LOG", help="Without it; repeatable.")],
-    loaded_log: Annotated[
-        list[str], typer.Option("--loaded", metavar="LOG", help="With it; repeatable.")
-    ],
-    known_mass: Annotated[
-        float | None,
-        typer.Option(metavar="KG", help="Of the payload: then find the gains of the drives."),
-    ] = None,
-    centre: Annotated[
-        str, typer.Option(metavar="X,Y,Z", help="Of the known mass, in the link's frame in m.")
-    ] = "0,0,0",
-    mapping: LogMap = None,
-    model: Model = "gravity",
-    terms: Terms = "Fc,Fv",
-    estimator: Annotated[str, typer.Option(help="wls, ols, huber or bisquare.")] = "wls",
-    cutoff: Cutoff = None,
-    as_json: Json = False,
+    link: str = Argument(..., metavar="LINK", help="That the payload is fixed to."),
+    unloaded: list[str] = Option(..., metavar="LOG", help="Without it; repeatable."),
+    loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="With it; repeatable."),
+    known_mass: float | None = Option(
+        None, metavar="KG", help="Of the payload: then find the gains of the drives."
+    ),
+    centre: str = Option(
+        "0,0,0", metavar="X,Y,Z", help="Of the known mass, in the link's frame in m."
+    ),
+    mapping: str | None = MAPPING,
+    model: str = MODEL,
+    terms: str = Option("Fc,Fv", help=TERMS),
+    estimator: str = Option("wls", help="wls, ols or bisquare."),
+    cutoff: float | None = CUTOFF,
+    as_json: bool = JSON,
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     import numpy as np
 
     from loopid.experiment import drive_gains, find_force_model, identify_payload
     from loopid.regressors import JointTerms
-    from loopid.report.payload import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
 
     mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
@@ -668,38 +569,26 @@ def payload(
 
 @app.command()
 def export(
-    file: RobotFile,
-    fit: Annotated[
-        str,
-        typer.Argument(
-            metavar="FIT",
-            help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
-        ),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
-        ),
-    ] = None,
-    yaml: Annotated[
-        str | None, typer.Option(metavar="FILE", help="The fit as YAML, or as JSON.")
-    ] = None,
-    c: Annotated[
-        str | None, typer.Option(metavar="DIR", help="C source of the regressor, and its values.")
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Of the C functions; the robot's by default.")
-    ] = None,
-    repair: Repair = False,
-    any_mass: Annotated[
-        bool,
-        typer.Option("--any-mass", help="Bodies may be over three times as heavy as in the file."),
-    ] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="--urdf, --mjcf: the robot's own file is replaced.")
-    ] = False,
-    as_json: Json = False,
+    file: str = FILE,
+    fit: str = Argument(
+        ...,
+        metavar="FIT",
+        help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
+    ),
+    robot: str | None = Option(
+        None, "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
+    ),
+    yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
+    c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),
+    name: str | None = Option(None, help="Of the C functions; the robot's by default."),
+    repair: bool = REPAIR,
+    any_mass: bool = Option(
+        False, "--any-mass", help="Bodies may be over three times as heavy as in the file."
+    ),
+    overwrite: bool = Option(
+        False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
+    ),
+    as_json: bool = JSON,
 ) -> None:
     """Write a robot file, base parameters or C source with what a fit has found.
 
@@ -740,12 +629,11 @@ def export(
 
 @app.command()
 def paper(
-    out: Out = None,
-    log: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LOG", help="Of the real robot; a simulated stand-in without one."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of all noise.")] = 0,
+    out: str | None = OUT,
+    log: list[str] | None = Option(
+        None, metavar="LOG", help="Of the real robot; a simulated stand-in without one."
+    ),
+    seed: int = Option(0, help="Of all noise."),
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
     from loopid.paper import paper_files, paper_tables, reproduce_paper
@@ -858,12 +746,9 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def loopid(
-    show_version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
-        ),
-    ] = False,
+    show_version: bool = Option(
+        False, "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+    ),
 ) -> None:
     """Identify the dynamics of robots with closed kinematic loops."""
 

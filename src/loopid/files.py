@@ -8,11 +8,15 @@ import os
 import stat
 import tempfile
 import zlib
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from loopid.errors import LogError, OutputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # Bytes of text that are read at a time, and of its longest line.
 BLOCK_BYTES, LONGEST_LINE = 2**20, 2**20
@@ -66,14 +70,9 @@ def text_blocks(path: Path) -> Generator[bytes]:
         raise LogError(f"{path} cannot be read: {error}") from error
 
 
-def plausible(stored: int) -> int:
-    """Bytes that measurements may have which are stored in fewer."""
-    return max(UNPACKED_BYTES, UNPACKED_RATIO * stored)
-
-
 def require_plausible(path: Path, content: int, stored: int) -> None:
     """Refuse content of so many bytes in a file, or part of one, that stores far fewer."""
-    if content > plausible(stored):
+    if content > max(UNPACKED_BYTES, UNPACKED_RATIO * stored):
         raise LogError(
             f"{path} stores {stored:,} bytes, but they stand for {content:,} or more: no "
             f"measurements can be packed more than {UNPACKED_RATIO} times"
@@ -108,6 +107,15 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
         for draft in waiting.values():
             draft.unlink(missing_ok=True)
     return list(waiting)
+
+
+def csv_text(names: Sequence[str], *columns: ArrayLike, digits: int = 9) -> str:
+    """Columns (N,) or (N, k) of numbers as a table of text below their names."""
+    import numpy as np  # here, as the command line imports this file at once
+
+    text, head = io.StringIO(), ",".join(f'"{n}"' if "," in n else n for n in names)
+    np.savetxt(text, np.column_stack(columns), f"%.{digits}g", ",", header=head, comments="")
+    return text.getvalue()
 
 
 def require_folder(folder: str | Path) -> None:

@@ -56,8 +56,6 @@ class Observation:
         Rows of W.
     length : float
         Characteristic length in m: a column per kg m counts this much more than one per kg.
-    matrix : FloatArray or None
-        W itself (rows, n), where it was kept.
     natural_size : float
         What an entry of a column per kg amounts to in a robot of this length, in N or N m:
         columns that are smaller by the order of round-off are zero, even if all of them are.
@@ -82,7 +80,6 @@ class Observation:
     factor: FloatArray
     rows: int
     length: float = 1.0
-    matrix: FloatArray | None = None
     natural_size: float = 0.0
     order: tuple[str, ...] = ()
     geometry: RoundedGeometry | None = None
@@ -95,8 +92,7 @@ class Observation:
             raise DataError(f"natural_size must be a number from 0 on, not {self.natural_size}")
 
     def __repr__(self) -> str:
-        kept = "" if self.matrix is None else ", with its matrix"
-        return f"Observation of {len(self.parameters)} parameters, {self.rows} rows{kept}"
+        return f"Observation of {len(self.parameters)} parameters, {self.rows} rows"
 
     @classmethod
     @checked
@@ -105,7 +101,6 @@ class Observation:
         matrix: FloatArray,
         parameters: ParameterSet,
         length: float = 1.0,
-        keep_matrix: bool = False,
         natural_size: float = 0.0,
     ) -> Observation:
         """Factor an observation matrix.
@@ -117,12 +112,10 @@ class Observation:
         parameters : ParameterSet
         length : float
             See the attribute.
-        keep_matrix : bool
-            Whether to keep W beside its factor.
         natural_size : float
             See the attribute.
         """
-        return cls.from_parts([matrix], parameters, length, keep_matrix, natural_size)
+        return cls.from_parts([matrix], parameters, length, natural_size)
 
     @classmethod
     @checked
@@ -131,7 +124,6 @@ class Observation:
         parts: Iterable[FloatArray],
         parameters: ParameterSet,
         length: float = 1.0,
-        keep_matrix: bool = False,
         natural_size: float = 0.0,
         driven: int | None = None,
     ) -> Observation:
@@ -140,7 +132,7 @@ class Observation:
         As ``from_matrix``, for an iterable of matrices; the first ``driven`` rows of each sample
         are those of motors.
         """
-        n, rows, driven_rows, kept = len(parameters), 0, 0, []
+        n, rows, driven_rows = len(parameters), 0, 0
         # The row of a joint has columns of those bodies only that move with it: in a tree, few of
         # all. So each of the dof rows of a sample is reduced on its own, where there are more
         # samples than columns, and all at the end.
@@ -153,16 +145,13 @@ class Observation:
                     factors, waiting = _reduced(factors, waiting), []
             rows += len(W) * W.shape[1]
             driven_rows += len(W) * (driven or 0)
-            if keep_matrix:
-                kept.append(W.reshape(-1, n))
         if rows == 0:
             raise DataError("the observation matrix has no rows")
         factor, alone = _stacked([factors, *waiting]), None
         if driven is not None:
             own = _stacked([factors[:driven], *(W[:, :driven] for W in waiting)])
-            alone = cls(parameters, own, driven_rows, length, None, natural_size)
-        matrix = frozen(np.concatenate(kept)) if keep_matrix else None
-        return cls(parameters, factor, rows, length, matrix, natural_size, motors_alone=alone)
+            alone = cls(parameters, own, driven_rows, length, natural_size)
+        return cls(parameters, factor, rows, length, natural_size, motors_alone=alone)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:

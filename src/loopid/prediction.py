@@ -11,6 +11,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import DataError
+from loopid.files import csv_text
 from loopid.identification import Quality
 from loopid.logs import Recording
 from loopid.parameters import html_table
@@ -60,19 +61,20 @@ class Prediction:
             rms, r_squared = np.sqrt(squares / samples), 1.0 - squares / total
         return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
 
-    def _rows(self) -> list[tuple[str, ...]]:
-        parts = ("moving", self.moving), ("standing or saturated", self.standing)
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """For each motor samples, RMS error and R² while it moves; samples and error elsewhere."""
+        moving, standing = self.moving, self.standing
         return [
             (
                 motor,
-                part,
-                str(quality.samples[k]),
-                f"{quality.residual_rms[k]:.3g}",
-                f"{quality.r_squared[k]:.3f}",
+                f"{moving.samples[k]:,}",
+                f"{moving.residual_rms[k]:.4g}",
+                f"{moving.r_squared[k]:.4f}",
+                f"{standing.samples[k]:,}",
+                f"{standing.residual_rms[k]:.4g}" if standing.samples[k] else "-",
             )
             for k, motor in enumerate(self.recording.actuators)
-            for part, quality in parts
-            if quality.samples[k]
         ]
 
     def __repr__(self) -> str:
@@ -81,20 +83,16 @@ class Prediction:
         return f"<Prediction of {self.recording.name!r}: R² where motors move: {shares}>"
 
     def _repr_html_(self) -> str:
-        head = ("motor", "samples that are", "count", "RMS error", "R²")
-        return f"<p>{escape(repr(self))}</p>{html_table(head, self._rows())}"
+        head = "motor", "moving", "RMS error", "R²", "standing", "RMS error"
+        return f"<p>{escape(repr(self))}</p>{html_table(head, self.rows)}"
 
     def csv(self) -> str:
         """A table of text: time, then measured, predicted and used of each motor."""
-        motors, lines = self.recording.actuators, []
-        names = [f"{motor}.{what}" for motor in motors for what in ("force", "predicted", "used")]
-        lines.append(",".join(["time", *names]))
-        columns = [self.recording.motion.time]
-        for k in range(len(motors)):
-            used = self.recording.used[:, k].astype(np.float64)
-            columns += [self.recording.force[:, k], self.predicted[:, k], used]
-        lines += [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
-        return "\n".join(lines) + "\n"
+        recording, names = self.recording, ["time"]
+        for motor in recording.actuators:
+            names += [f"{motor}.{what}" for what in ("force", "predicted", "used")]
+        tables = np.stack([recording.force, self.predicted, recording.used], axis=2)
+        return csv_text(names, recording.motion.time, tables.reshape(len(recording), -1))
 
 
 @checked

@@ -26,11 +26,6 @@ def pseudo_inertia(parameters: FloatArray) -> FloatArray:
     """Pseudo-inertias P (..., 4, 4) of standard parameters (..., 10) in the order of ``KINDS``.
 
     Units are kg, kg m and kg m²; rows are x, y, z and, last, the mass.
-
-    Raises
-    ------
-    DataError
-        When the parameters have another shape or are not finite.
     """
     phi = finite(parameters, "parameters")
     if phi.shape[-1:] != (len(KINDS),):
@@ -82,12 +77,8 @@ def upper_factor(P: FloatArray) -> FloatArray:
 def body_defect(P: FloatArray, flat_allowed: bool = False, tolerance: float = FLAT) -> str:
     """Why no solid body has the pseudo-inertia (4, 4); an empty text where one has.
 
-    Parameters
-    ----------
-    flat_allowed : bool
-        Whether plates, rods and points count as bodies, although they fill no volume.
-    tolerance : float
-        Part of the largest second moment below which one counts as zero.
+    Plates, rods and points fill no volume. Second moments below a part of the largest, the
+    tolerance, count as zero.
     """
     mass = float(P[3, 3])
     if not mass > 0:

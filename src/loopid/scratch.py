@@ -17,7 +17,6 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loopid.arrays import IntArray, all_measurable, finite, frozen, samples
 from loopid.errors import OutputError
 
 # Rows that are in memory at a time.
@@ -74,7 +73,7 @@ def mapped_rows(function: Callable[[slice], NDArray[Any]], count: int) -> NDArra
     return spooled(function(rows) for rows in row_blocks(count))
 
 
-def picked(array: NDArray[Any], rows: IntArray) -> NDArray[Any]:
+def picked(array: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
     """Single rows, a few at a time: the system fetches many around each."""
     return np.concatenate([array[rows[few]] for few in row_blocks(len(rows), PICKED_ROWS)])
 
@@ -112,7 +111,9 @@ class Spool:
     def array(self) -> NDArray[Any]:
         """All rows, read-only."""
         if self._file is None:
-            return frozen(np.concatenate(self._blocks), self._blocks[0].dtype)
+            whole = np.concatenate(self._blocks)
+            whole.setflags(write=False)
+            return whole
         with self._file as file:
             mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         _mappings.add(mapping)
@@ -132,35 +133,8 @@ def _room() -> Iterator[None]:
         ) from error
 
 
-def kept(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-    """As ``frozen``, but without copying what lies in a file."""
-    if not _is_spooled(array, dtype):
-        return frozen(array, dtype)
-    view = np.asarray(array).view()
-    view.setflags(write=False)
-    return view
-
-
-def finite_rows(array: ArrayLike, name: str) -> NDArray[np.float64]:
-    """As ``finite``, block by block where the array lies in a file."""
-    if not _is_spooled(array, np.float64):
-        return finite(array, name)
-    values = np.asarray(array)
-    for rows in row_blocks(len(values)):
-        if not all_measurable(values[rows]):
-            finite(values[: rows.stop], name)
-    return values
-
-
-def sample_rows(array: ArrayLike, width: int, name: str, count: int) -> NDArray[np.float64]:
-    """As ``samples``, block by block where the array lies in a file."""
-    if not _is_spooled(array, np.float64):
-        return samples(array, width, name, count)
-    values = finite_rows(array, name)
-    return values if values.shape == (count, width) else samples(values, width, name, count)
-
-
-def _is_spooled(array: ArrayLike, dtype: Any) -> bool:
+def in_file(array: ArrayLike, dtype: Any = np.float64) -> bool:
+    """Whether an array of a type lies in a temporary file."""
     base: Any = array
     while isinstance(base, np.ndarray):
         base = base.base

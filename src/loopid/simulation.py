@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
+from loopid.arguments import checked, checked_fields, random_generator
 from loopid.arrays import FloatArray, finite, frozen
 from loopid.errors import DataError, OptionError
+from loopid.files import csv_text
 from loopid.kinematics import JointCoordinates, closed_motion
 from loopid.parameters import KINDS
 from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
-from loopid.seeds import random_generator
 from loopid.trajectories import JointMotion
 
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -175,9 +175,7 @@ def log_text(mechanism: Mechanism, measured: Measurement) -> str:
     """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
     motors = mechanism.actuated
     names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
-    table = np.column_stack([measured.time, measured.position, measured.force])
-    lines = (",".join(f"{value:.9g}" for value in row) for row in table)
-    return "\n".join([",".join(["time", *names]), *lines]) + "\n"
+    return csv_text(["time", *names], measured.time, measured.position, measured.force)
 
 
 def _motor_forces(

@@ -78,6 +78,7 @@ def test_a_doubtful_column_is_refused_by_name(column, exponent):
     with pytest.raises(RankError, match=f"column {re.escape(label)} is neither zero nor") as caught:
         analyse(observe(W))
     assert f"{10**exponent:.1e} of the largest" in str(caught.value)
+    assert "--rounding" in str(caught.value)
 
 
 def test_as_many_rows_as_the_rank_may_hide_a_larger_one():

@@ -31,10 +31,10 @@ FRICTION = np.array([0.1, 0.05, 0.1, 0.05])
 
 
 @cache
-def simulated(motion, rate):
+def simulated(motion, rate, choice="Fc,Fv"):
     """A five-bar with friction: its force model, true values, and an exact measurement."""
     robot = load_mechanism("five_bar")
-    terms = JointTerms(robot.actuated, ("Fc", "Fv"))
+    terms = JointTerms.of(robot, choice)
     model = find_force_model(robot, "full", terms)
     if motion == "fourier":
         sine, cosine = np.random.default_rng(0).normal(size=(2, 2, 5)) * 0.25 / np.arange(1, 6)
@@ -42,8 +42,9 @@ def simulated(motion, rate):
         moved = joint_motion(robot, planned.motion(rate=rate, duration=20.0))
     else:
         moved = joint_motion(robot, read_motion_program("five_bar").motion(motion, rate))
-    run = simulate_measurement(robot, moved, joint_terms=terms, joint_values=FRICTION)
-    truth = model.base.values(np.concatenate([robot.standard_parameters("full"), FRICTION]))
+    friction = np.resize(FRICTION, len(terms.parameters(robot)))
+    run = simulate_measurement(robot, moved, joint_terms=terms, joint_values=friction)
+    truth = model.base.values(np.concatenate([robot.standard_parameters("full"), friction]))
     return model, truth, run
 
 
@@ -96,12 +97,15 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
 
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])
 @pytest.mark.parametrize("cutoff", [5.0, 20.0])
-def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff):
-    model, truth, run = simulated(motion, 100.0)
+@pytest.mark.parametrize("choice", ["Fc,Fv", "Fc,Fv; left_coupler_joint: Fc,Fv"])
+def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice):
+    model, truth, run = simulated(motion, 100.0, choice)
     recording = prepare_recording(model.mechanism, log_of(model, run), LowPass(cutoff))
     samples = model.samples(recording)
     left = np.where(samples.used, samples.residual(truth), 0.0)
-    assert np.abs(left).max() < 0.03 * FRICTION[0]
+    # What a joint without motor does is known where the loops are closed, not at the ends.
+    assert np.abs(left[2:]).max() < 0.03 * FRICTION[0]
+    assert np.abs(left).max() < 0.06 * FRICTION[0]
     if (motion, cutoff) == ("fourier", 5.0):
         # The sign of the filtered velocity is off by much of the friction.
         plain = recording.force - model.regressor(recording.motion) @ truth

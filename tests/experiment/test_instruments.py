@@ -1,17 +1,16 @@
-"""Instruments from a reference and from simulation."""
+"""Instruments from a reference."""
 
 import numpy as np
 import pytest
 
 from loopid import JointTerms
-from loopid.errors import DataError, OptionError
-from loopid.experiment import find_force_model, fit_by_simulation, reference_instruments
+from loopid.errors import DataError
+from loopid.experiment import find_force_model, reference_instruments
 from loopid.identification import quiet_fit
 from loopid.logs import Recording
 from loopid.trajectories import FourierSeries, Motion, differentiate, joint_motion
 
 RATE, NOISE, DRAWS = 100.0, 1e-4, 25
-STIFFNESS = 400.0  # N m/rad, of the controller that lags behind its reference
 
 
 @pytest.fixture(scope="module")
@@ -70,36 +69,6 @@ def test_the_nearest_sample_of_the_reference_is_taken(arm, arm_model, truth, ref
     np.testing.assert_allclose(found[::2], arm_model.regressor(coarse))
 
 
-def follower(arm_model, reference):
-    """Motion of a soft controller: behind its reference by what the forces make of its springs."""
-
-    def simulate(values):
-        force = arm_model.regressor(joint_motion(arm_model.mechanism, reference)) @ values
-        position = reference.position - force / STIFFNESS
-        velocity = differentiate(position, RATE)
-        turned = differentiate(velocity, RATE)
-        return joint_motion(
-            arm_model.mechanism, Motion(reference.names, reference.time, position, velocity, turned)
-        )
-
-    return simulate
-
-
-def test_simulated_instruments_converge_near_the_truth(arm_model, truth, reference):
-    simulate = follower(arm_model, reference)
-    moved = simulate(truth)
-    position = moved.configurations
-    exact = Motion(reference.names, reference.time, position, moved.velocities, moved.accelerations)
-    recording = measured(arm_model, exact, truth, 1)
-    found = fit_by_simulation(arm_model, recording, simulate)
-    assert (np.abs(found.values - truth) < 5 * found.standard_errors).all()
-    from_truth = fit_by_simulation(arm_model, recording, simulate, start=truth)
-    change = np.abs(from_truth.values - found.values) / found.standard_errors
-    assert change.max() < 0.05
-    with pytest.raises(DataError, match="still change by"):
-        fit_by_simulation(arm_model, recording, simulate, rounds=1)
-
-
 def test_references_that_do_not_fit_are_refused(arm, arm_model, truth, reference, knee):
     recording, commanded = measured(arm_model, reference, truth, 0), joint_motion(arm, reference)
     early = commanded.select(np.arange(100))
@@ -107,7 +76,3 @@ def test_references_that_do_not_fit_are_refused(arm, arm_model, truth, reference
         reference_instruments(arm_model, recording, early)
     with pytest.raises(DataError, match="at least two samples"):
         reference_instruments(arm_model, recording, commanded.select(np.arange(1)))
-    with pytest.raises(DataError, match=r"start must have shape"):
-        fit_by_simulation(arm_model, recording, lambda _: commanded, np.ones(2))
-    with pytest.raises(OptionError, match="round"):
-        fit_by_simulation(arm_model, recording, lambda _: commanded, rounds=0)

@@ -11,9 +11,9 @@ from lxml import etree
 from loopid import load_mechanism
 from loopid.errors import RobotFileError
 from loopid.export import updated_robot_file
-from loopid.export.located_xml import locate
+from loopid.export.located_xml import LocatedXml
 
-ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "iso-8859-1", "ascii")
+ENCODINGS = ("utf-8", "utf-8-sig", "iso-8859-1", "ascii")
 # Found without loopid: what an inertial holds, and the numbers in quotes there.
 INERTIAL = re.compile(r"<inertial\b.*</inertial\s*>", re.DOTALL)
 NUMBERS = re.compile(r"(=\s*)([\"'])[-+.0-9eE&#;\s]+\2")
@@ -114,9 +114,9 @@ def test_only_numbers_of_the_inertial_change(tmp_path_factory, text, encoding, s
         assert tag == other_tag
         if tag not in ("mass", "inertia", "origin"):
             assert one == other
-    text, other = (without_numbers(locate(content).text) for content in (old, new))
+    text, other = (without_numbers(LocatedXml(content).text) for content in (old, new))
     if text != other:  # an origin or its xyz had to be added
-        added = r" xyz=#" if "<origin" in text else r"\s*<origin xyz=#/>"
+        added = r"(?<=<origin) xyz=#" if "<origin" in text else r"\s*<origin xyz=#/>"
         text, other = text, re.sub(added, "", other, count=1)
     assert text == other
 
@@ -131,11 +131,9 @@ def without_numbers(text):
         (b"<robot><link></robot>", "closes nothing"),
         (b"<robot/><robot/>", "do not form one tree"),
         (b"<robot>", "do not form one tree"),
-        (b'<?xml version="1.0" encoding="utf-99"?><robot/>', "encoding cannot be read"),
-        (b'<?xml version="1.0" encoding="utf-8"?><robot name="\xff"/>', "encoding cannot be read"),
-        (b'<?xml version="1.0" encoding="utf-7"?><robot name="+AGE-"/>', "written back unchanged"),
+        ("<robot/>".encode("utf-16"), "do not form one tree"),
     ],
 )
 def test_what_cannot_be_edited_is_refused(content, words):
     with pytest.raises(RobotFileError, match=words):
-        locate(content)
+        LocatedXml(content)

@@ -169,8 +169,7 @@ def test_what_cannot_be_reduced_is_refused():
         eliminate(training, unused)
 
 
-@pytest.mark.parametrize("estimator", ["huber", "bisquare"])
-def test_outliers_count_as_little_in_subsets(estimator):
+def test_outliers_count_as_little_in_subsets():
     def made(seed):
         rng = np.random.default_rng(seed)
         W = rng.normal(size=(400, 2, 5))
@@ -178,8 +177,8 @@ def test_outliers_count_as_little_in_subsets(estimator):
         return named_samples(W, W @ truth + errors)
 
     truth = np.array([5.0, -2.0, 3.0, 0.0, 0.0])
-    found, plain = (eliminate(made(1), made(2), name) for name in (estimator, "wls"))
-    full = quiet_fit(made(1), estimator)
+    found, plain = (eliminate(made(1), made(2), name) for name in ("bisquare", "wls"))
+    full = quiet_fit(made(1), "bisquare")
     np.testing.assert_allclose(found.steps[0].values, full.values, rtol=1e-6, atol=1e-8)
     assert set(found.steps[2].labels) == {"link0.m", "link1.m", "link2.m"}
     errors = [np.abs(each.steps[2].values - truth).max() for each in (found, plain)]

@@ -1,6 +1,7 @@
 """Files of six digits: loops that hardly miss are closed, and what is nearly special is named."""
 
 import json
+import re
 import warnings
 
 import numpy as np
@@ -10,7 +11,13 @@ from cad_export import cad_export
 from closure_robots import files
 from linkages import four_bar
 from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
-from loopid.errors import AccuracyWarning, ClosureWarning, RobotFileError
+from loopid.errors import (
+    AccuracyWarning,
+    ClosureWarning,
+    MobilityError,
+    RankError,
+    RobotFileError,
+)
 from loopid.kinematics import largest_residual, nearly_special
 
 # Independent equations and base parameters of the full model: loops that only special geometry
@@ -74,6 +81,34 @@ def test_a_plane_that_is_missed_is_met(gap, write_files):
     file.write_text(json.dumps(content | {"rounding": options.get("rounding", 1e-6)}))
     with pytest.warns(ClosureWarning, match="moved"):
         assert load_mechanism(file).rounding == options.get("rounding", 1e-6)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(("joint", "tilt"), [(4, 1e-3), (5, 1e-4), (6, 1e-4), (6, 1e-5)])
+def test_an_axis_that_is_nearly_parallel_is_made_so_by_doing_what_is_advised(
+    joint, tilt, write_files
+):
+    """By what stays open, cannot move, or has no clear rank; each refusal leads on."""
+    parts, description = four_bar("3d")
+    axis = '<axis xyz="0.0 0.0 1.0"/>'
+    assert axis in parts[joint]
+    parts[joint] = parts[joint].replace(axis, f'<axis xyz="{tilt} 0.0 1.0"/>')
+    file, rounding = write_files(*files(parts, description)), None
+    for _ in range(3):
+        try:
+            assert count(load_mechanism(file, rounding=rounding)) == 8
+            break
+        except (RobotFileError, MobilityError, RankError) as refusal:
+            rounding = float(re.search(r"--rounding ([^\s,]+)", str(refusal))[1])
+    else:
+        pytest.fail(f"the advice leads to --rounding {rounding:g} and no further")
+
+
+def test_a_weld_where_a_pin_is_meant_is_refused_with_the_kinds_of_pins(write_files):
+    parts, description = four_bar("3d")
+    weld = description | {"closures": [description["closures"][0] | {"type": "6d"}]}
+    with pytest.raises(RobotFileError, match=r"aligns all axes .*: a pin is a hinge, a ball 3d"):
+        load_mechanism(write_files(*files(parts, weld)))
 
 
 SQUARE = {"crank_joint": 1.0, "coupler_joint": -1.0, "rocker_joint": 1.0 - np.pi}

@@ -23,8 +23,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import ClosureWarning, ModelWarning, RobotFileError
-from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf_file
-from loopid.loading.urdf_dialects import read_urdf
+from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
 
 # Small URDFs, put together from links and joints.
 

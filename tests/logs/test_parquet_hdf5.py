@@ -141,11 +141,6 @@ def matrices(file, columns, group="/"):
     place["force"] = np.stack([columns[f"leg{k}_stroke.force"] for k in (1, 2, 3, 4)], axis=1)
 
 
-def named(file, columns, names=None):
-    file["log"] = np.stack(list(columns.values()), axis=1)
-    file["log"].attrs["columns"] = list(columns) if names is None else names
-
-
 def fields(file, columns):
     table = np.zeros(COUNT, dtype=[(name, np.float64) for name in columns])
     for name, column in columns.items():
@@ -157,9 +152,6 @@ def fields(file, columns):
     "fill",
     [
         matrices,
-        named,
-        lambda file, columns: named(file, columns, np.array(list(columns), dtype="S30")),
-        lambda file, columns: named(file, columns, ", ".join(columns)),
         fields,
     ],
 )
@@ -212,16 +204,7 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
             lambda file, c: matrices(file, c | {"time": c["time"][:9]}),
             "'time' has 9 rows, but 'pos",
         ),
-        (
-            lambda file, c: named(file, c, ["a", "b"]),
-            "of /log must hold 9 different names, not a, b",
-        ),
-        (
-            lambda file, c: named(file, c, ["a"] * 9),
-            "of /log must hold 9 different names, not a, a",
-        ),
-        (lambda file, c: named(file, c, [*"abcdefghi"]), "no position of leg1_stroke"),
-        (lambda file, c: [named(file, c), matrices(file, c)], "'time' in /log and /time"),
+        (lambda file, c: [fields(file, c), matrices(file, c)], "'time' in /log and /time"),
         (lambda file, c: fields(file, c | {"time": 0 * c["time"]}), "time must increase"),
     ],
 )

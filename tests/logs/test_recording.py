@@ -133,13 +133,10 @@ def test_the_rate_stays_above_five_times_the_cutoff(knee, log, cutoff):
     assert 5 * cutoff * (1 - 1e-9) <= rate < 2 * 5 * cutoff
 
 
-def test_the_ends_are_left_out_unless_they_are_asked_for(knee, log, recording):
+def test_the_ends_are_left_out(recording):
     (end,) = (part for part in recording.dropped if part.reason == "end of a stretch")
     assert end.count == 40
     assert recording.motion.time[0] == pytest.approx(0.2)
-    whole = prepared(knee, log, trim=False)
-    assert whole.motion.time[0] == 0
-    assert not any(part.reason == "end of a stretch" for part in whole.dropped)
 
 
 def standing(recording, speed):
@@ -256,12 +253,6 @@ def test_progress_ends_complete(knee, log, monkeypatch):
     told = []
     prepared(knee, log, decimate=False, progress=lambda done, all_: told.append((done, all_)))
     assert told == [(512, 1561), (1024, 1561), (1536, 1561), (1561, 1561)]
-
-
-def test_another_start_is_another_branch(knee, log, truth):
-    recording = prepared(knee, log, start=truth.motion.configurations[500])
-    rows = at_times(truth, recording)
-    assert np.abs(recording.motion.configurations - truth.motion.configurations[rows]).max() < 1e-5
 
 
 def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):

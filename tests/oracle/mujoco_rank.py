@@ -87,7 +87,8 @@ def positions(robot, compiled, q):
     for name in robot.joints:
         joint = robot.joint(name)
         free = joint.shortname() == "JointModelFreeFlyer"  # need not have a name in MuJoCo
-        number = compiled.body(robot.links[0]).jntadr[0] if free else compiled.joint(name).id
+        kinds = compiled.jnt_type.tolist()
+        number = kinds.index(mujoco.mjtJoint.mjJNT_FREE) if free else compiled.joint(name).id
         start = int(compiled.jnt_qposadr[number])
         own = q[joint.idx_q : joint.idx_q + joint.nq]
         if joint.nv == 1:
@@ -209,7 +210,7 @@ class Oracle:
             rows.append(N.T @ self.columns(position, v, a, UNITS[kind]))
         W = np.concatenate(rows)
         norms = np.linalg.norm(W, axis=0)
-        W = W[:, norms > 1e-9 * norms.max()]
+        W = W[:, norms > 1e-7 * norms.max()]  # central differences leave 1e-8
         values = np.linalg.svd(W / np.linalg.norm(W, axis=0), compute_uv=False)
         values = np.append(values / values[0], 1e-16)
         gaps = [one / max(other, 1e-16) for one, other in pairwise(values)]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from loopid.paper.experiment import run_experiment
+from loopid.paper.reproduction import run_experiment
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import dynamic_regressor
-from loopid.paper.experiment import (
+from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
     FRICTION,

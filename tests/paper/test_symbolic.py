@@ -21,20 +21,13 @@ from loopid import (
     random_configurations,
 )
 from loopid import gravity_regressor as numeric_regressor
-from loopid.errors import (
-    DataError,
-    MissingFileError,
-    OptionError,
-    RobotFileError,
-    SingularityError,
-)
+from loopid.errors import DataError, SingularityError
 from loopid.paper.symbolic import (
     GRAVITY,
     GRAVITY_LABELS,
     POSE,
     Geometry,
     base_parameter_rows,
-    base_regressor,
     gravity_model,
     gravity_regressor,
     parameter_symbols,
@@ -56,24 +49,6 @@ def test_angles_are_read_in_degrees_and_kept_in_radians():
     assert len(geometry.symbols()) == len(geometry.values()) == len(fields(Geometry))
     with pytest.raises(FrozenInstanceError):
         geometry.R1 = 1.0
-
-
-@pytest.mark.parametrize(
-    ("robot", "configuration", "valid"),
-    [("6ups", 1, "3ups_rpu, 5p"), ("3ups_rpu", 3, "1, 2, 4, 8")],
-)
-def test_unknown_choices_list_the_valid_ones(robot, configuration, valid):
-    with pytest.raises(OptionError, match=valid):
-        read_geometry(TABLE, robot, configuration)
-
-
-def test_missing_and_unknown_entries_are_named(tmp_path):
-    path = tmp_path / "table.yaml"
-    path.write_text("robot: {configurations: {1: {R1: 0.4, R9: 0.4}}}")
-    with pytest.raises(RobotFileError, match=r"missing \['R2'.*unknown \['R9'\]"):
-        read_geometry(path, "robot", 1)
-    with pytest.raises(MissingFileError, match="absent"):
-        read_geometry(tmp_path / "absent.yaml", "robot", 1)
 
 
 # Gravity
@@ -113,10 +88,9 @@ def test_six_parameters_never_matter(geometry, poses):
     assert zero == cylinders | {"leg4_cylinder.my", "leg4_stem.mz"}
 
 
-def test_rank_is_15_and_the_base_regressor_has_it(geometry, poses):
+def test_rank_is_15(geometry, poses):
     singular_values = np.linalg.svd(gravity_regressor(geometry, poses).reshape(-1, 36))[1]
     assert singular_values[15] < 1e-10 * singular_values[14]
-    assert np.linalg.matrix_rank(base_regressor(geometry, poses).reshape(-1, 15)) == 15
 
 
 def test_one_pose_and_none_keep_the_sample_axis(geometry):
@@ -284,20 +258,6 @@ def test_a_point_mass_at_the_platform_origin_loads_only_z(geometry, pose, mass):
     forces = gravity_regressor(geometry, pose)[0, :, GRAVITY_LABELS.index("platform.m")] * mass
     load = stroke_jacobian(geometry, pose)[0].T @ forces
     np.testing.assert_allclose(load, [0, GRAVITY * mass, 0, 0], atol=1e-9 * np.abs(forces).max())
-
-
-@law
-@given(GEOMETRIES, POSES, PARAMETERS)
-def test_base_parameters_give_the_forces_of_the_standard_ones(geometry, pose, parameters):
-    assume_regular(geometry, pose)
-    values = dict(zip(GRAVITY_LABELS, parameters, strict=True))
-    base_values = [
-        sum(c * values[label] for label, c in row.coefficients(geometry).items())
-        for row in base_parameter_rows()
-    ]
-    K, K_base = gravity_regressor(geometry, pose)[0], base_regressor(geometry, pose)[0]
-    scale = np.linalg.norm(K) * np.linalg.norm(parameters)
-    np.testing.assert_allclose(K @ parameters, K_base @ base_values, atol=1e-11 * scale)
 
 
 @law

@@ -47,7 +47,7 @@ NUMBERS = ("0.5", "1", "0", "-1", "nan", "inf", "-inf", "1e-300", "1e300", "x", 
 VALUES = {
     "model": ("gravity", "full", "gravity", "Gravity", "x", ""),
     "terms": ("Fc,Fv", "none", "Fc,Fv,Fo,Ia", "Fv", "Fc,Fc", "Fx", "", ",", "Fc,none", " Fc , Fv "),
-    "estimator": ("wls", "ols", "huber", "bisquare", "tls", "bayes", "iv", "WLS", "best", ""),
+    "estimator": ("wls", "ols", "bisquare", "bayes", "iv", "WLS", "best", ""),
     "unidentifiable": ("error", "prior", "Prior", "", "x"),
     "consistent": ("entropic", "euclidean", "riemannian", "Entropic", "", "x"),
     "prior_deviation": ("0.3", "1", "0", "-1", "nan", "inf", "1e-12", "1e12", "x"),
@@ -416,7 +416,7 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
 
 def small_paper(stack: ExitStack) -> None:
     """Let the paper be reproduced from few samples."""
-    few = partial(reproduce_paper, repetitions=3, rate=0.5)
+    few = partial(reproduce_paper, rate=0.5)
     stack.enter_context(patch("loopid.paper.reproduce_paper", few))
 
 

@@ -43,9 +43,7 @@ def test_tables_of_an_identification_have_the_same_cells(identification):
 
 
 def test_lines_and_rules_inside_a_cell_do_not_break_the_table():
-    table = plain_table("a | b", "name", ">value")
-    table.add_row("p | q", "1\n2")
-    table.add_row("", "3")
+    table = plain_table("a | b", ("name", ">value"), [("p | q", "1\n2"), ("", 3)])
     title, head, rules, body = parsed(markdown_table(table))
     assert title == "a | b"
     assert head == ["name", "value"]
@@ -54,18 +52,16 @@ def test_lines_and_rules_inside_a_cell_do_not_break_the_table():
 
 
 def test_what_looks_like_markup_is_shown_as_it_is():
-    table = plain_table("", "row")
-    table.add_row("[red]link[/red]")
+    table = plain_table("", ("row",), [("[red]link[/red]",)])
     assert parsed(markdown_table(table))[3] == [["[red]link[/red]"]]
 
 
 def test_a_table_without_a_title_begins_with_its_header():
-    assert markdown_table(plain_table("", "row")).startswith("| row |")
+    assert markdown_table(plain_table("", ("row",), ())).startswith("| row |")
 
 
 def test_what_is_said_below_a_table_is_on_the_page_too():
-    table = plain_table("title", "row")
-    table.add_row("1")
+    table = plain_table("title", ("row",), [(1,)])
     table.caption = "95 % of 20 draws"
     assert "95 % of 20 draws" in markdown_table(table)
 
@@ -89,8 +85,7 @@ LIVE = re.compile(r"[<>\[\]`$\\]|(?<!\*)\*(?!\*)|\b_|_\b|__|://")
     ],
 )
 def test_names_are_neither_live_nor_changed(name):
-    table = plain_table(name, "row")
-    table.add_row(name)
+    table = plain_table(name, ("row",), [(name,)])
     text, shown = markdown_table(table), one_line(name)
     assert not LIVE.search(text)
     assert parsed(text)[0] == shown

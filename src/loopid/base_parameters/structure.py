@@ -37,6 +37,8 @@ ROUND_OFF, SECOND_ORDER = 1e-15, 1e-5
 # mean square) if it is not evidence of rank: few to see whether there may be noise, then more.
 DRAWS = ((2, 0.005), (8, 0.05))
 CLEAR_OF_NOISE = 100.0  # how many times what counts exceeds the noise
+SIX_DIGITS = 1e-6  # m, rounding that is asked for where a column is nearly zero
+COARSER = 10.0  # rounding that is asked for where the one that is known does not explain a value
 NEAR_INVERSE = (
     10.0  # condition numbers within this factor of the inverse of the accuracy are warned of
 )
@@ -112,8 +114,7 @@ def analyse(observation: Observation) -> Structure:
     Raises
     ------
     RankError
-        When no parameter has an effect, when a column is neither zero nor clearly not, or when
-        no gap in the singular values tells the rank.
+        When no parameter has an effect, or when no gap in the singular values tells the rank.
 
     Warns
     -----
@@ -122,19 +123,26 @@ def analyse(observation: Observation) -> Structure:
     """
     with one_blas_thread():
         noise = _geometry_noise(observation)
-        columns = _nonzero_columns(observation, noise)
+        columns, doubtful = _nonzero_columns(observation, noise)
         R = observation.factor[:, columns]
-        # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them.
-        scales = 1 / np.linalg.norm(R, axis=0) if noise is None else _scales(observation)[columns]
+        # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them,
+        # but not round-off to the size of the rest.
+        common = noise is not None or doubtful
+        scales = _scales(observation)[columns] if common else 1 / np.linalg.norm(R, axis=0)
         _, values, right = np.linalg.svd(R * scales)
     try:
         rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
+        between = (values > LEAST_UNCLEAR * values[0]) & (values < FAINT * values[0])
+        if doubtful and between.any():
+            raise RankError(doubtful)
     except RankError as error:
-        between = right[(values > LEAST_UNCLEAR * values[0]) & (values < MOST_UNCLEAR * values[0])]
+        if doubtful:
+            raise RankError(doubtful) from None
+        unclear = right[(values > LEAST_UNCLEAR * values[0]) & (values < MOST_UNCLEAR * values[0])]
         faint = values[
             (values < ROUND_OFF_CEILING * values[0]) & (values > LEAST_UNCLEAR * values[0])
         ]
-        concerned = _concerned(observation, columns, between, faint / values[0])
+        concerned = _concerned(observation, columns, unclear, faint / values[0])
         raise RankError(f"{error}; {concerned}") from None
     if rank == observation.rows < len(columns):
         raise RankError(
@@ -259,8 +267,8 @@ def _concerned(
     leading = np.argsort(-weight.round(DIGITS), kind="stable")[:NAMED]
     names = [observation.parameters[columns[k]] for k in sorted(leading) if weight[k] > 0]
     text, how = ", ".join(name.label for name in names), "write its numbers with more digits"
-    if observation.geometry is None and faint is not None and len(faint):
-        rounding = 10.0 ** np.ceil(np.log10(faint.max() * observation.length))
+    if faint is not None and len(faint):
+        rounding = _rounding(faint, observation)
         how += f", or, if they are rounded, say so by --rounding {rounding:g}"
     if observation.geometry is not None:
         places = observation.geometry.places
@@ -269,6 +277,13 @@ def _concerned(
         alike = "; ".join(observation.geometry.alike[:NAMED])
         how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
     return f"it is about {text}: {how}"
+
+
+def _rounding(faint: FloatArray, observation: Observation) -> float:
+    """A rounding, in m, that may make values as faint as these: not one that was tried."""
+    rounding = float(10.0 ** np.ceil(np.log10(faint.max() * observation.length)))
+    tried = 0.0 if observation.geometry is None else observation.geometry.accuracy
+    return max(rounding, COARSER * tried)
 
 
 def _scales(observation: Observation) -> FloatArray:
@@ -306,27 +321,31 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
     return rank, float(values[rank - 1] / max(below, np.finfo(float).eps))
 
 
-def _nonzero_columns(observation: Observation, noise: _Noise | None) -> IntArray:
+def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[IntArray, str]:
+    """Columns with an effect; and in words the first that is neither zero nor clearly not."""
     norms = np.linalg.norm(observation.factor, axis=0) * _scales(observation)
     natural = observation.natural_size * np.sqrt(observation.rows)
     largest = max(float(norms.max(initial=0.0)), natural)
     if (norms <= ZERO_COLUMN * largest).all():
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
-            "gravity moves no joint"
+            "gravity moves no joint: choose the full model, or another 'gravity' in a YAML"
         )
     relative = norms / largest
     if noise is not None:
-        return np.flatnonzero(norms > noise.shortest)
+        return np.flatnonzero(norms > noise.shortest), ""
     doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
+    told = ""
     if doubtful.any():
         column = int(np.flatnonzero(doubtful)[0])
-        raise RankError(
+        rounding = max(_rounding(relative[doubtful], observation), SIX_DIGITS)
+        told = (
             f"column {observation.parameters[column].label} is neither zero nor clearly not: "
             f"{relative[column]:.1e} of the largest (zero below {ZERO_COLUMN:g}, an effect above "
-            f"{MINIMUM_RANK_GAP * ZERO_COLUMN:g})"
+            f"{MINIMUM_RANK_GAP * ZERO_COLUMN:g}): write the robot's numbers with more digits, or, "
+            f"if they are rounded, say so by --rounding {rounding:g} without --snap"
         )
-    return np.flatnonzero(relative > ZERO_COLUMN)
+    return np.flatnonzero(relative > ZERO_COLUMN), told
 
 
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:

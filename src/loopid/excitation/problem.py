@@ -307,9 +307,7 @@ def evaluate(
 def _first(motion: ClosedMotion, count: int) -> ClosedMotion:
     """The first samples of a motion."""
     part = motion.projection
-    projection = replace(
-        part, G=part.G[:count], dependent_columns=part.dependent_columns[:count], gamma=None
-    )
+    projection = replace(part, G=part.G[:count], dependent_columns=part.dependent_columns[:count])
     return ClosedMotion(
         motion.configurations[:count],
         motion.velocities[:count],

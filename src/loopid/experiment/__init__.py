@@ -19,7 +19,6 @@ from loopid.experiment.identify import (
     UNIDENTIFIABLE,
     Candidate,
     Identification,
-    fit_by_simulation,
     identify,
     prediction_error,
     prediction_reach,

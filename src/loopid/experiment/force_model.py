@@ -187,7 +187,7 @@ class ForceModel:
         return FitSamples.of(*data, used, recording.stretches, least)
 
     def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
-        """The regressor (N, dof, n) with friction of motors that jumps filtered as the forces are.
+        """The regressor (N, dof, n) with friction that jumps filtered as the forces are.
 
         What is smooth comes out the same whether the motion is filtered or the forces are.
         """
@@ -195,13 +195,14 @@ class ForceModel:
         for j in self.joint_columns:
             parameter = self.parameters[j]
             joint, law = parameter.link, joint_term(parameter.kind)
-            if history and joint in history.joints and law.jumps:
+            if history and law.jumps:
 
                 def signal(rate: FloatArray, law: JointTerm = law) -> FloatArray:
                     return np.asarray(law.signal(JointState(None, rate, None), terms, np))
 
                 (index,) = self.mechanism.velocity_indices([joint])
-                steps[j] = int(index), history.lowpassed(joint, signal)
+                rate = history.of_joint(self.mechanism, joint)
+                steps[j] = int(index), history.lowpassed(rate, signal)
 
         def stepped(rows: slice) -> FloatArray:
             block = np.array(W[rows])

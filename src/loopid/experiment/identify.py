@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -65,12 +65,6 @@ INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 # the data: a file that is right in most of its bodies need not be in all.
 DEVIATIONS = 0.1, 10.0
 NO_DIFFERENCE = 1e-9  # smaller ones are round-off
-# Motion of the robot with values (n,) of the force model's parameters.
-Simulation: TypeAlias = Callable[[FloatArray], JointMotion]
-
-ROUNDS = 20
-# Change of the estimates, in standard errors, that ends the rounds of simulation and fit.
-NO_CHANGE = 0.01
 
 
 @dataclass(frozen=True, repr=False)
@@ -553,59 +547,6 @@ def _reduced(
     steps = tuple(replace(step, values=whole(step.values)) for step in found.steps)
     chosen = steps[found.steps.index(found.chosen)]
     return Reduction(data[0].parameters, prior, steps, chosen, found.result)
-
-
-@checked
-def fit_by_simulation(
-    force_model: ForceModel,
-    recording: Recording,
-    simulate: Simulation,
-    start: FloatArray | None = None,
-    estimator: InstrumentalVariables | None = None,
-    rounds: int = ROUNDS,
-) -> FitResult:
-    """Fit by instruments that are simulated with the estimates, until these converge [Janot2014].
-
-    Parameters
-    ----------
-    simulate : callable
-        Gives the noise-free motion of the robot under its controller, for values (n,) of
-        ``force_model.parameters``, by the clock of the recording.
-    start : FloatArray, optional
-        (n,), values of the first simulation; by default weighted least squares.
-    estimator : InstrumentalVariables, optional
-    rounds : int
-        Simulations at most.
-
-    Returns
-    -------
-    FitResult
-        With the instruments of the last simulation.
-
-    Raises
-    ------
-    DataError
-        When the estimates still change after all rounds.
-    """
-    if rounds < 1:
-        raise OptionError(f"there must be a round of simulation, not {rounds}")
-    samples, chosen = force_model.samples(recording), estimator or InstrumentalVariables()
-    values = quiet_fit(samples).values if start is None else finite(start, "start")
-    if values.shape != (len(samples.parameters),):
-        raise DataError(f"start must have shape ({len(samples.parameters)},), not {values.shape}")
-    change = np.inf
-    for _ in range(rounds):
-        instruments = reference_instruments(force_model, recording, simulate(values))
-        samples = samples.with_instruments(instruments)
-        result = quiet_fit(samples, chosen)
-        change = float(np.abs((result.values - values) / result.standard_errors).max())
-        values = result.values
-        if change <= NO_CHANGE:
-            return result
-    raise DataError(
-        f"estimates still change by {change:.2g} standard errors (largest allowed {NO_CHANGE:g}) "
-        f"after {rounds} simulations: start closer to them"
-    )
 
 
 def judged(

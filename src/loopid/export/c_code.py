@@ -198,13 +198,6 @@ class CompiledRegressor:
             status[k] = call(*(row.ctypes.data_as(NUMBERS) for row in state))
         return K, status
 
-    def closure_residuals(self, configurations: FloatArray) -> FloatArray:
-        """Largest closure residuals (N,) in m at configurations (N, nq)."""
-        q = samples(configurations, self.model.mechanism.model.nq, "configurations")
-        call = self.function("closure_residual", ctypes.c_double, 1)
-        rows = np.ascontiguousarray(q)
-        return np.array([call(row.ctypes.data_as(NUMBERS)) for row in rows])
-
     def function(self, ending: str, result: Any, arguments: int) -> Any:
         """A C function of arrays of numbers."""
         call = getattr(ctypes.CDLL(str(self.library)), f"{self.name}_{ending}")

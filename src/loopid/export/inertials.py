@@ -1,8 +1,8 @@
 """New inertias of a robot file's links from the parameters of its bodies.
 
 Links on fixed joints move as one body, whose parameters are the sum of theirs: forces tell the sum
-only. The link that the joint carries takes the whole change where it can; otherwise all links take
-part, so that each stays physically consistent.
+only. The link that the joint carries takes the whole change where it can; otherwise all links
+share the new body, so that each stays physically consistent.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from loopid.pseudo_inertia import (
     from_moments,
     inertia_tensor,
     pseudo_inertia,
-    upper_factor,
 )
 from loopid.robot import Mechanism, link_frames
 
@@ -156,32 +155,20 @@ def _body_parameters(
 def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list[FloatArray]:
     """Pseudo-inertias (4, 4) of the links of a body that add up to a new one of the body.
 
-    Of the ways to share the change, the first that leaves every link consistent: the carrier takes
-    all of it; one affine map moves and stretches all links together, and one factor scales their
-    masses; each gets its part of the mass, and the shape of the whole. Where there is no such way,
-    the first. Links that do not change are returned as the very same arrays.
+    The carrier takes the whole change; where that leaves it inconsistent, each link gets its part
+    of the mass and the shape of the whole. Links that do not change are the very same arrays.
     """
     before = np.sum(links, axis=0)
     if np.abs(_relative_change(before, whole)).max() <= SAME:
         return list(links)
-    first = list(links)
-    first[carrier] = links[carrier] + (whole - before)
-    if len(links) == 1 or not body_defect(first[carrier]) or body_defect(whole):
-        return first
-    ways = []
-    try:
-        # A P Aᵀ of each with A = U' U⁻¹, from P = U Uᵀ of the sum before and P' = U' U'ᵀ after.
-        A = upper_factor(whole) @ np.linalg.inv(upper_factor(before))
-        ways.append([A @ P @ A.T for P in links])
-    except np.linalg.LinAlgError:
-        pass  # a rod or a plate cannot be stretched to another shape
-    if before[3, 3] > 0:
-        ways.append([P[3, 3] / before[3, 3] * whole for P in links])
-    for way in ways:
-        way[carrier] = way[carrier] + (whole - np.sum(way, axis=0))  # round-off
-        if not any(map(body_defect, way)):
-            return way
-    return first
+    found = list(links)
+    found[carrier] = links[carrier] + (whole - before)
+    if len(links) > 1 and body_defect(found[carrier]) and before[3, 3] > 0:
+        parts = [P[3, 3] / before[3, 3] * whole for P in links]
+        parts[carrier] += whole - np.sum(parts, axis=0)  # round-off
+        if not any(map(body_defect, parts)):
+            return parts
+    return found
 
 
 def shared_at_rest(

@@ -1,14 +1,13 @@
-"""XML read with the place of every tag and attribute, so that numbers change and nothing else.
+"""XML in which numbers change and nothing else.
 
-Files are edited as text that decodes from, and encodes to, the very same bytes: comments, quotes,
-line ends, order and whitespace stay as they are.
+Comments, quotes, line ends, order and whitespace stay as they are. A file is text with a character
+a byte, whatever its encoding says: tags and numbers are ASCII in all that robot files have.
 """
 
 from __future__ import annotations
 
-import codecs
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from loopid.errors import RobotFileError
@@ -21,34 +20,20 @@ TOKEN = re.compile(
     re.DOTALL,
 )
 ATTRIBUTE = re.compile(r"\s+([^\s=/>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-ENCODING = re.compile(rb"^<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-# Marks at the beginning of a file, the longer first; each stays in the text as a character.
-MARKS = (
-    (codecs.BOM_UTF32_LE, "utf-32-le"),
-    (codecs.BOM_UTF32_BE, "utf-32-be"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-    (codecs.BOM_UTF8, "utf-8"),
-)
-
-
-@dataclass(frozen=True)
-class Attribute:
-    """Where an attribute is, with the space in front of it, and where its value is."""
-
-    start: int
-    end: int
-    value: slice
+BYTES = "latin-1"  # the encoding with a character a byte
 
 
 @dataclass
 class Tag:
-    """An element: where its tag starts and what is inside begins, its attributes and children."""
+    """An element: where its tag starts and what is inside begins, its attributes and children.
+
+    Of an attribute there is its match, which begins with the space in front of it.
+    """
 
     name: str
     start: int
     inside: int
-    attributes: dict[str, Attribute]
+    attributes: dict[str, re.Match[str]]
     children: list[Tag] = field(default_factory=list)
 
     def find(self, name: str) -> Tag | None:
@@ -65,99 +50,70 @@ class Tag:
         for child in self.children:
             yield from child.all()
 
-
-@dataclass(frozen=True)
-class Edit:
-    """Text to be put in the place of a slice of the file's."""
-
-    place: slice
-    text: str
-
-
-@dataclass(frozen=True)
-class LocatedXml:
-    """The text of a file, how its bytes encode it, and its root element."""
-
-    text: str
-    encoding: str
-    root: Tag
-
-    def value(self, tag: Tag, attribute: str) -> str | None:
-        """Text of an attribute as it is written; None where there is none."""
-        found = tag.attributes.get(attribute)
-        return None if found is None else self.text[found.value]
-
-    def replaced(self, tag: Tag, attribute: str, value: str) -> Edit:
-        """A new value for an attribute, which is added to the tag where it is missing."""
-        found = tag.attributes.get(attribute)
-        if found is not None:
-            return Edit(found.value, value)
-        behind_name = tag.start + 1 + len(tag.name)
-        return Edit(slice(behind_name, behind_name), f' {attribute}="{value}"')
-
-    def renamed(self, tag: Tag, attribute: str, name: str, value: str) -> Edit:
-        """Another attribute in the place of one, or added to the tag where there is none."""
-        found = tag.attributes.get(attribute)
+    def value(self, attribute: str) -> str | None:
+        """Text of an attribute as it is written, in UTF-8; None where there is none."""
+        found = self.attributes.get(attribute)
         if found is None:
-            return self.replaced(tag, name, value)
-        return Edit(slice(found.start, found.end), f' {name}="{value}"')
+            return None
+        return found[found.lastindex or 0].encode(BYTES).decode("utf-8", "replace")
 
-    def removed(self, tag: Tag, attribute: str) -> Edit:
-        """An attribute taken out, with the space in front of it."""
-        found = tag.attributes[attribute]
-        return Edit(slice(found.start, found.end), "")
 
-    def added(self, parent: Tag, element: str) -> Edit:
-        """An element as the first inside another that is not empty, indented as its children."""
-        space = re.match(r"\s*", self.text[parent.inside :])
-        indent = space.group() if space is not None else ""
-        return Edit(slice(parent.inside, parent.inside), indent + element)
+class LocatedXml:
+    """The content of a file with its root element; refused when its tags do not form one tree.
 
-    def edited(self, edits: Sequence[Edit]) -> bytes:
-        """The file with all edits, which do not overlap."""
+    Edits, which must not overlap, are collected.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self.text = content.decode(BYTES)
+        self._edits: list[tuple[int, int, str]] = []
+        top = Tag("", 0, 0, {})
+        path = [top]
+        for token in TOKEN.finditer(self.text):
+            if token["opened"] is not None:
+                found = ATTRIBUTE.finditer(self.text, *token.span("rest"))
+                attributes = {match[1]: match for match in found}
+                tag = Tag(token["opened"], token.start(), token.end(), attributes)
+                path[-1].children.append(tag)
+                if not token["rest"].endswith("/"):
+                    path.append(tag)
+            elif token["closed"] is not None and path.pop().name != token["closed"]:
+                raise RobotFileError(f"</{token['closed']}> closes nothing")
+        if len(top.children) != 1 or len(path) != 1:
+            raise RobotFileError("its tags do not form one tree")
+        self.root = top.children[0]
+
+    def set(self, tag: Tag, attribute: str, value: str, instead_of: str = "") -> None:
+        """Give an attribute a value; it may take the place of another, or is added."""
+        written, found = f' {attribute}="{value}"', tag.attributes.get(instead_of)
+        own = tag.attributes.get(attribute)
+        if found is not None:
+            self._edits.append((*found.span(), written))
+        elif own is not None:
+            self._edits.append((*own.span(own.lastindex or 0), value))
+        else:
+            behind_name = tag.start + 1 + len(tag.name)
+            self._edits.append((behind_name, behind_name, written))
+
+    def remove(self, tag: Tag, attribute: str) -> None:
+        """Take an attribute out, with the space in front of it."""
+        self._edits.append((*tag.attributes[attribute].span(), ""))
+
+    def add(self, parent: Tag, element: str) -> None:
+        """Add an element as the first one inside another, indented as its children are."""
+        inside = self.text[parent.inside :]
+        indent = inside[: len(inside) - len(inside.lstrip())]
+        self._edits.append((parent.inside, parent.inside, indent + element))
+
+    def content(self) -> bytes:
+        """The file with all edits."""
         parts, last = [], 0
-        for edit in sorted(edits, key=lambda edit: edit.place.start):
-            parts += [self.text[last : edit.place.start], edit.text]
-            last = edit.place.stop
-        return "".join([*parts, self.text[last:]]).encode(self.encoding)
+        for start, end, text in sorted(self._edits):
+            parts += [self.text[last:start], text]
+            last = end
+        return "".join([*parts, self.text[last:]]).encode(BYTES)
 
 
 def written(*numbers: float) -> str:
     """Numbers as the shortest text that is read as the very same numbers."""
     return " ".join(repr(float(number)) for number in numbers)
-
-
-def locate(content: bytes) -> LocatedXml:
-    """Find all tags in the content of a file, refused when it could not be written back."""
-    marked = [encoding for mark, encoding in MARKS if content.startswith(mark)]
-    declared = ENCODING.match(content)
-    encoding = marked[0] if marked else declared[1].decode() if declared else "utf-8"
-    try:
-        text = content.decode(encoding)
-        faithful = text.encode(encoding) == content
-    except (LookupError, UnicodeError) as error:
-        raise RobotFileError(f"its encoding cannot be read: {error}") from error
-    if not faithful:
-        raise RobotFileError(f"its encoding {encoding} cannot be written back unchanged")
-    top = Tag("", 0, 0, {})
-    path = [top]
-    for token in TOKEN.finditer(text):
-        if token["opened"] is not None:
-            tag = Tag(token["opened"], token.start(), token.end(), _attributes(token))
-            path[-1].children.append(tag)
-            if not token["rest"].endswith("/"):
-                path.append(tag)
-        elif token["closed"] is not None and path.pop().name != token["closed"]:
-            raise RobotFileError(f"</{token['closed']}> closes nothing")
-    if len(top.children) != 1 or len(path) != 1:
-        raise RobotFileError("its tags do not form one tree")
-    return LocatedXml(text, encoding, top.children[0])
-
-
-def _attributes(token: re.Match[str]) -> dict[str, Attribute]:
-    first, found = token.start("rest"), {}
-    for match in ATTRIBUTE.finditer(token["rest"]):
-        group = 2 if match[2] is not None else 3
-        value = slice(first + match.start(group), first + match.end(group))
-        found[match[1]] = Attribute(first + match.start(), first + match.end(), value)
-    return found

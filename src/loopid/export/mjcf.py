@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arrays import FloatArray
 from loopid.errors import RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
-from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
+from loopid.export.located_xml import LocatedXml, Tag, written
 from loopid.loading.mjcf import Scene, compile_mjcf
 from loopid.parameters import ParameterSet
 from loopid.robot import Mechanism
@@ -31,10 +31,10 @@ def updated_mjcf(
     new = updated_inertials(mechanism, old, values, parameters)
     if not new:
         return tree.read_bytes()
-    xml = locate(tree.read_bytes())
+    xml = LocatedXml(tree.read_bytes())
     for tag in xml.root.find_all("compiler"):
         for attribute in OVERRULING:
-            if xml.value(tag, attribute) not in HARMLESS:
+            if tag.value(attribute) not in HARMLESS:
                 raise RobotFileError(
                     f"{tree}: {attribute} of its <compiler> overrules what an <inertial> says: "
                     "take it out"
@@ -45,20 +45,19 @@ def updated_mjcf(
         tag for world in xml.root.find_all("worldbody") for tag in world.all() if tag.name == "body"
     ]
     if len(tags) != len(names) or any(
-        xml.value(tag, "name") not in (None, name) for tag, name in zip(tags, names, strict=True)
+        tag.value("name") not in (None, name) for tag, name in zip(tags, names, strict=True)
     ):
         raise RobotFileError(
             f"{tree}: only {len(tags)} of its {len(names)} bodies are written in it: "
             "inertials of included, attached or replicated ones cannot be changed in place"
         )
-    edits: list[Edit] = []
     for name, tag in zip(names, tags, strict=True):
         if name in new:
-            edits += _edits(xml, tag, old[name], new[name])
-    content = xml.edited(edits)
+            _edit(xml, tag, old[name], new[name])
+    content = xml.content()
     included = {name: (tree.parent / name).read_bytes() for name in _included(tree.parent, xml)}
     try:
-        spec = mujoco.MjSpec.from_string(content.decode(xml.encoding), include=included)
+        spec = mujoco.MjSpec.from_string(content.decode(), include=included)
         spec.modelfiledir = str(tree.parent)
         draft = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
@@ -83,35 +82,35 @@ def _inertials(scene: Scene) -> dict[str, Inertial]:
 
 def _included(folder: Path, xml: LocatedXml) -> Iterator[str]:
     for tag in xml.root.all():
-        name = xml.value(tag, "file") if tag.name == "include" else None
+        name = tag.value("file") if tag.name == "include" else None
         if name is not None:
             yield name
-            yield from _included(folder, locate((folder / name).read_bytes()))
+            yield from _included(folder, LocatedXml((folder / name).read_bytes()))
 
 
-def _edits(xml: LocatedXml, body: Tag, old: Inertial, P: FloatArray) -> Iterator[Edit]:
-    """What makes P (4, 4) the pseudo-inertia of a body."""
+def _edit(xml: LocatedXml, body: Tag, old: Inertial, P: FloatArray) -> None:
+    """Make P (4, 4) the pseudo-inertia of a body."""
     along = Inertial(0.0, np.zeros(3), np.eye(3), np.zeros((3, 3))).replaced(P)
     tensor, inertial = along.tensor, body.find("inertial")
     full = written(*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
     if inertial is None:
         mass, place = written(along.mass), written(*along.centre)
-        yield xml.added(body, f'<inertial mass="{mass}" pos="{place}" fullinertia="{full}"/>')
+        xml.add(body, f'<inertial mass="{mass}" pos="{place}" fullinertia="{full}"/>')
         return
     new = old.replaced(P)
     heavier, moved, turned = old.changes_to(new)
     if heavier:
-        yield xml.replaced(inertial, "mass", written(new.mass))
+        xml.set(inertial, "mass", written(new.mass))
     if moved:
-        yield xml.replaced(inertial, "pos", written(*new.centre))
+        xml.set(inertial, "pos", written(*new.centre))
     if not turned.any():
         return
     if "fullinertia" in inertial.attributes:
-        yield xml.replaced(inertial, "fullinertia", full)
+        xml.set(inertial, "fullinertia", full)
     elif "diaginertia" in inertial.attributes and not turned[~np.eye(3, dtype=bool)].any():
-        yield xml.replaced(inertial, "diaginertia", written(*np.diag(new.tensor)))
+        xml.set(inertial, "diaginertia", written(*np.diag(new.tensor)))
     else:
         # A tensor has no orientation of its own: it is along the axes of the body.
         for name in ORIENTATIONS & inertial.attributes.keys():
-            yield xml.removed(inertial, name)
-        yield xml.renamed(inertial, "diaginertia", "fullinertia", full)
+            xml.remove(inertial, name)
+        xml.set(inertial, "fullinertia", full, instead_of="diaginertia")

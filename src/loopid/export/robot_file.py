@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +13,7 @@ from loopid.arguments import checked
 from loopid.arrays import FloatArray
 from loopid.errors import OptionError, OutputError, RobotFileError
 from loopid.export.inertials import Inertial, require_faithful, updated_inertials
-from loopid.export.located_xml import Edit, LocatedXml, Tag, locate, written
+from loopid.export.located_xml import LocatedXml, Tag, written
 from loopid.files import write_file
 from loopid.loading import read_urdf_file
 from loopid.loading.description import MJCF, find_files
@@ -58,15 +57,14 @@ def updated_robot_file(
         return updated_mjcf(mechanism, tree, standard_parameters, parameters)
     old = _urdf_inertials(tree)
     new = updated_inertials(mechanism, old, standard_parameters, parameters)
-    xml = locate(tree.read_bytes())
-    tags = {_name(xml, link): link.find("inertial") for link in xml.root.find_all("link")}
-    edits: list[Edit] = []
+    xml = LocatedXml(tree.read_bytes())
+    tags = {_name(link): link.find("inertial") for link in xml.root.find_all("link")}
     for name, P in new.items():
         tag = tags.get(name)
         if tag is None:
             raise RobotFileError(f"link {name} and its <inertial> are not where they should be")
-        edits += _urdf_edits(xml, tag, old[name], old[name].replaced(P))
-    content = xml.edited(edits)
+        _edit(xml, tag, old[name], old[name].replaced(P))
+    content = xml.content()
     with TemporaryDirectory() as folder:
         draft = Path(folder, tree.name)
         draft.write_bytes(content)
@@ -136,24 +134,24 @@ def _urdf_inertials(path: Path) -> dict[str, Inertial]:
     return found
 
 
-def _name(xml: LocatedXml, link: Tag) -> str:
+def _name(link: Tag) -> str:
     """A name as a parser would read it."""
-    given = xml.value(link, "name") or ""
+    given = link.value("name") or ""
     return unescape(" ".join(re.split(r"\r\n|[\t\r\n ]", given))).strip()
 
 
-def _urdf_edits(xml: LocatedXml, inertial: Tag, old: Inertial, new: Inertial) -> Iterator[Edit]:
+def _edit(xml: LocatedXml, inertial: Tag, old: Inertial, new: Inertial) -> None:
     mass, inertia, origin = (inertial.find(tag) for tag in ("mass", "inertia", "origin"))
     if mass is None or inertia is None:
         raise RobotFileError("an <inertial> has no <mass> or no <inertia>")
     heavier, moved, turned = old.changes_to(new)
     if heavier:
-        yield xml.replaced(mass, "value", written(new.mass))
+        xml.set(mass, "value", written(new.mass))
     for key in MOMENTS:
         place = "xyz".index(key[1]), "xyz".index(key[2])
         if turned[place]:
-            yield xml.replaced(inertia, key, written(new.tensor[place]))
+            xml.set(inertia, key, written(new.tensor[place]))
     if moved and origin is None:
-        yield xml.added(inertial, f'<origin xyz="{written(*new.centre)}"/>')
+        xml.add(inertial, f'<origin xyz="{written(*new.centre)}"/>')
     elif moved and origin is not None:
-        yield xml.replaced(origin, "xyz", written(*new.centre))
+        xml.set(origin, "xyz", written(*new.centre))

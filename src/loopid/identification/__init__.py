@@ -1,7 +1,6 @@
 """What the parameters are: fit problems, estimators, results with their uncertainty, selection."""
 
 from loopid.identification.bayes import BayesianRidge, Prior, evidence_scale
-from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
 from loopid.identification.fitting import (
     ESTIMATORS,
     chosen_estimator,
@@ -11,6 +10,7 @@ from loopid.identification.fitting import (
     warn_of_insignificant,
     working_fit,
 )
+from loopid.identification.instrumental import InstrumentalVariables
 from loopid.identification.least_squares import (
     LEAST_EXCITATION,
     Estimator,
@@ -28,7 +28,7 @@ from loopid.identification.result import (
     Robustness,
     fit_quality,
 )
-from loopid.identification.robust import Bisquare, Huber
+from loopid.identification.robust import Bisquare
 from loopid.identification.selection import (
     PredictionError,
     Reduction,

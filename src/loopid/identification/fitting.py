@@ -17,7 +17,7 @@ from loopid.identification.correlation import (
     with_scatter,
     within_runs,
 )
-from loopid.identification.errors_in_variables import InstrumentalVariables, TotalLeastSquares
+from loopid.identification.instrumental import InstrumentalVariables
 from loopid.identification.least_squares import (
     Estimator,
     OrdinaryLeastSquares,
@@ -26,14 +26,12 @@ from loopid.identification.least_squares import (
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
-from loopid.identification.robust import Bisquare, Huber
+from loopid.identification.robust import Bisquare
 
 ESTIMATORS: dict[str, type[Estimator]] = {
     "ols": OrdinaryLeastSquares,
     "wls": WeightedLeastSquares,
-    "huber": Huber,
     "bisquare": Bisquare,
-    "tls": TotalLeastSquares,
     "iv": InstrumentalVariables,
     "bayes": BayesianRidge,
 }

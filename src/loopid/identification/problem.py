@@ -29,7 +29,7 @@ from loopid.arrays import (
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
-from loopid.scratch import finite_rows, kept, mapped_rows, row_blocks, spooled
+from loopid.scratch import mapped_rows, row_blocks, spooled
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10
@@ -185,7 +185,7 @@ class FitSamples(ComparedByFields):
         DataError
             When there are no samples, or an array has another shape or type, or is not finite.
         """
-        W, dof, n = finite_rows(regressor, "regressor"), len(actuators), len(parameters)
+        W, dof, n = finite(regressor, "regressor"), len(actuators), len(parameters)
         if W.ndim != 3 or W.shape[1:] != (dof, n):
             raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
         tau = _force(force, W)
@@ -206,8 +206,8 @@ class FitSamples(ComparedByFields):
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
         if least.shape != (dof,) or (least < 0).any():
             raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
-        places = kept(parts, np.int64), kept(np.zeros(len(tau)), np.int64)
-        arrays = kept(W), kept(tau), kept(mask, np.bool_), *places, frozen(least)
+        places = frozen(parts, np.int64), frozen(np.zeros(len(tau)), np.int64)
+        arrays = frozen(W), frozen(tau), frozen(mask, np.bool_), *places, frozen(least)
         return cls(parameters, tuple(actuators), *arrays)
 
     def __len__(self) -> int:
@@ -262,7 +262,7 @@ class FitSamples(ComparedByFields):
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
-        return replace(self, force=kept(_force(force, self.regressor)))
+        return replace(self, force=frozen(_force(force, self.regressor)))
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
@@ -276,12 +276,12 @@ class FitSamples(ComparedByFields):
         DataError
             When they are not of the regressor's shape, or not finite.
         """
-        Z = finite_rows(instruments, "instruments")
+        Z = finite(instruments, "instruments")
         if Z.shape != self.regressor.shape:
             raise DataError(
                 f"instruments must have the regressor's shape {self.regressor.shape}, not {Z.shape}"
             )
-        return replace(self, instruments=kept(Z))
+        return replace(self, instruments=frozen(Z))
 
     @classmethod
     def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:
@@ -319,7 +319,7 @@ class FitSamples(ComparedByFields):
 
 def _force(force: FloatArray, regressor: FloatArray) -> FloatArray:
     """Forces (N, dof) that go with a regressor (N, dof, n)."""
-    tau = finite_rows(force, "force")
+    tau = finite(force, "force")
     if tau.shape != regressor.shape[:2]:
         raise DataError(f"force must have shape {regressor.shape[:2]}, not {tau.shape}")
     return tau

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from loopid.arguments import random_generator
 from loopid.arrays import BoolArray, FloatArray, IntArray
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, null_space, partition, velocity_map
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 
 # Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them.
 STEPS = 100
@@ -24,7 +24,8 @@ CONTINUATION_STEPS = 20
 DONE = 1e-9  # the error from which on plain steps do better
 STUCK = 1e3  # the damping at which nothing helps
 WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
-# Walks to configurations nearby: their steps, and the residual that counts as closed.
+# Random walks to configurations nearby, their steps, and the residual that counts as closed.
+WALKS = 8
 WALK_STEPS = 3
 WALK_STEP = 0.1
 CLOSED = 1e-7
@@ -94,29 +95,23 @@ def displaced(
     return q, residual
 
 
-def nearby_configurations(
-    mechanism: Mechanism, configuration: FloatArray, count: int = 8, seed: int = 0
-) -> FloatArray:
-    """A closed configuration (nq,), then those of so many random walks from it that stay closed."""
+def nearby_configurations(mechanism: Mechanism, configuration: FloatArray) -> FloatArray:
+    """A closed configuration (nq,), then those of ``WALKS`` from it that stay closed (n, nq)."""
     if mechanism.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
-    generator = random_generator(seed, stream=3)
-    q = np.repeat(configuration[None], count, axis=0)
+    generator = random_generator(0, stream=3)
+    q = np.repeat(configuration[None], WALKS, axis=0)
     for _ in range(WALK_STEPS):
         _, jacobian = Constraint(mechanism, q).scaled()
-        steps = np.zeros((count, mechanism.model.nv))
-        for k in range(count):
+        steps = np.zeros((WALKS, mechanism.model.nv))
+        for k in range(WALKS):
             basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
             direction = basis @ generator.normal(size=basis.shape[1])
             steps[k] = WALK_STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
         q, residual = close_loops(mechanism, start)
-    return np.concatenate(
-        [
-            configuration[None],
-            q[residual <= max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)],
-        ]
-    )
+    near = max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)
+    return np.concatenate([configuration[None], q[residual <= near]])
 
 
 def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatArray) -> None:

@@ -13,6 +13,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
+from loopid.arguments import random_generator
 from loopid.arrays import FloatArray
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
@@ -30,7 +31,6 @@ from loopid.kinematics.projection import (
     singularity_measure,
 )
 from loopid.robot import AssemblyMode, Loop, Mechanism
-from loopid.seeds import random_generator
 
 # Starts of the passive joints, ever further from the drawn pose; each is one of every loop.
 STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8

@@ -187,13 +187,9 @@ class Projection:
     """The motion that the loops allow, at N configurations."""
 
     G: FloatArray  # (N, nv, dof), all velocities from the independent ones
-    # (N, nv), accelerations at zero independent acceleration; None without velocities
-    gamma: FloatArray | None
     independent: IntArray  # (dof,), velocity indices of the independent coordinates
     # (N, rows, nv - dof), columns of the constraint Jacobian in common units
     dependent_columns: FloatArray
-    # Singular values below this fraction of the largest counted as zero
-    tolerance: float = RANK_TOLERANCE
 
     def __repr__(self) -> str:
         count, nv, dof = self.G.shape
@@ -232,7 +228,6 @@ class ClosedMotion:
 def project(
     mechanism: Mechanism,
     configurations: FloatArray,
-    independent_velocities: FloatArray | None = None,
     independent: Sequence[str] | None = None,
 ) -> Projection:
     """Project the motion onto independent joints, by default the actuated ones.
@@ -241,8 +236,6 @@ def project(
     ----------
     configurations : FloatArray
         (N, nq), closed.
-    independent_velocities : FloatArray, optional
-        (N, dof), needed for ``gamma``.
     independent : sequence of str, optional
         Names of the independent joints.
 
@@ -267,11 +260,8 @@ def project(
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
     chosen, dependent = partition(mechanism, independent)
-    rates = None
-    if independent_velocities is not None:
-        rates = samples(independent_velocities, len(chosen), "independent velocities", len(q))
-    G, columns, _, gamma = _projected(mechanism, q, chosen, dependent, rates)
-    return Projection(G, None if rates is None else gamma, chosen, columns)
+    G, columns, _, _ = _projected(mechanism, q, chosen, dependent, None)
+    return Projection(G, chosen, columns)
 
 
 @checked
@@ -312,15 +302,13 @@ def closed_motion(
     second = samples(accelerations, len(chosen), "accelerations", len(q))
     G, columns, v, gamma = _projected(mechanism, q, chosen, dependent, rates)
     a = np.einsum("nij,nj->ni", G, second) + gamma
-    return ClosedMotion(q, v, a, gamma, Projection(G, gamma, chosen, columns))
+    return ClosedMotion(q, v, a, gamma, Projection(G, chosen, columns))
 
 
 @checked
-def singularity_measure(
-    mechanism: Mechanism, configurations: FloatArray, independent: Sequence[str] | None = None
-) -> FloatArray:
+def singularity_measure(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
-    _, dependent = partition(mechanism, independent)
+    _, dependent = partition(mechanism)
     jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
     return least_over_largest(jacobian[:, :, dependent])
 

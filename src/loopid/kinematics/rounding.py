@@ -172,7 +172,7 @@ def same_motion(
     v = np.einsum("nij,nj->ni", G, velocities)
     gamma = drift_acceleration(constraint, v, dependent, solver)
     a = np.einsum("nij,nj->ni", G, accelerations) + gamma
-    return ClosedMotion(q, v, a, gamma, Projection(G, gamma, chosen, solver.matrices))
+    return ClosedMotion(q, v, a, gamma, Projection(G, chosen, solver.matrices))
 
 
 # What it is meant to be.

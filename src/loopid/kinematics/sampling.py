@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import affordable, checked
+from loopid.arguments import affordable, checked, random_generator
 from loopid.arrays import FloatArray
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import (
@@ -20,7 +20,6 @@ from loopid.kinematics.assembly import (
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02
@@ -84,12 +83,8 @@ def configuration_batches(
     count: int,
     seed: int = 0,
     margin: float | None = None,
-    spread: float = 1.0,
 ) -> Iterator[FloatArray]:
-    """Yield the rows of ``random_configurations`` a few at a time.
-
-    With a spread below 1 they are drawn from that part of the limits around the reference.
-    """
+    """Yield the rows of ``random_configurations`` a few at a time."""
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
     affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
@@ -101,7 +96,7 @@ def configuration_batches(
     home, lower, upper = _ranges(measured)
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
     # Of many loops that move on their own one fails in nearly every draw from anywhere.
-    spread *= min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
+    spread = min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
     least = DEFAULT_MARGIN if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while found < count:

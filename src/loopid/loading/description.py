@@ -7,6 +7,7 @@ say some of it themselves fill in the same description, and the YAML has the las
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -14,12 +15,16 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from loopid.errors import MissingFileError, RobotFileError
+from loopid.errors import MissingFileError, ModelWarning, RobotFileError, warn
 from loopid.files import why_no_file
-from loopid.loading.closures import COUPLING, ClosureDescription, FrameKind
 from loopid.regressors import joint_term
+from loopid.robot import CLOSURE_KINDS, JointCoupling
 from loopid.yaml_files import Section, read_yaml
 
+COUPLING = JointCoupling.kind
+ALIASES = {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
+ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
+Vector = tuple[float, float, float]
 MJCF = (".xml", ".mjcf")
 DESCRIPTIONS = (".yaml", ".yml")
 SUFFIXES = (*DESCRIPTIONS, ".urdf", *MJCF)
@@ -39,6 +44,83 @@ def _known_term(kind: object) -> object:
 
 
 JointKind = Annotated[str, BeforeValidator(_known_term)]
+
+
+def _among(*kinds: str) -> BeforeValidator:
+    """Check for one of some kinds, and give it its own name."""
+
+    def known(value: Any) -> str:
+        kind = value.lower() if isinstance(value, str) else ""
+        kind = ALIASES.get(kind, kind)
+        if kind not in kinds:
+            valid = ", ".join(map(repr, kinds))
+            raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
+        return kind
+
+    return BeforeValidator(known)
+
+
+FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
+
+
+class ClosureDescription(Section):
+    """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
+
+    type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
+    name: str | None = None
+    frames: tuple[str, str] | None = None
+    axes: tuple[Vector, Vector] | None = None
+    length: float | None = Field(default=None, ge=1e-9, le=1e9)
+    joints: dict[str, float] | None = None
+    offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
+    of: dict[str, float] | None = None
+    polynomial: list[Annotated[float, Field(gt=-1e30, lt=1e30)]] | None = Field(
+        default=None, min_length=1, max_length=5
+    )
+
+    @property
+    def label(self) -> str:
+        """The name that it has in the file, else of its frames, or of the joint that follows."""
+        return self.name or "-".join(self.frames or ()) or next(iter(self.joints or ("",)))
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> ClosureDescription:
+        needed, optional = "joints", ["offset"] if self.of is None else ["of", "polynomial"]
+        if self.type != COUPLING:
+            kind = CLOSURE_KINDS[self.type]
+            needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
+        if getattr(self, needed) is None:
+            raise ValueError(f"a {self.type} closure needs '{needed}'")
+        if (self.of is None) != (self.polynomial is None):
+            raise ValueError("a coupling has 'of' and 'polynomial' together, or neither")
+        allowed = {"type", "name", needed, *optional}
+        for key in sorted(self.model_fields_set - allowed):
+            valid = ", ".join(sorted(allowed))
+            raise ValueError(f"a {self.type} closure has no {key!r}: choose among {valid}")
+        if "length" in optional and self.length is None:
+            raise ValueError(f"a {self.type} closure needs its 'length' in m")
+        return self
+
+    @model_validator(mode="after")
+    def _values_fit(self) -> ClosureDescription:
+        if any(not any(axis) for axis in self.axes or ()):
+            raise ValueError("axes: an axis is zero")
+        same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
+        if same and self.axes and self.axes[0] != self.axes[1]:
+            raise ValueError(
+                f"a {self.type} closure turns neither frame: its two axes must be alike"
+            )
+        for joints in (self.joints, self.of):
+            if joints is not None and not joints:
+                raise ValueError("a coupling closure needs a joint at least")
+            for name, coefficient in (joints or {}).items():
+                if coefficient == 0:
+                    raise ValueError(f"joint {name} has coefficient zero in a coupling")
+                if not 1e-30 < abs(coefficient) < 1e30:
+                    raise ValueError(
+                        f"joint {name} has a coefficient beyond all measure, {coefficient:g}"
+                    )
+        return self
 
 
 class PlatformDescription(Section):
@@ -164,6 +246,14 @@ def merged(file: Path, own: Description, given: Description) -> Description:
     return given.model_copy(update=update)
 
 
+def warn_of_size(where: str, axis: Iterable[float]) -> None:
+    """Warn of an axis whose length hardly is that of a rounded unit vector."""
+    numbers = [*axis]
+    if not 0.9 < math.hypot(*numbers) < 1.1:
+        text = ", ".join(f"{number:g}" for number in numbers)
+        warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
+
+
 # Which files describe a robot.
 
 
@@ -201,12 +291,7 @@ def bundled_robots() -> tuple[str, ...]:
 
 
 def find_files(path: str | Path) -> RobotFiles:
-    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-    """
+    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML."""
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
     if file.suffix == ".sdf":  # which says why not
         return RobotFiles(file, Description(), file)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray
@@ -24,8 +26,15 @@ from loopid.errors import (
     warn,
 )
 from loopid.kinematics import mobility, rounding_that_closes
-from loopid.loading.closures import find_closures, find_couplings, frame_named
-from loopid.loading.description import Description, RobotFiles, find_files, merged
+from loopid.loading.description import (
+    ClosureDescription,
+    Description,
+    RobotFiles,
+    Vector,
+    find_files,
+    merged,
+    warn_of_size,
+)
 from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import (
     TreeSource,
@@ -34,12 +43,15 @@ from loopid.loading.tree import (
     read_joint,
     written_reference,
 )
-from loopid.loading.urdf_dialects import read_urdf
+from loopid.loading.urdf import read_urdf
 from loopid.regressors import joint_term
 from loopid.robot import (
+    CLOSURE_KINDS,
     RANK_TOLERANCE,
     Body,
+    JointCoupling,
     LinkGroup,
+    LoopClosure,
     Mechanism,
     Platform,
     inertia_defects,
@@ -277,6 +289,128 @@ def _joint_values(
         if given:
             found |= {coordinate: dict(given) for coordinate in coordinates}
     return found
+
+
+def find_closures(
+    file: Path, model: pin.Model, described: Iterable[ClosureDescription]
+) -> tuple[LoopClosure, ...]:
+    """Closures, each between frames of two bodies of the model."""
+    found = tuple(
+        _closure(file, model, closure, *closure.frames)
+        for closure in described
+        if closure.frames is not None
+    )
+    for k, closure in enumerate(found):
+        ends = (closure.kind, set(closure.frame_ids))
+        if any((other.kind, set(other.frame_ids)) == ends for other in found[:k]):
+            raise RobotFileError(f"{file}: closure {closure.name} ({closure.kind}) is listed twice")
+    return found
+
+
+def _closure(
+    file: Path, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
+) -> LoopClosure:
+    ids = (frame_named(file, model, frame_a), frame_named(file, model, frame_b))
+    joints = [model.frames[frame].parentJoint for frame in ids]
+    if joints[0] == joints[1]:
+        raise RobotFileError(
+            f"{file}: closure {frame_a}-{frame_b} joins two frames of one body: it closes "
+            "no loop, leave it out"
+        )
+    default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
+    first, second = closure.axes or default
+    for axis in dict.fromkeys((first, second)):
+        warn_of_size(f"{file}: closure {frame_a}-{frame_b}", axis)
+    axes = _unit(first), _unit(second)
+    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, closure.length or 0.0)
+
+
+def _unit(axis: Vector) -> Vector:
+    # Of size one first, so that no square overflows or vanishes.
+    direction = np.array(axis) / np.abs(axis).max()
+    x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
+    return x, y, z
+
+
+def find_couplings(
+    file: Path,
+    model: pin.Model,
+    described: Iterable[ClosureDescription],
+    locked: Mapping[str, float],
+) -> tuple[JointCoupling, ...]:
+    """Couplings; joints that are locked count with their values."""
+    couplings = (closure for closure in described if closure.joints is not None)
+    found = [each for c in couplings if (each := _coupling(file, model, c, locked)) is not None]
+    _refuse_contradictions(file, [each for each in found if not each.powers])
+    return tuple(found)
+
+
+def _coupling(
+    file: Path, model: pin.Model, closure: ClosureDescription, locked: Mapping[str, float]
+) -> JointCoupling | None:
+    joints, argument = dict(closure.joints or {}), dict(closure.of or {})
+    held = sum(factor * locked.get(name, 0.0) for name, factor in joints.items())
+    shift = sum(factor * locked.get(name, 0.0) for name, factor in argument.items())
+    # In terms of what moves; a constant and a slope are linear.
+    curve = Polynomial(closure.polynomial or [closure.offset])(Polynomial([shift, 1.0]))
+    moving = {name: c for name, c in joints.items() if name not in locked}
+    argument = {name: factor for name, factor in argument.items() if name not in locked}
+    constant, slope, *powers = [*curve.coef.tolist(), 0.0][: max(2, len(curve.coef))]
+    for name, factor in argument.items():
+        moving[name] = moving.get(name, 0.0) - slope * factor
+    if not argument or not any(powers):
+        argument, powers = {}, []
+        moving = {name: c for name, c in moving.items() if c != 0}
+    if not moving:
+        return None
+    models = [_single_joint(file, model, name) for name in moving]
+    return JointCoupling(
+        joints=tuple(moving),
+        coefficients=tuple(moving.values()),
+        offset=constant - held,
+        q_indices=tuple(joint.idx_q for joint in models),
+        v_indices=tuple(joint.idx_v for joint in models),
+        argument=tuple(argument.get(name, 0.0) for name in moving) if argument else (),
+        powers=tuple(powers),
+    )
+
+
+def _single_joint(file: Path, model: pin.Model, name: str) -> pin.JointModel:
+    joint = joint_named(name, model, f"{file}: unknown joint {name!r} in a coupling")
+    if joint.nq != 1:
+        raise RobotFileError(f"{file}: joint {name} in a coupling has {joint.nv} coordinates")
+    return joint
+
+
+def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
+    """Refuse linear equations that no coordinates satisfy."""
+    if not couplings:
+        return
+    matrix = np.zeros((len(couplings), 1 + max(max(c.q_indices) for c in couplings)))
+    for row, coupling in zip(matrix, couplings, strict=True):
+        row[list(coupling.q_indices)] = coupling.coefficients
+    matrix /= np.abs(matrix).max(axis=1, keepdims=True)
+    offsets = np.array([c.offset / max(map(abs, c.coefficients)) for c in couplings])
+    for k in range(1, len(couplings) + 1):
+        solution = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=1e-10)[0]
+        left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
+        if left > 1e-9 * max(1.0, np.abs(offsets).max()):
+            raise RobotFileError(
+                f"{file}: coupling {couplings[k - 1].name} contradicts the ones before it: leave "
+                "one of them out, those of the tree's own file by 'remove_closures' in a YAML"
+            )
+
+
+def frame_named(file: Path, model: pin.Model, name: str) -> int:
+    """Index of the frame of a link or, where no link has the name, of a joint or site."""
+    links = link_frames(model)
+    if name in links:
+        return links[name]
+    # Joints have frames too; a link of the same name comes first.
+    for frame_id, frame in enumerate(model.frames):
+        if frame.name == name:
+            return frame_id
+    raise RobotFileError(f"{file}: unknown frame {name!r}: choose among {', '.join(links)}")
 
 
 def _bodies(tree: TreeSource) -> tuple[Body, ...]:

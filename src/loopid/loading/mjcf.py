@@ -19,8 +19,7 @@ from numpy.polynomial import Polynomial
 from loopid.arrays import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
-from loopid.loading.closures import ClosureDescription
-from loopid.loading.description import Description
+from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import naming, refuse_entities
 from loopid.robot import LeftOut
@@ -78,13 +77,7 @@ QUATERNION_LIMIT = np.full(4, 1.01)
 
 
 def read_mjcf(path: Path) -> TreeSource:
-    """Read tree, closures, motors and reference of an MJCF file.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-        Naming the file, and MuJoCo's reason or the element that is not supported.
-    """
+    """Read tree, closures, motors, reference and joint forces of an MJCF file."""
     compiled, warnings = compile_mjcf(path)
     with naming(path):
         scene = Scene(path, compiled)
@@ -161,13 +154,7 @@ def _named(names: Sequence[str], k: int) -> str:
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from.
-
-    Raises
-    ------
-    MissingFileError, RobotFileError
-        One sentence with the file and MuJoCo's reason.
-    """
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from."""
     if not path.is_file():
         raise MissingFileError(f"{path} is missing")
     _refuse_excess(path, path.parent, [])
@@ -188,14 +175,14 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
             raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
     finally:
         mujoco.set_mju_user_warning(before)
-    finite = {name: np.isfinite(getattr(compiled, name)).all() for name in FINITE}
-    finite["gravity"] = (np.abs(compiled.opt.gravity) < LARGEST).all()
-    finite["jnt_range"] = not np.isnan(compiled.jnt_range).any()  # limits may be infinite
-    for name, fine in finite.items():
-        if not fine:
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model is not finite")
-        if name in FINITE and np.abs(getattr(compiled, name)).max(initial=0.0) > LARGEST:
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model is beyond {LARGEST:g}")
+    numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
+    # Limits may be infinite.
+    numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
+    for name, values in numbers.items():
+        if not (np.abs(values) <= LARGEST).all():
+            raise RobotFileError(
+                f"{path}: {name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
+            )
     for name in ("body_quat", "body_iquat", "site_quat"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():

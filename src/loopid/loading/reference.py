@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from loopid.arguments import random_generator
 from loopid.arrays import FloatArray
 from loopid.base_parameters import analyse
 from loopid.errors import (
@@ -29,8 +30,6 @@ from loopid.kinematics import (
     changes,
     close_by_continuation,
     close_loops,
-    closed_motion,
-    configuration_batches,
     difference,
     exact_geometry,
     geometry_accuracy,
@@ -40,16 +39,13 @@ from loopid.kinematics import (
     largest_residual,
     mobility,
     nearby_configurations,
-    random_motions,
     rounding_that_closes,
     scaled_constraint,
     singularity_measure,
 )
 from loopid.loading.tree import write_joint
-from loopid.observation import Observation
-from loopid.regressors import motion_regressor
+from loopid.regressors import structural_observation
 from loopid.robot import AssemblyMode, Mechanism
-from loopid.seeds import random_generator
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
@@ -62,8 +58,9 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # leaves no choice.
 NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
-# Of observations that only tell a rank: rows, and the part of the limits from which poses are.
-ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
+ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
+# Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
+TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
@@ -137,7 +134,7 @@ def _exact(
         open_by = 0.0
     closed, around = _closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
     shift, turn = changes(loose, closed)
-    if closed.model is not loose.model:
+    if closed.model is not loose.model or open_by:
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
@@ -262,10 +259,8 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     robot, _ = _closed_at(mechanism, mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     try:
-        q = np.concatenate([*configuration_batches(robot, samples, spread=SPREAD)])
-        motion = closed_motion(robot, q, *random_motions(robot, samples))
-        W = motion_regressor(robot, motion).reshape(-1, len(robot.parameters()))
-        return analyse(Observation.from_matrix(W, robot.parameters(), robot.length)).rank
+        observed = structural_observation(robot, "full", samples)
+        return analyse(replace(observed, geometry=None)).rank
     except LoopidError:
         return None
 
@@ -325,7 +320,9 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
     try:
         chosen = independent_coordinates(mechanism, around)
     except MobilityError as error:
-        raise MobilityError(f"{mechanism.path}: {error}") from error
+        raise MobilityError(
+            f"{mechanism.path}: {error}{_how_to_move(mechanism, around)}"
+        ) from error
     driven = mechanism.coordinates_of(mechanism.actuated)
     closed = replace(
         mechanism,
@@ -334,6 +331,16 @@ def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
         redundant=tuple(name for name in driven if name not in chosen),
     )
     return closed, around
+
+
+def _how_to_move(mechanism: Mechanism, around: FloatArray) -> str:
+    """What to do about a robot that its closures hold, in words."""
+    hint = ": leave a closure out, or choose a kind with fewer rows"
+    angle = TILT * mobility(mechanism, around=around).least
+    if angle < LARGEST_TILT:
+        rounding = rounding_that_closes(angle, 1.0)
+        hint += f"; if axes are meant to be parallel, say so by --rounding {rounding:g}"
+    return hint
 
 
 def _measure(closed: ClosedReference) -> float:
@@ -356,6 +363,8 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     name = mechanism.row_names[int(residual.argmax())]
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
+    if any(closure.kind == "6d" for closure in mechanism.closures):
+        hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
     if residual.max() < LIKELY_ROUNDING * mechanism.length:
         needed = rounding_that_closes(float(residual.max()), mechanism.length)
         hint = (

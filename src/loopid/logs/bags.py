@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import sqlite3
 from array import array
-from bz2 import BZ2Decompressor
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from functools import cached_property
 from pathlib import Path
-from threading import Lock
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from loopid.arrays import IntArray
 from loopid.errors import LogError, LogWarning, warn
-from loopid.files import plausible, require_plausible, why_no_file
+from loopid.files import why_no_file
 from loopid.logs.formats import (
     LARGEST_STAMP,
     MOST_COLUMNS,
@@ -39,7 +36,6 @@ STAMP, RECEIVED = "time_ns", "received_ns"
 DESCRIPTION = "metadata.yaml"
 # What SQLite leaves beside a file that was not closed, with messages that are not yet in it.
 JOURNALS = ("-wal", "-journal")
-UNPACKING = Lock()
 # Views and generated columns of SQLite, which can be without end.
 COMPUTED = """SELECT m.name FROM sqlite_master m LEFT JOIN pragma_table_xinfo(m.name) c
 WHERE m.type = 'view' OR c.hidden"""
@@ -101,7 +97,7 @@ class BagFormat(LogFormat):
         with optional("rosbags"):
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
-        with refusals(self.path, "ROS bag that can be read"), bounded_unpacking(self.path):
+        with refusals(self.path, "ROS bag that can be read"):
             _refuse_unfinished(self.path)
             # The message has been the same in all distributions.
             usual = get_typestore(Stores.ROS2_HUMBLE)
@@ -168,63 +164,6 @@ class BagFormat(LogFormat):
         columns = {STAMP: stamps[messages], RECEIVED: received[messages]}
         columns |= {name: np.array(topic.columns[name][1]) for name in values}
         yield array_batch(topic.source, columns, messages + 1)
-
-
-@contextmanager
-def bounded_unpacking(path: Path) -> Iterator[None]:
-    """Let rosbags unpack no more from a bag than measurements can be packed; else a LogError.
-
-    Chunks, messages and files are counted as often as they are unpacked. rosbags looks up what
-    unpacks them in tables of its own, which are changed meanwhile, by one thread at a time.
-    """
-    from lz4.frame import LZ4FrameDecompressor
-    from rosbags.rosbag1 import reader as ros1
-    from rosbags.rosbag2 import reader as ros2
-    from rosbags.rosbag2 import storage_mcap as mcap
-
-    files = path.iterdir() if path.is_dir() else (path,)
-    stored = sum(file.stat().st_size for file in files if not why_no_file(file))
-    unpacked, zstd = 0, ros2.zstd
-
-    def counted(content: bytes) -> bytes:
-        nonlocal unpacked
-        unpacked += len(content)
-        require_plausible(path, unpacked, stored)
-        return content
-
-    def unpacker(machine: Callable[[], Any]) -> Callable[..., bytes]:
-        def unpack(data: bytes, *_: int) -> bytes:
-            one = machine()
-            content = counted(one.decompress(data, max_length=plausible(stored) - unpacked + 1))
-            if not one.eof:
-                raise EOFError("packed data end too early")
-            return content
-
-        return unpack
-
-    @contextmanager
-    def opened(*given: Any) -> Iterator[Any]:
-        with zstd.open(*given) as content:
-            yield SimpleNamespace(read=lambda size: counted(content.read(size)))
-
-    zstandard = unpacker(zstd.ZstdDecompressor)
-    changes: list[tuple[dict[str, Any], str, Any]] = [
-        (ros1.decompressors, "none", counted),
-        (ros1.decompressors, "bz2", unpacker(BZ2Decompressor)),
-        (ros1.decompressors, "lz4", unpacker(LZ4FrameDecompressor)),
-        (mcap.DECOMPRESSORS, "lz4", unpacker(LZ4FrameDecompressor)),
-        (mcap.DECOMPRESSORS, "zstd", zstandard),
-        (vars(ros2), "zstd", SimpleNamespace(decompress=zstandard, open=opened)),
-    ]
-    with UNPACKING:
-        before = [table[key] for table, key, _ in changes]
-        try:
-            for table, key, new in changes:
-                table[key] = new
-            yield
-        finally:
-            for (table, key, _), old in zip(changes, before, strict=True):
-                table[key] = old
 
 
 def _refuse_unfinished(path: Path) -> None:

@@ -7,17 +7,16 @@ by h5py. Where these read damaged files without a word, the checks are here.
 from __future__ import annotations
 
 import math
-import re
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from decimal import Decimal
 from functools import cached_property
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -43,7 +42,6 @@ COMMENT = "#"
 # Of separators that split a header into equally many cells, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
 AROUND_CELLS = " \t\r\"'"
-IS_SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 NO_NUMBERS = ("", "nan", "+nan", "-nan")
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
@@ -202,40 +200,35 @@ class TextFormat(LogFormat):
     def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
         """Some columns as text.
 
-        Polars splits the lines, but their cells are counted here: Polars fills short rows, cuts
-        long ones, passes over blank ones, and numbers none.
+        Polars' reader of CSV would fill short rows, cut long ones, pass over blank ones and number
+        none: here it splits lines one by one.
         """
+        import polars
+
         path = self._files[stream]
         header, read, found = read_header(path), 0, False
-        separator, width = header.separator or " ", len(header.names)
+        separator, width = header.separator, len(header.names)
         places = {name: header.names.index(name) for name in names}
         with closing(text_blocks(path)) as blocks:
             for block in blocks:
-                if header.separator is None:
-                    spaced = re.sub(rb"[ \t\r\v\f]+", b" ", block).removeprefix(b" ")
-                    block = spaced.replace(b" \n", b"\n").replace(b"\n ", b"\n")
-                letters = np.frombuffer(block, np.uint8)
-                ends = np.flatnonzero(letters == ord("\n")) + 1
-                whole = block.endswith(b"\n")
-                ends = ends if whole else np.append(ends, len(block))
-                starts = np.append(0, ends[:-1])
-                rows = np.arange(read + 1, read + len(starts) + 1)
-                read += len(starts)
+                text, whole = block.decode("utf-8", "replace"), block.endswith(b"\n")
+                lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
+                rows = np.arange(read + 1, read + len(lines) + 1)
+                read += len(lines)
                 require_few_rows(path, read)
-                filled = np.logical_or.reduceat(~IS_SPACE[letters], starts)
-                filled &= rows > header.lines
+                if separator != ",":
+                    lines = lines.str.replace_all(",", ".", literal=True)  # decimal commas
+                filled = lines.str.contains(r"\S").to_numpy() & (rows > header.lines)
                 cut_off = None if whole or not filled[-1] else int(rows[-1])
                 filled[-1] &= whole
-                marks = np.add.reduceat(letters == ord(separator), starts, dtype=np.int64)
-                fine = filled & (marks == width - 1)
-                lines = zip(starts[fine].tolist(), ends[fine].tolist(), strict=True)
-                text = block if fine.all() else b"".join(block[a:b] for a, b in lines)
-                if separator != ",":
-                    text = text.replace(b",", b".")  # decimal commas
-                found = found or bool(fine.any())
-                yield Batch(
-                    _cells(text, separator, places), rows[fine], rows[filled & ~fine], cut_off
-                )
+                if separator is None:
+                    cells = lines.str.extract_all(r"\S+")
+                else:
+                    cells = lines.str.split(separator)
+                fine = filled & (cells.list.len() == width).to_numpy()
+                found, cells = found or bool(fine.any()), cells.filter(fine).list
+                table = polars.DataFrame({name: cells.get(k) for name, k in places.items()})
+                yield Batch(table, rows[fine], rows[filled & ~fine], cut_off)
         if not found:
             raise LogError(f"{path} has no rows of {width} cells below its header")
 
@@ -322,25 +315,6 @@ def _are_numbers(line: str, separator: str | None) -> bool:
     )
 
 
-def _cells(text: bytes, separator: str, places: Mapping[str, int]) -> polars.DataFrame:
-    """Columns of lines with equally many cells, as text."""
-    import polars
-
-    if not text:
-        return polars.DataFrame(schema=dict.fromkeys(places, polars.String))
-    table = polars.read_csv(
-        text,
-        has_header=False,
-        separator=separator,
-        columns=sorted(places.values()),
-        infer_schema=False,
-        quote_char=None,
-        encoding="utf8-lossy",
-    )
-    table.columns = sorted(places, key=places.__getitem__)
-    return table
-
-
 # ---- arrays and tables ------------------------------------------------------------------------
 
 
@@ -405,8 +379,7 @@ class NpzFormat(ArrayFormat):
         columns: dict[str, Column] = {}
         with refusals(self.path, self.kind), ZipFile(self.path) as archive:
             for name in archive.namelist():
-                with archive.open(name) as file:
-                    array, (shape, _, _) = name.removesuffix(".npy"), _npy_header(file)
+                array, (shape, *_) = name.removesuffix(".npy"), _npy_header(archive, name)
                 if len(shape) == 1:
                     self._collect(columns, array, {array: ...})
                 elif len(shape) == 2 and shape[1] <= WIDEST:
@@ -417,56 +390,26 @@ class NpzFormat(ArrayFormat):
 
     @contextmanager
     def _opened(self, arrays: Iterable[str]) -> Iterator[Mapping[str, Any]]:
-        with ZipFile(self.path) as archive, ExitStack() as files:
-            members = {name.removesuffix(".npy"): name for name in archive.namelist()}
-            yield {a: ZippedArray(self.path, archive, members[a], files) for a in arrays}
+        """Whole, as they were in the memory of who wrote them."""
+        with ZipFile(self.path) as archive, np.load(self.path, allow_pickle=False) as content:
+            for name in (n for n in archive.namelist() if n.removesuffix(".npy") in arrays):
+                shape, _, dtype = _npy_header(archive, name)
+                require_few_rows(self.path, shape[0])
+                stored = archive.getinfo(name).compress_size
+                require_plausible(self.path, math.prod(shape) * dtype.itemsize, stored)
+            yield {array: content[array] for array in arrays}
 
 
-class ZippedArray:
-    """An array of an .npz, read from its first row to the last; in memory is what is asked for."""
-
-    def __init__(self, path: Path, archive: ZipFile, name: str, files: ExitStack) -> None:
-        member = archive.getinfo(name)
-        with archive.open(member) as file:
-            self.shape, by_columns, self.dtype = _npy_header(file)
-            start = file.tell()
-        require_few_rows(path, self.shape[0])
-        size = math.prod(self.shape) * self.dtype.itemsize
-        if self.dtype.hasobject:
-            raise LogError(f"{path}: {name} holds objects of Python, not numbers")
-        if member.file_size != start + size:
-            raise LogError(
-                f"{path} is damaged: {name} has {member.file_size:,} bytes, but {start + size:,} "
-                f"make an array of shape {self.shape}"
-            )
-        require_plausible(path, member.file_size, member.compress_size)
-        # Those that are stored by columns have a place to read at in each.
-        self._width = 1 if by_columns else math.prod(self.shape[1:])
-        places = math.prod(self.shape[1:]) if by_columns else 1
-        self._files = [files.enter_context(archive.open(member)) for _ in range(places)]
-        for k, file in enumerate(self._files):
-            file.seek(start + k * self.shape[0] * self.dtype.itemsize)
-
-    def __getitem__(self, rows: slice) -> NDArray[Any]:
-        count = (rows.stop - rows.start) * self._width
-        parts = [file.read(count * self.dtype.itemsize) for file in self._files]
-        blocks = [np.frombuffer(part, self.dtype, count) for part in parts]
-        if len(self.shape) == 1:
-            return blocks[0]
-        return blocks[0].reshape(-1, self._width) if len(blocks) == 1 else np.stack(blocks, 1)
-
-
-def _npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, whether it is stored by columns, and type of numbers; the file is left behind it."""
-    version = np.lib.format.read_magic(file)
-    read = np.lib.format.read_array_header_1_0
-    if version != (1, 0):
-        read = np.lib.format.read_array_header_2_0
-    return read(file)
+def _npy_header(archive: ZipFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it is stored by columns, and type of an array, which is not read."""
+    with archive.open(name) as file:
+        old = np.lib.format.read_magic(file) == (1, 0)
+        read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+        return read(file)
 
 
 class Hdf5Format(ArrayFormat):
-    """A stream a group: arrays, matrices (the attribute ``columns`` may name theirs), tables."""
+    """A stream a group: arrays, matrices and tables with fields."""
 
     name = "hdf5"
     endings = (".h5", ".hdf5")
@@ -541,18 +484,7 @@ class Hdf5Format(ArrayFormat):
             self._collect(columns, array.name, singles if fields else {name: ...})
         if array.ndim != 2 or array.shape[1] > WIDEST:
             return
-        names = [f"{name}_{k}" for k in range(array.shape[1])]
-        given = array.attrs.get("columns")
-        if given is not None:  # as texts, or as one text with commas
-            cells = np.atleast_1d(np.asarray(given, dtype=object)).ravel().tolist()
-            texts = [cell.decode() if isinstance(cell, bytes) else str(cell) for cell in cells]
-            names = [part.strip() for part in texts[0].split(",")] if len(texts) == 1 else texts
-        if len(names) != array.shape[1] or len(set(names)) < len(names):
-            raise LogError(
-                f"{self.path}: the attribute 'columns' of {array.name} must hold {array.shape[1]} "
-                f"different names, not {', '.join(names)}"
-            )
-        self._collect(columns, array.name, {name: k for k, name in enumerate(names)})
+        self._collect(columns, array.name, {f"{name}_{k}": k for k in range(array.shape[1])})
 
 
 class ParquetFormat(LogFormat):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arrays import FloatArray, IntArray, finite, frozen, samples
 from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
@@ -39,7 +39,6 @@ from loopid.logs.streams import (
     on_joints,
 )
 from loopid.robot import Mechanism, lock_options
-from loopid.scratch import finite_rows, kept, sample_rows
 
 # Time over which measured rates are compared with positions, in s; how far they may differ with a
 # warning, and the ratio (or its inverse) from which on they are something else.
@@ -94,7 +93,7 @@ class Log:
     acceleration: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        time = finite_rows(self.time, "time")
+        time = finite(self.time, "time")
         if time.ndim != 1 or not len(time) or (np.diff(time) <= 0).any():
             raise DataError("the time of a log must be a row of increasing numbers")
         numbers: Any = self.stretches
@@ -102,12 +101,12 @@ class Log:
             numbers = finite(numbers, "stretches")
         if numbers.shape != time.shape or (np.diff(numbers) < 0).any():
             raise DataError(f"stretches must be {len(time)} ascending numbers, one a sample")
-        object.__setattr__(self, "time", kept(time))
-        object.__setattr__(self, "stretches", kept(numbers, np.int64))
+        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "stretches", frozen(numbers, np.int64))
         for name in QUANTITIES:
             if name in ("position", "force") or getattr(self, name) is not None:
-                values = sample_rows(getattr(self, name), len(self.joints), name, len(time))
-                object.__setattr__(self, name, kept(values))
+                values = samples(getattr(self, name), len(self.joints), name, len(time))
+                object.__setattr__(self, name, frozen(values))
         if self.saturation is not None:
             object.__setattr__(self, "saturation", frozen(self.saturation))
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.log import Log, require_known_motion
@@ -23,11 +23,9 @@ from loopid.robot import Mechanism
 from loopid.scratch import (
     Spool,
     empty_columns,
-    kept,
     mapped_rows,
     release_pages,
     row_blocks,
-    sample_rows,
 )
 from loopid.trajectories import JointMotion, LowPass, differentiate
 from loopid.workers import Progress
@@ -61,7 +59,7 @@ NO_SHARE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class RateHistory:
-    """Filtered velocities of the motors at the rate of the log, before samples were left out.
+    """Filtered rates at the rate of the log, before samples were left out.
 
     Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
     force model multiplies must be filtered alike, at the rate of the log.
@@ -78,6 +76,8 @@ class RateHistory:
     lowpass : LowPass
     rows : IntArray
         (N,), which of the M samples were kept.
+    whole : tuple of IntArray and JointMotion, optional
+        Which were assembled (K,), and their motion; a part of a recording has those of all.
     """
 
     joints: tuple[str, ...]
@@ -86,12 +86,29 @@ class RateHistory:
     rates: tuple[float, ...]
     lowpass: LowPass
     rows: IntArray
+    whole: tuple[IntArray, JointMotion] | None = None
 
-    def lowpassed(self, joint: str, signal: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """A signal of a joint's velocity (M,), filtered, at the samples (N,) that were kept."""
-        column, filtered = self.joints.index(joint), np.empty(len(self.velocity))
+    def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
+        """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
+        if joint in self.joints:
+            return self.velocity[:, self.joints.index(joint)]
+        assert self.whole is not None
+        (index,), (samples, motion) = mechanism.velocity_indices([joint]), self.whole
+
+        def rates(rows: slice) -> FloatArray:
+            G = project(mechanism, motion.configurations[rows]).G[:, index]
+            return np.asarray((G * motion.velocities[rows]).sum(axis=1))
+
+        sampled = mapped_rows(rates, len(samples))
+        return np.asarray(np.interp(np.arange(len(self.velocity)), samples, sampled))
+
+    def lowpassed(
+        self, velocity: FloatArray, signal: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """A signal of a velocity (M,), filtered, at the samples (N,) that were kept."""
+        filtered = np.empty(len(velocity))
         for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal(self.velocity[part, column]), rate)
+            filtered[part] = self.lowpass.apply(signal(velocity[part]), rate)
         release_pages()
         return filtered[self.rows]
 
@@ -157,12 +174,12 @@ class Recording:
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
-        force = sample_rows(self.force, dof, "force", count)
+        force = samples(self.force, dof, "force", count)
         if np.shape(self.used) != force.shape or np.shape(self.stretches) != (count,):
             raise DataError(f"used must have shape {force.shape} and stretches ({count},)")
-        object.__setattr__(self, "force", kept(force))
-        object.__setattr__(self, "used", kept(self.used, np.bool_))
-        object.__setattr__(self, "stretches", kept(self.stretches, np.int64))
+        object.__setattr__(self, "force", frozen(force))
+        object.__setattr__(self, "used", frozen(self.used, np.bool_))
+        object.__setattr__(self, "stretches", frozen(self.stretches, np.int64))
 
     @classmethod
     def of_motion(
@@ -243,8 +260,6 @@ def prepare_recording(
     idle_speed: float | FloatArray | None = None,
     saturation: float | FloatArray | None = None,
     decimate: bool = True,
-    trim: bool = True,
-    start: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> Recording:
     """Make a log ready for identification.
@@ -261,10 +276,6 @@ def prepare_recording(
         otherwise the effort limit of the robot file unless a tenth of the forces exceeds it.
     decimate : bool
         Whether to keep only as many samples as the cut-off frequency calls for.
-    trim : bool
-        Whether to leave out the ends of the stretches, where filtered accelerations are wrong.
-    start : FloatArray, optional
-        (nq,), a closed configuration on the robot's branch; by default the reference.
     progress : callable, optional
         Called with the samples that are assembled, and all.
 
@@ -317,14 +328,14 @@ def prepare_recording(
         limits = _per_motor(log, "saturation", saturation)
     else:
         limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
-    signals, history, ends = filter_log(log, chosen, limits, decimate, trim)
+    signals, history, ends = filter_log(log, chosen, limits, decimate)
     columns = [log.joints.index(name) for name in mechanism.independent]
 
     def of_independent(values: FloatArray) -> FloatArray:
         return mapped_rows(lambda rows: values[rows][:, columns], len(values))
 
     configurations, singularity, good, lost = _assembled(
-        mechanism, log.name, signals.time, of_independent(signals.position), start, progress
+        mechanism, log.name, signals.time, of_independent(signals.position), progress
     )
     stretches = _renumbered(signals.stretches, good)
     signals = signals.select(good)
@@ -345,6 +356,8 @@ def prepare_recording(
     ]
     rates = of_independent(signals.velocity), of_independent(signals.acceleration)
     motion = JointMotion(signals.time, configurations, *rates, singularity)
+    if history is not None:
+        history = replace(history, whole=(history.rows, motion))
     force, used = on_independent(mechanism, motion, signals.force, used)
     return Recording(
         name=log.name,
@@ -384,12 +397,12 @@ class Filtered(NamedTuple):
 
 
 def filter_log(
-    log: Log, lowpass: LowPass | None, saturation: FloatArray, decimate: bool, trim: bool
+    log: Log, lowpass: LowPass | None, saturation: FloatArray, decimate: bool
 ) -> tuple[Filtered, RateHistory | None, tuple[Dropped, ...]]:
     """Filter, differentiate what was not measured, and keep the samples that the cut-off asks for.
 
-    The saturation (m,) is infinite for drives without; ``decimate`` leaves out samples, and
-    ``trim`` the ends of the stretches.
+    The saturation (m,) is infinite for drives without. Left out are the ends of the stretches,
+    where filtered accelerations are wrong.
     """
     from scipy.ndimage import maximum_filter1d  # slow to import
 
@@ -409,10 +422,10 @@ def filter_log(
             # Rates are measured: one a little short of a whole number of times is meant to be it.
             step = max(int((1 + ROUNDING) * rate / (LEAST_OVERSAMPLING * lowpass.cutoff)), 1)
         # Accelerations are wrong where a filter does not know what comes next.
-        end = reach if trim else 0
-        if end:
-            dropped.append(Dropped.at("end of a stretch", np.append(time[:end], time[-end:])))
-        rows = np.arange(part.start + end, part.stop - end, step if decimate else 1)
+        if reach:
+            ends = np.append(time[:reach], time[-reach:])
+            dropped.append(Dropped.at("end of a stretch", ends))
+        rows = np.arange(part.start + reach, part.stop - reach, step if decimate else 1)
         chosen.append((part, reach, rows))
     if not chosen:
         longest = max(one.count for one in dropped)
@@ -502,7 +515,6 @@ def _assembled(
     name: str,
     time: FloatArray,
     position: FloatArray,
-    start: FloatArray | None,
     progress: Progress | None,
 ) -> tuple[FloatArray, FloatArray, BoolArray, list[Dropped]]:
     """Configurations and singularity measures of the good samples, which they are, and the others.
@@ -510,7 +522,7 @@ def _assembled(
     Samples are assembled one after the other; those that do not close or are near a singularity
     are left out.
     """
-    count = len(time)
+    count, start = len(time), None
     configurations, residuals, measures, closed = Spool(), [], [], []
     for rows in row_blocks(count, BLOCK):
         outcome = try_assemble(mechanism, position[rows], start=start, trajectory=True)

@@ -1,4 +1,4 @@
-"""The report of ``loopid paper``: Tables I to V, and the page that ties them to the figures.
+"""The report of ``loopid paper``: Tables I to V, figures 2 to 6, and the page that holds them.
 
 In every table here, ± is half the width of a 95 % interval.
 """
@@ -6,19 +6,20 @@ In every table here, ± is half the width of a 95 % interval.
 from __future__ import annotations
 
 from math import cos, radians, sin
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from loopid.arrays import FloatArray
 from loopid.base_parameters import expression
 from loopid.identification import FitResult
-from loopid.paper.experiment import ForceShares
-from loopid.paper.figures import CAPTIONS, paper_figures
 from loopid.paper.reproduction import (
     EIGHT,
     LEVEL,
+    LIMBS,
     ActualFit,
-    Coverage,
+    ForceShares,
     PaperReproduction,
     SimulatedFit,
     TwoSteps,
@@ -32,6 +33,7 @@ from loopid.paper.structure import (
     TIMES,
     BaseComparison,
 )
+from loopid.report.figures import BLUE, GREY, ORANGE, RED, drawing, rendered, thinned
 from loopid.report.structure import motions_record, motions_tables
 from loopid.report.tables import markdown_table, plain_table
 
@@ -61,7 +63,7 @@ NOTES = {
     SIMULATED: (
         "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
         "biased by the seven that it leaves out: its intervals are about *expected*, the value "
-        "that it has on average. Intervals of all fifteen cover the true values."
+        "that it has on average."
     ),
     INFLUENCE: (
         "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
@@ -80,6 +82,24 @@ STAND_IN = (
     "inertias are drawn about the robot file's with a standard deviation of 10 %. Figures 5 and 6 "
     "show its first trajectory."
 )
+
+LIGHT_BLUE = "#9ecae1"
+
+
+def _captions(source: str) -> dict[str, str]:
+    gravity = "by the robot file, and fitted to the first 60 % with the robot file as prior."
+    total = "by the robot file, and by eight parameters fitted to the first 60 %."
+    return {
+        "figure_2": "Inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated.",
+        "figure_3": "Gravitational and friction forces of limbs 1 and 4, simulated.",
+        "figure_4": "Influence of the first i base parameters, simulated.",
+        "figure_5": f"Gravity of limbs 1 and 4: {source} less friction, {gravity}",
+        "figure_6": f"Total force of limbs 1 and 4: {source}, {total}",
+    }
+
+
+# By whether a simulated robot stands in for the real one.
+CAPTIONS = {True: _captions("simulated"), False: _captions("measured")}
 
 
 def paper_tables(found: PaperReproduction) -> list[Table]:
@@ -120,7 +140,7 @@ def _sections(found: PaperReproduction) -> dict[str, list[Table]]:
         SHARES: [*motions_tables(motions), shares_table(found.shares)],
         SIMULATED: [
             simulated_table(simulated),
-            fifteen_table(simulated, found.coverage),
+            fifteen_table(simulated),
             conditions_table(simulated),
             steps_table(found.two_steps),
         ],
@@ -131,25 +151,21 @@ def _sections(found: PaperReproduction) -> dict[str, list[Table]]:
 
 def geometry_table(geometry: dict[str, float]) -> Table:
     """Table I, measured on the model."""
-    table = plain_table("Table I: geometry (m, degrees)", "", ">paper", ">model")
-    for name, printed in TABLE_I.items():
-        table.add_row(name, f"{printed:g}", f"{geometry[name]:.6g}")
-    return table
+    rows = ((name, f"{value:g}", f"{geometry[name]:.6g}") for name, value in TABLE_I.items())
+    return plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), rows)
 
 
 def base_table(comparison: BaseComparison) -> Table:
     """Table II, row by row."""
-    base, values = comparison.base, comparison.values
-    columns = (">", "paper", "loopid", ">CAD", "unit")
-    table = plain_table("Table II: base parameters of the 3UPS+RPU", *columns)
+    base, values, rows = comparison.base, comparison.values, []
     for number, (printed, row) in enumerate(zip(TABLE_II, comparison.rows, strict=True), start=1):
-        if row is None:
-            table.add_row(number, paper_expression(printed), "not found", "", "")
-            continue
-        unit = base.parameters.select(base.base)[row].unit
-        own = base.expressions[row], f"{values[row]:.4f}", unit
-        table.add_row(number, paper_expression(printed), *own)
-    return table
+        own = "not found", "", ""
+        if row is not None:
+            unit = base.parameters.select(base.base)[row].unit
+            own = base.expressions[row], f"{values[row]:.4f}", unit
+        rows.append((number, paper_expression(printed), *own))
+    columns = (">", "paper", "loopid", ">CAD", "unit")
+    return plain_table("Table II: base parameters of the 3UPS+RPU", columns, rows)
 
 
 def paper_expression(terms: dict[str, float]) -> str:
@@ -167,10 +183,9 @@ def _symbol(label: str) -> str:
 
 def transfer_table(comparison: BaseComparison) -> Table:
     """Table III with its missing term: coefficients by formula, and as found by SVD."""
-    columns = ("row", "term", "inertia transfer", ">by formula", ">found")
-    table = plain_table("Table III: base parameters 9 and 10 by inertia transfer", *columns)
     right, left = radians(TABLE_I["beta_MD"]), radians(TABLE_I["beta_MI"])
     one, two, three = (TABLE_I[f"Rm{limb}"] for limb in (1, 2, 3))
+    rows = []
     for number, label, formula, value in (
         (9, "leg1_stem.m", "-Rm1", -one),
         (9, "leg2_stem.m", "Rm2 cos beta_MD", two * cos(right)),
@@ -179,56 +194,53 @@ def transfer_table(comparison: BaseComparison) -> Table:
         (10, "leg3_stem.m", "-Rm3 sin beta_MI", -three * sin(left)),
     ):
         found = comparison.base.terms[comparison.order[number - 1]].get(label, 0.0)
-        table.add_row(number, _symbol(label), formula, f"{value:.6f}", f"{found:.6f}")
-    return table
+        rows.append((number, _symbol(label), formula, f"{value:.6f}", f"{found:.6f}"))
+    columns = ("row", "term", "inertia transfer", ">by formula", ">found")
+    title = "Table III: base parameters 9 and 10 by inertia transfer"
+    return plain_table(title, columns, rows)
 
 
 def search_table(comparison: BaseComparison) -> Table:
     """The search beside the paper's."""
     search, structure = comparison.base.search, comparison.base.structure
-    table = plain_table("the search", "", "paper", "loopid")
     effect = f"{len(structure.columns)} of {len(comparison.base.parameters)}"
-    table.add_row("parameters with an effect", "30", effect)
-    table.add_row("base parameters", "15", f"{structure.rank} (gap {structure.rank_gap:.0e})")
-    table.add_row("combinations", "155.12 million", f"{search.candidates:,}")
-    table.add_row("least cond(V22)", "not given", f"{search.condition_number:.6f}")
     proof = f"proven, one of {search.ties:,} equally good" if search.certified else "not proven"
-    table.add_row("is it the least?", "all were tried", proof)
-    table.add_row(
-        "time, each on its own machine", TIMES, f"{1e3 * comparison.seconds:.1f} ms, exact"
+    rows = (
+        ("parameters with an effect", "30", effect),
+        ("base parameters", "15", f"{structure.rank} (gap {structure.rank_gap:.0e})"),
+        ("combinations", "155.12 million", f"{search.candidates:,}"),
+        ("least cond(V22)", "not given", f"{search.condition_number:.6f}"),
+        ("is it the least?", "all were tried", proof),
+        ("time, each on its own machine", TIMES, f"{1e3 * comparison.seconds:.1f} ms, exact"),
     )
-    return table
+    return plain_table("the search", ("", "paper", "loopid"), rows)
 
 
 def shares_table(shares: ForceShares) -> Table:
     """Greatest forces over the nine trajectories, and over the one of figures 2 and 3."""
-    limbs = [f">limb {k + 1}" for k in range(shares.gravity.shape[1])]
-    table = plain_table("figures 2 and 3: greatest forces (N)", "", *limbs)
+    rows = []
     for part in ("inertial", "coriolis", "gravity"):
         for name, values in (
             (f"{part}, trajectory {shares.trajectory}", np.abs(getattr(shares, part)).max(axis=0)),
             (f"{part}, all nine", shares.greatest[part]),
         ):
-            table.add_row(name, *(f"{value:.3g}" for value in values))
-    return table
+            rows.append((name, *(f"{value:.3g}" for value in values)))
+    limbs = [f">limb {k + 1}" for k in range(shares.gravity.shape[1])]
+    return plain_table("figures 2 and 3: greatest forces (N)", ("", *limbs), rows)
 
 
 def simulated_table(simulated: SimulatedFit) -> Table:
     """Table IV: eight parameters, what truncation predicts, and whether the paper's value fits."""
-    columns = (">row", ">paper", ">loopid ± 95 %", ">expected", ">single trajectories", "fits")
-    title = "Table IV: eight base parameters, simulated (rows of Table II; kg, kg m)"
-    table = plain_table(title, *columns)
+    rows = []
     for k, printed in enumerate(TABLE_IV):
         expected, error = simulated.expected[k], simulated.eight.standard_errors[k]
         low, high = simulated.expected_range[k]
-        table.add_row(
-            k + 1,
-            f"{printed:.2f}",
-            _reach(simulated.eight, k, ".3f", ".3f"),
-            f"{expected:.3f}",
-            f"{low:.2f} to {high:.2f}",
-            _paper_fits(printed, expected, error, (low, high)),
-        )
+        value, single = _reach(simulated.eight, k, ".3f", ".3f"), f"{low:.2f} to {high:.2f}"
+        fits = _paper_fits(printed, expected, error, (low, high))
+        rows.append((k + 1, f"{printed:.2f}", value, f"{expected:.3f}", single, fits))
+    columns = (">row", ">paper", ">loopid ± 95 %", ">expected", ">single trajectories", "fits")
+    title = "Table IV: eight base parameters, simulated (rows of Table II; kg, kg m)"
+    table = plain_table(title, columns, rows)
     table.caption = "fits: the paper's value, for all nine trajectories (yes) or one alone (single)"
     return table
 
@@ -241,56 +253,46 @@ def _paper_fits(printed: float, expected: float, error: float, single: tuple[flo
     return "single" if inside else "no"
 
 
-def fifteen_table(simulated: SimulatedFit, coverage: Coverage) -> Table:
-    """All fifteen from the same forces, and how often their intervals cover the true values."""
-    columns = (
-        ">",
-        "base parameter",
-        ">CAD",
-        ">loopid ± 95 %",
-        f">{100 * LEVEL:g} % intervals cover",
+def fifteen_table(simulated: SimulatedFit) -> Table:
+    """All fifteen from the same forces."""
+    fitted = [_reach(simulated.fifteen, k, ".4f", ".4f") for k in range(len(TABLE_II))]
+    rows = (
+        (k + 1, paper_expression(TABLE_II[k]), f"{truth:.4f}", fitted[k])
+        for k, truth in enumerate(simulated.truth)
     )
-    table = plain_table("all 15 base parameters, simulated (kg, kg m)", *columns)
-    for k, truth in enumerate(simulated.truth):
-        value, share = _reach(simulated.fifteen, k, ".4f", ".4f"), f"{coverage.shares[k]:.1%}"
-        table.add_row(k + 1, paper_expression(TABLE_II[k]), f"{truth:.4f}", value, share)
-    table.caption = (
-        f"{coverage.shares.mean():.1%} on average over {coverage.repetitions} draws of the noise "
-        f"({coverage.samples} samples a limb)"
-    )
-    return table
+    columns = (">", "base parameter", ">CAD", ">loopid ± 95 %")
+    return plain_table("all 15 base parameters, simulated (kg, kg m)", columns, rows)
 
 
 def conditions_table(simulated: SimulatedFit) -> Table:
     """Condition numbers of W_1."""
-    title = "condition number of W_1, by trajectory"
-    table = plain_table(title, "trajectory", ">15 parameters", ">first 8")
-    table.add_row("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))
-    for name, numbers in simulated.condition_numbers.items():
-        table.add_row("all nine" if name == "all" else name, *(f"{n:.4g}" for n in numbers))
-    return table
+    rows = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
+    for name, (all_, first) in simulated.condition_numbers.items():
+        rows.append(("all nine" if name == "all" else name, f"{all_:.4g}", f"{first:.4g}"))
+    columns = "trajectory", ">15 parameters", ">first 8"
+    return plain_table("condition number of W_1, by trajectory", columns, rows)
 
 
 def steps_table(steps: TwoSteps) -> Table:
     """Friction first and gravity second, beside all at once."""
-    columns = ("parameter", ">true", ">in two steps ± 95 %", ">together ± 95 %", "unit")
-    table = plain_table("the indirect way, simulated: friction first, gravity second", *columns)
+    rows = []
     for k, parameter in enumerate(steps.together.parameters):
         name = paper_expression(TABLE_II[k]) if k < len(TABLE_II) else parameter.label
         values = (_reach(result, k, ".4g") for result in (steps.in_steps, steps.together))
-        table.add_row(name, f"{steps.truth[k]:.4g}", *values, parameter.unit)
-    return table
+        rows.append((name, f"{steps.truth[k]:.4g}", *values, parameter.unit))
+    columns = ("parameter", ">true", ">in two steps ± 95 %", ">together ± 95 %", "unit")
+    title = "the indirect way, simulated: friction first, gravity second"
+    return plain_table(title, columns, rows)
 
 
 def influence_table(simulated: SimulatedFit) -> Table:
     """Figure 4 in numbers."""
-    columns = (">i", "base parameter", ">alone (N rms)", ">p_i ± 95 % (%)", ">explained (%)")
-    table = plain_table("figure 4: influence of the first i base parameters", *columns)
+    rows = []
     for k, terms in enumerate(TABLE_II):
-        share = f"{simulated.influence[k]:.2f} ± {simulated.influence_reach[k]:.2f}"
-        numbers = f"{simulated.alone[k]:.2f}", share, f"{simulated.explained[k]:.2f}"
-        table.add_row(k + 1, paper_expression(terms), *numbers)
-    return table
+        numbers = simulated.alone[k], simulated.influence[k], simulated.explained[k]
+        rows.append((k + 1, paper_expression(terms), *(f"{number:.2f}" for number in numbers)))
+    columns = (">i", "base parameter", ">alone (N rms)", ">p_i (%)", ">explained (%)")
+    return plain_table("figure 4: influence of the first i base parameters", columns, rows)
 
 
 def actual_table(actual: ActualFit) -> Table:
@@ -298,9 +300,8 @@ def actual_table(actual: ActualFit) -> Table:
     source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
     title = f"Table V: base parameters from {source} (rows of Table II; kg, kg m)"
     columns = (">row", ">CAD", ">paper", ">eight", ">fifteen ± 95 %", ">CAD as prior ± 95 %")
-    table = plain_table(title, *columns, *([">true"] if actual.is_stand_in else []))
-    for k, cad in enumerate(actual.cad):
-        table.add_row(
+    rows = (
+        (
             k + 1,
             f"{cad:.3f}",
             f"{TABLE_V[k]:.2f}" if k in EIGHT else "",
@@ -309,18 +310,133 @@ def actual_table(actual: ActualFit) -> Table:
             _reach(actual.informed, k),
             *([] if actual.truth is None else [f"{actual.truth[k]:.3f}"]),
         )
-    return table
+        for k, cad in enumerate(actual.cad)
+    )
+    return plain_table(title, (*columns, *([">true"] if actual.is_stand_in else [])), rows)
 
 
 def errors_table(actual: ActualFit) -> Table:
     """How well the fits of Table V predict the data that were not fitted."""
-    title = "rms errors of the forces on new data (N)"
-    table = plain_table(title, "", *(f">{name}" for name in actual.new_errors))
-    for limb, errors in enumerate(zip(*actual.new_errors.values(), strict=True), start=1):
-        table.add_row(f"limb {limb}", *(f"{error:.3g}" for error in errors))
-    return table
+    rows = (
+        (f"limb {limb}", *(f"{error:.3g}" for error in errors))
+        for limb, errors in enumerate(zip(*actual.new_errors.values(), strict=True), start=1)
+    )
+    columns = ("", *(f">{name}" for name in actual.new_errors))
+    return plain_table("rms errors of the forces on new data (N)", columns, rows)
 
 
 def _reach(result: FitResult, k: int, value: str = ".3g", reach: str = ".2g") -> str:
     low, high = result.intervals(LEVEL)[k]
     return f"{result.values[k]:{value}} ± {(high - low) / 2:{reach}}"
+
+
+def paper_figures(found: PaperReproduction) -> dict[str, bytes]:
+    """All figures as SVG and PNG, by file name."""
+    return (
+        draw_shares(found.shares)
+        | draw_gravity_and_friction(found.shares)
+        | draw_influence(found.simulated)
+        | draw_gravity(found.actual)
+        | draw_action(found.actual)
+    )
+
+
+def draw_shares(shares: ForceShares) -> dict[str, bytes]:
+    """Figure 2: inertial forces, and Coriolis and centrifugal ones, of limbs 1 and 4."""
+    rows = thinned(len(shares.time))
+    parts = (
+        ("inertial", shares.inertial, "N", BLUE),
+        ("Coriolis", 1e3 * shares.coriolis, "mN", RED),
+    )
+    with drawing(len(LIMBS), len(parts)) as (figure, axes):
+        for row, limb in zip(axes, LIMBS, strict=True):
+            for ax, (name, force, unit, color) in zip(row, parts, strict=True):
+                ax.plot(shares.time[rows], force[rows, limb - 1], color=color)
+                ax.set(title=f"limb {limb}: {name}", ylabel=f"force ({unit})")
+        for ax in axes[-1]:
+            ax.set_xlabel("time (s)")
+        return rendered(figure, "figure_2")
+
+
+def draw_gravity_and_friction(shares: ForceShares) -> dict[str, bytes]:
+    """Figure 3: gravitational and friction forces of limbs 1 and 4."""
+    rows = thinned(len(shares.time))
+    lines = (shares.gravity, BLUE, "gravity"), (shares.friction, ORANGE, "friction")
+    return _draw_limbs("figure_3", shares.time[rows], [(f[rows], *look) for f, *look in lines])
+
+
+def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
+    """Figure 4: p_i of the first i base parameters, and what they explain."""
+    number, first = np.arange(1, len(simulated.influence) + 1), len(EIGHT)
+    with drawing(height=2.2) as (figure, axes):
+        ax = axes[0, 0]
+        for some, color, label in (
+            (number <= first, BLUE, "pᵢ (eq. 12)"),
+            (number > first, LIGHT_BLUE, None),
+        ):
+            ax.bar(number[some], simulated.influence[some], color=color, label=label)
+        explained = "explained: 1 − ‖T − Aᵢ‖ / ‖T‖"
+        ax.plot(number, simulated.explained, "o-", color=RED, markersize=3, label=explained)
+        ax.axhline(100.0, color=GREY, linewidth=0.6)
+        ax.set(xlabel="first i base parameters, order of Table II", ylabel="% of the forces")
+        ax.set(xticks=number, title="influence of the base parameters")
+        ax.set_ylim(min(0.0, 1.1 * simulated.explained.min()), 1.4 * simulated.influence.max())
+        ax.legend(loc="upper left", ncols=1)
+        ax.grid(axis="x", visible=False)
+        return rendered(figure, "figure_4")
+
+
+def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
+    """Figure 5: gravity of limbs 1 and 4, from the log, by the robot file and as fitted."""
+    source = "simulated" if actual.is_stand_in else "measured"
+    lines = [
+        (actual.gravity, GREY, f"{source} less friction"),
+        (actual.cad_gravity, BLUE, "robot file"),
+        (actual.informed_gravity, RED, "fit, 95 %"),
+    ]
+    return _draw_log("figure_5", actual, lines, actual.informed_reach)
+
+
+def draw_action(actual: ActualFit) -> dict[str, bytes]:
+    """Figure 6: total force of limbs 1 and 4, from the log, by the robot file and by the eight."""
+    lines = [
+        (actual.force, GREY, "simulated" if actual.is_stand_in else "measured"),
+        (actual.cad_force, BLUE, "robot file"),
+        (actual.eight_force, RED, "eight parameters"),
+    ]
+    return _draw_log("figure_6", actual, lines)
+
+
+def _draw_log(
+    name: str,
+    actual: ActualFit,
+    lines: list[tuple[FloatArray, str, str]],
+    reach: FloatArray | None = None,
+) -> dict[str, bytes]:
+    """Lines along a log, which break where its force was not used."""
+    rows = thinned(len(actual.time))
+    gaps = ~actual.used[rows]
+    broken = [(np.where(gaps, np.nan, force[rows]), *look) for force, *look in lines]
+    band = None if reach is None else reach[rows]
+    return _draw_limbs(name, actual.time[rows], broken, band)
+
+
+def _draw_limbs(
+    name: str, time: FloatArray, lines: list[tuple[Any, ...]], reach: FloatArray | None = None
+) -> dict[str, bytes]:
+    """A panel a limb with lines of a force (N, 4), a colour and a label; a band about the last."""
+    with drawing(len(LIMBS)) as (figure, axes):
+        for letter, ax, limb in zip("ab", axes[:, 0], LIMBS, strict=True):
+            for force, color, label in lines:
+                style = {"linestyle": "--"} if color == ORANGE else {}
+                width = 0.6 if color == GREY else 1.0
+                line = force[:, limb - 1]
+                ax.plot(time, line, color=color, label=label, linewidth=width, **style)
+            if reach is not None:
+                half = reach[:, limb - 1]
+                ax.fill_between(time, line - half, line + half, color=color, alpha=0.3, linewidth=0)
+            ax.set(title=f"({letter}) limb {limb}", ylabel="force (N)")
+        axes[-1, 0].set_xlabel("time (s)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        return rendered(figure, name)

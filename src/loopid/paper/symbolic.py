@@ -8,7 +8,7 @@ the 5P, is the same machine with other base and platform points. Derivation: doc
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from functools import cache
 from math import radians
 from os import PathLike
@@ -22,9 +22,6 @@ from ruamel.yaml import YAML
 from loopid.arrays import FloatArray, samples
 from loopid.errors import (
     MissingExtraError,
-    MissingFileError,
-    OptionError,
-    RobotFileError,
     SingularityError,
 )
 from loopid.parameters import GRAVITY_KINDS
@@ -111,31 +108,9 @@ class Geometry:
 
 
 def read_geometry(path: str | PathLike[str], robot: str, configuration: int) -> Geometry:
-    """Read one configuration of a robot from ``geometry.yaml``, in m and degrees.
-
-    Raises
-    ------
-    MissingFileError, OptionError, RobotFileError
-        If there is no such file, robot or configuration, or an entry is missing or unknown.
-    """
-    if not Path(path).is_file():
-        raise MissingFileError(f"no geometry table at {path}")
+    """Read one configuration of a robot from ``geometry.yaml``, in m and degrees."""
     table = YAML(typ="safe").load(Path(path))
-    configurations = _entry(table, robot, "robot")["configurations"]
-    entries = _entry(configurations, configuration, f"configuration of {robot}")
-    names = {field.name for field in fields(Geometry)}
-    if entries.keys() != names:
-        missing, unknown = sorted(names - entries.keys()), sorted(entries.keys() - names)
-        raise RobotFileError(
-            f"{path}, {robot}, configuration {configuration}: missing {missing}, unknown {unknown}"
-        )
-    return Geometry.from_degrees(**entries)
-
-
-def _entry(table: dict[Any, Any], key: object, what: str) -> Any:
-    if key not in table:
-        raise OptionError.unknown(what, key, map(str, table))
-    return table[key]
+    return Geometry.from_degrees(**table[robot]["configurations"][configuration])
 
 
 def base_points() -> Points:
@@ -379,21 +354,8 @@ def gravity_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
         If a pose is a type II singularity (J loses rank), or puts a limb 1 to 3 parallel to Y_F,
         where its universal joint is singular, or leaves a limb without length.
     """
-    return _forces("power", geometry, poses)
-
-
-def base_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Regressor (N, 4, 15) of :func:`base_parameter_rows`, from the gradients of their atoms.
-
-    Parameters and errors as in :func:`gravity_regressor`.
-    """
-    return _forces("atom power", geometry, poses)
-
-
-def _forces(power: str, geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """J⁻ᵀ times the power for each unit parameter and unit pose rate."""
     poses = samples(poses, len(POSE), "poses")
-    J, P = stroke_jacobian(geometry, poses), _evaluator(power)(geometry, poses)
+    J, P = stroke_jacobian(geometry, poses), _evaluator("power")(geometry, poses)
     _refuse(poses, ~np.isfinite(P).all(axis=(1, 2)), "a limb is parallel to Y_F")
     singular = 1.0 / np.linalg.cond(J) < SINGULAR_RCOND
     _refuse(poses, singular, f"type II singularity, 1/cond(J) is below {SINGULAR_RCOND:g}")
@@ -415,11 +377,7 @@ def _evaluator(name: str) -> Callable[[Geometry, FloatArray], FloatArray]:
 
     Entries that divide zero by zero come out as NaN, without a warning.
     """
-    if name == "atom power":
-        atoms = sp.ImmutableMatrix([row.atom for row in base_parameter_rows()])
-        matrix = GRAVITY * atoms.jacobian(POSE).T
-    else:
-        matrix = getattr(gravity_model(), name)
+    matrix = getattr(gravity_model(), name)
     compiled = sp.lambdify((*POSE, *Geometry.symbols()), list(matrix), "numpy", cse=True)
 
     def evaluate(geometry: Geometry, poses: FloatArray) -> FloatArray:

@@ -11,14 +11,16 @@ from loopid.regressors.closed_loop import (
     standard_values,
     tree_regressor,
 )
-from loopid.regressors.file_physics import FileForce, file_forces, warn_of_omitted
 from loopid.regressors.joint_terms import (
     JOINT_TERMS,
     NO_TERMS,
     OF_FILE,
+    FileForce,
     JointState,
     JointTerm,
     JointTerms,
+    file_forces,
     joint_term,
+    warn_of_omitted,
 )
 from loopid.regressors.structural import structural_observation

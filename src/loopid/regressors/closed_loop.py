@@ -151,20 +151,11 @@ def motion_regressor(
     model: str = "full",
     joint_terms: JointTerms | None = None,
 ) -> FloatArray:
-    """Actuator forces per unit of the parameters of all bodies, then of the joint terms.
+    """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
-    Parameters
-    ----------
-    motion : ClosedMotion
-    model : str
-        ``"full"``, or ``"gravity"`` for what holds the robot at rest in each configuration.
-    joint_terms : JointTerms, optional
-        Of the motion, in either model.
-
-    Returns
-    -------
-    FloatArray
-        (N, dof, n), columns named by ``motion_parameters``.
+    The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
+    configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
+    columns.
     """
     q, G = motion.configurations, motion.projection.G
     if model_kinds(model) == model_kinds("full"):

@@ -3,7 +3,8 @@
 The motors give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
 [Khalil2004, ch. 12]. ``JOINT_TERMS`` is the registry of the laws; ``JointTerms`` says which joints,
 actuated or passive, have which, and gives their columns: Gᵀ times the joint force. A robot file
-gives values of some: they are known beforehand, and what a chosen model leaves out of them is told.
+gives values of some, and of forces that no model has: how large they are beside those of the rigid
+bodies, and what a chosen model leaves out of them, is told.
 """
 
 from __future__ import annotations
@@ -12,19 +13,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from math import isfinite, nan
+from shlex import quote
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked_fields
+from loopid.arguments import checked, checked_fields
 from loopid.arrays import FloatArray
-from loopid.errors import OptionError
-from loopid.kinematics import ClosedMotion
+from loopid.errors import AssemblyError, ModelWarning, OptionError, SingularityError, warn
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    random_configurations,
+    random_motions,
+    torque_regressors,
+)
 from loopid.parameters import Parameter, ParameterSet
-from loopid.robot import Mechanism
+from loopid.robot import LeftOut, Mechanism, link_frames, shortened
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
+SAMPLES = 60  # random states that forces are compared in
+NOTHING = 1e-12  # of the largest rigid-body force: round-off
 
 
 class JointState(NamedTuple):
@@ -104,12 +114,7 @@ MARKS = {"~": "RATE", "@": "POSITION"}
 def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
     """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
 
-    Where other words than kinds would do, an error names them too.
-
-    Raises
-    ------
-    OptionError
-        When there is no such kind, or its number makes no sense.
+    Where other words than kinds would do, an OptionError names them too.
     """
     mark = next((mark for mark in MARKS if mark in kind), "")
     stem, _, number = kind.partition(mark) if mark else (kind, "", "")
@@ -371,3 +376,137 @@ def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointS
         # A continuous joint is stored as the cosine and sine of its angle.
         position = q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0])
     return JointState(position, motion.velocities[:, index], motion.accelerations[:, index])
+
+
+# What the robot file gives beyond rigid bodies.
+
+
+@dataclass(frozen=True)
+class FileForce:
+    """A force that the robot file gives and that rigid bodies do not have."""
+
+    what: str
+    joint: str = ""  # of a joint term; empty for what no model has
+    kind: str = ""
+    value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
+    unit: str = ""
+    # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
+    # that feels it most; infinite where these are zero, NaN where it is not known
+    size: float = np.nan
+
+
+@checked
+def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
+    """All that the robot file gives beyond rigid bodies, with its size.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.regressors import file_forces
+    >>> file_forces(loopid.load_mechanism("five_bar"))
+    ()
+    """
+    terms = JointTerms.of(mechanism, OF_FILE)
+    if terms is None and not mechanism.left_out:
+        return ()
+    try:
+        q = random_configurations(mechanism, SAMPLES)
+        motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
+    except (AssemblyError, SingularityError):
+        motion = None
+    return tuple(_sized(mechanism, terms, motion))
+
+
+def _sized(
+    mechanism: Mechanism, terms: JointTerms | None, motion: ClosedMotion | None
+) -> Iterator[FileForce]:
+    rigid = None if motion is None else _rms(_rigid_forces(mechanism, motion))
+
+    def size(force: FloatArray | None) -> float:
+        if rigid is None or force is None:
+            return float("nan")
+        found = _rms(force)
+        known = rigid > NOTHING * rigid.max(initial=0.0)
+        felt = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
+        if (felt & ~known).any():
+            return float("inf")
+        return float((found[known] / rigid[known]).max(initial=0.0))
+
+    if terms is not None:
+        names, values = terms.parameters(mechanism), terms.values(mechanism)
+        columns = (
+            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
+        )
+        for j, (name, value) in enumerate(zip(names, values, strict=True)):
+            law, own = joint_term(name.kind), terms.of_joints[name.link]
+            # A spring counts from where it is slack.
+            parts = [j, *(names.labels.index(f"{name.link}.{kind}") for kind in law.beside)]
+            force = None if columns is None else columns[..., parts].sum(axis=2)
+            parted = any(name.kind in joint_term(kind).beside for kind in own)
+            if not (np.isnan(value) or parted):
+                what = f"{law.name} of {name.link}"
+                yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
+    for left in mechanism.left_out:
+        yield FileForce(left.what, size=size(_force(mechanism, motion, left)))
+
+
+def _rms(force: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt((force**2).mean(axis=0)))
+
+
+def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+    state = motion.configurations, motion.velocities, motion.accelerations
+    columns = torque_regressors(mechanism, *state, "full", motion.projection.G)
+    return np.asarray(columns @ mechanism.standard_parameters("full"))
+
+
+def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
+    """Force (N, dof) of what is left out; None where it is not known."""
+    if motion is None or not (left.weights or left.tendon):
+        return None
+    q, G = motion.configurations, motion.projection.G
+    force = np.zeros(G.shape[::2])
+    if left.weights:
+        untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
+        carriers = [body.joint_id for body in mechanism.bodies]
+        for link, (mass, *centre) in left.weights.items():
+            frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
+            if frame.parentJoint in carriers:
+                point = frame.placement.act(np.array(centre))
+                pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
+        force -= torque_regressors(untied, q, model="gravity", G=G) @ pi.ravel()
+    if left.tendon:
+        along = np.zeros(mechanism.model.nv)
+        along[mechanism.velocity_indices(left.tendon)] = list(left.tendon.values())
+        positions = np.stack([joint_state(mechanism, motion, j).position for j in left.tendon], -1)
+        state = JointState(
+            positions @ np.array(list(left.tendon.values())),
+            motion.velocities @ along,
+            motion.accelerations @ along,
+        )
+        signals = [
+            value * np.broadcast_to(joint_term(kind).signal(state, JointTerms(()), np), len(q))
+            for kind, value in left.values.items()
+        ]
+        force += np.einsum("n,nji,j->ni", np.sum(signals, axis=0), G, along)
+    return force
+
+
+def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
+    """Warn once of what the robot file gives of joints and the chosen terms do not have."""
+    chosen = {} if terms is None else terms.of_joints
+    omitted: dict[str, list[str]] = {}
+    for joint, values in mechanism.joint_values.items():
+        for kind in values:
+            if kind not in chosen.get(joint, ()):
+                omitted.setdefault(f"{joint_term(kind).name} ({kind})", []).append(joint)
+    if not omitted:
+        return
+    listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
+    said = [] if terms is None else [terms.choice(mechanism)]
+    words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
+    warn(
+        f"{mechanism.path} gives {listed}, which this model leaves out: --terms {quote(words)} "
+        f"includes it, in Python JointTerms.of(robot, {words!r})",
+        ModelWarning,
+    )

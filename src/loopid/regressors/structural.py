@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import affordable, checked
+from loopid.arguments import checked, random_generator
 from loopid.arrays import FloatArray
 from loopid.kinematics import (
     Accuracy,
@@ -24,7 +24,6 @@ from loopid.observation import Observation, RoundedGeometry
 from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, joint_term
 from loopid.robot import Mechanism
-from loopid.seeds import random_generator
 from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
@@ -40,7 +39,6 @@ def structural_observation(
     samples: int | None = None,
     seed: int = 0,
     margin: float | None = None,
-    keep_matrix: bool = False,
     progress: Progress | None = None,
     joint_terms: JointTerms | None = None,
 ) -> Observation:
@@ -55,8 +53,6 @@ def structural_observation(
     seed : int
     margin : float, optional
         Least singularity measure of a pose, as in ``random_configurations``.
-    keep_matrix : bool
-        Whether the observation keeps W beside its triangular factor.
     progress : callable, optional
         Called with the numbers of poses done and in all.
     joint_terms : JointTerms, optional
@@ -85,9 +81,6 @@ def structural_observation(
     enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
-    if keep_matrix:
-        width = len(parameters) * len(mechanism.independent)
-        affordable("samples with keep_matrix", samples, bytes_each=2 * 8 * width)
     generator, kept = random_generator(seed, stream=1), list[Motions]()
 
     def regressors() -> Iterator[FloatArray]:
@@ -115,7 +108,6 @@ def structural_observation(
             regressors(),
             parameters,
             mechanism.length,
-            keep_matrix,
             natural,
             driven=driven if mechanism.free and driven else None,
         )

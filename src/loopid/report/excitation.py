@@ -9,7 +9,8 @@ import numpy as np
 from rich.table import Table
 
 from loopid.arrays import FloatArray
-from loopid.excitation import Check, ExcitationDesign
+from loopid.excitation import ExcitationDesign
+from loopid.files import csv_text
 from loopid.report.figures import (
     BLUE,
     GREY,
@@ -21,13 +22,7 @@ from loopid.report.figures import (
     rendered,
     thinned,
 )
-from loopid.report.tables import (
-    json_text,
-    json_value,
-    markdown_table,
-    markdown_text,
-    plain_table,
-)
+from loopid.report.tables import json_fields, json_text, json_value, markdown_page, plain_table
 from loopid.trajectories import FourierCurve, SplineCurve, Waypoint
 from loopid.yaml_files import yaml_writer
 
@@ -43,34 +38,23 @@ CAPTIONS = {
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     """All findings of a design, ready for JSON."""
-    criteria, mechanism = found.criteria, found.force_model.mechanism
+    criteria = "condition_number", "log_det", "trace", "least_eigenvalue"
+    checked = "name", "unit", "lowest", "highest", "lower", "upper", "time", "violations"
+    mechanism = found.force_model.mechanism
     return {
         "mechanism": mechanism.name,
         "model": found.force_model.model,
         "criterion": found.criterion,
-        "condition_number": json_value(criteria.condition_number),
-        "log_det": json_value(criteria.log_det),
-        "trace": json_value(criteria.trace),
-        "least_eigenvalue": json_value(criteria.least_eigenvalue),
-        "violations": found.violations,
-        "min_singularity_measure": json_value(found.min_singularity_measure),
+        **json_fields(found.criteria, *criteria),
+        **json_fields(found, "violations", "min_singularity_measure"),
         "duration": found.motion.duration,
-        "seconds": found.seconds,
-        "solver": found.solver,
-        "evaluations": found.evaluations,
-        "stopped": found.stopped,
+        **json_fields(found, "seconds", "solver", "evaluations", "stopped"),
         "coordinates": list(found.motion.names),
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.labels),
-        "standard_errors": json_value(found.standard_errors.tolist()),
-        "errors_before": [json_value(x) for x in found.errors_before.tolist()],
-        "checks": [_check(check) for check in found.checks],
+        **json_fields(found, "standard_errors", "errors_before"),
+        "checks": [json_fields(check, *checked) for check in found.checks],
     }
-
-
-def _check(check: Check) -> dict[str, Any]:
-    names = "name", "unit", "lowest", "highest", "lower", "upper", "time", "violations"
-    return {name: json_value(getattr(check, name)) for name in names}
 
 
 def excitation_tables(found: ExcitationDesign) -> list[Table]:
@@ -81,36 +65,30 @@ def excitation_tables(found: ExcitationDesign) -> list[Table]:
 def _summary(found: ExcitationDesign) -> Table:
     criteria, force_model = found.criteria, found.force_model
     title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
-    table = plain_table(f"{title} for the {force_model.model} model", "", ">")
     rows = (
         ("criterion that was optimised", found.criterion),
         ("condition number of the weighted observation", f"{criteria.condition_number:.4g}"),
         ("log det of the information (D)", f"{criteria.log_det:.4g}"),
         ("trace of its inverse (A)", f"{criteria.trace:.4g}"),
         ("its least eigenvalue (E)", f"{criteria.least_eigenvalue:.4g}"),
-        ("violations on the fine grid", str(found.violations)),
+        ("violations on the fine grid", found.violations),
         ("least singularity measure", f"{found.min_singularity_measure:.4g}"),
         ("solver", f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s"),
         ("converged", "no: more time may find a better motion" if found.stopped else "yes"),
     )
-    for row in rows:
-        table.add_row(*row)
-    return table
+    return plain_table(f"{title} for the {force_model.model} model", ("", ">"), rows)
 
 
 def _errors(found: ExcitationDesign) -> Table:
     before = "logs" if found.after_logs else "first motion"
     columns = ("leading parameter", ">± std", f">by the {before}", "unit")
-    table = plain_table("predicted standard errors", *columns)
-    rows = zip(found.parameters, found.standard_errors, found.errors_before, strict=True)
-    for parameter, after, earlier in rows:
-        table.add_row(parameter.label, f"{after:.3g}", f"{earlier:.3g}", parameter.unit)
-    return table
+    errors = zip(found.parameters, found.standard_errors, found.errors_before, strict=True)
+    rows = ((p.label, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
+    return plain_table("predicted standard errors", columns, rows)
 
 
 def _checks(found: ExcitationDesign) -> Table:
-    title = "check list, on a grid ten times finer than the design's"
-    table = plain_table(title, "", ">motion", ">limits", ">broken")
+    rows = []
     for check in found.checks:
         limits = f"{check.lower:.4g} ... {check.upper:.4g}"
         if not np.isfinite(check.upper):
@@ -119,20 +97,18 @@ def _checks(found: ExcitationDesign) -> Table:
             limits = f"up to {check.upper:.4g}"
         name = f"{check.name} ({check.unit})" if check.unit else check.name
         motion = f"{check.lowest:.4g} ... {check.highest:.4g}"
-        table.add_row(name, motion, limits, str(check.violations))
-    return table
+        rows.append((name, motion, limits, check.violations))
+    title = "check list, on a grid ten times finer than the design's"
+    return plain_table(title, ("", ">motion", ">limits", ">broken"), rows)
 
 
 def excitation_files(found: ExcitationDesign) -> dict[str, bytes | str]:
     """Motion, report, record and figures, by file name."""
-    mechanism = found.force_model.mechanism
-    parts = [f"# Excitation of {markdown_text(mechanism.name)}", ""]
-    parts += [markdown_table(table) for table in excitation_tables(found)]
-    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in CAPTIONS.items()]
+    title = f"Excitation of {found.force_model.mechanism.name}"
     return {
         "motion.csv": motion_table(found),
         "motion.yaml": motion_file(found),
-        "report.md": "\n".join(parts),
+        "report.md": markdown_page(title, excitation_tables(found), CAPTIONS),
         "excitation.json": json_text(excitation_record(found)) + "\n",
         **_draw_motion(found),
         **_draw_singularity(found),
@@ -149,10 +125,8 @@ def motion_table(found: ExcitationDesign) -> str:
         for what in ("position", "velocity", "acceleration")
         for motor in motors.names
     ]
-    rows = np.column_stack([motors.time, motors.position, motors.velocity, motors.acceleration])
-    head = ",".join(["time", *(f'"{n}"' if "," in n else n for n in names)])
-    lines = (",".join(f"{value:.12g}" for value in row) for row in rows)
-    return "\n".join([head, *lines]) + "\n"
+    columns = motors.time, motors.position, motors.velocity, motors.acceleration
+    return csv_text(["time", *names], *columns, digits=12)
 
 
 def motion_file(found: ExcitationDesign) -> str:

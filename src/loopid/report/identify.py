@@ -1,34 +1,41 @@
-"""The report of ``loopid identify``: record for machines, findings, tables, page and files."""
+"""The report of ``loopid identify``: record, findings, tables, page, figures and files."""
 
 from __future__ import annotations
 
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from rich.table import Table
 
-from loopid.regressors import NO_TERMS
-from loopid.report.tables import (
-    json_text,
-    json_value,
-    markdown_table,
-    markdown_text,
-    plain_table,
+from loopid.arrays import BoolArray, FloatArray
+from loopid.consistency import ConsistentFit
+from loopid.experiment import (
+    BandSweep,
+    Candidate,
+    Identifiability,
+    Identification,
+    Suspicions,
+    TermComparison,
+    WeakDirection,
+    prediction_reach,
 )
-
-if TYPE_CHECKING:
-    from loopid.consistency import ConsistentFit
-    from loopid.experiment import (
-        BandSweep,
-        Candidate,
-        Identifiability,
-        Identification,
-        Suspicions,
-        TermComparison,
-        WeakDirection,
-    )
-    from loopid.identification import FitResult, PredictionError
-    from loopid.logs import Recording
+from loopid.identification import FitResult, PredictionError
+from loopid.logs import Recording
+from loopid.regressors import NO_TERMS
+from loopid.report.figures import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    drawing,
+    drawn,
+    plain_log_labels,
+    rendered,
+    thinned,
+)
+from loopid.report.tables import json_fields, json_text, json_value, markdown_page, plain_table
+from loopid.saved import SavedFit
 
 CAPTIONS = {
     "filter": "Accelerations in the log with the cut-off; changes of estimates at lower ones, in "
@@ -38,19 +45,19 @@ CAPTIONS = {
     "parameters": "Base parameters against the robot file.",
     "reduction": "Validation error by the number of parameters taken from the data.",
 }
-
-
 # Beside the figures; a fit only where there is one.
 RESULTS = (
     *("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml"),
     "standard_parameters.yaml",
 )
+# Of the least effect that is drawn, where unidentifiable combinations are drawn.
+BELOW = 0.1
+LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
+LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
 def identification_record(found: Identification) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
-    from loopid.saved import SavedFit  # here, as the other reports do without it
-
     model, told, consistent = found.force_model, found.identifiability, found.consistent
     terms = model.joint_terms
     return {
@@ -69,7 +76,7 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "term_sets": found.term_sets and _term_sets(found.term_sets),
         "fitted_bodies_pay": found.term_sets and found.term_sets.bodies_pay,
         "identifiability": {
-            **_fields(told, "structural_rank", "rank", "command"),
+            **json_fields(told, "structural_rank", "rank", "command"),
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
             "structural_effects": json_value(told.excitation.structural),
@@ -86,12 +93,8 @@ def identification_record(found: Identification) -> dict[str, Any]:
     }
 
 
-def _fields(thing: object, *names: str) -> dict[str, Any]:
-    return {name: json_value(getattr(thing, name)) for name in names}
-
-
 def _suspicions(found: Suspicions) -> dict[str, Any]:
-    gains = [_fields(gain, "joint", "gain", "interval") for gain in found.gains]
+    gains = [json_fields(gain, "joint", "gain", "interval") for gain in found.gains]
     return {"recording": found.recording, "sentences": list(found.sentences), "gains": gains}
 
 
@@ -108,7 +111,7 @@ def _recording(recording: Recording) -> dict[str, Any]:
 def _direction(direction: WeakDirection) -> dict[str, Any]:
     return {
         "combination": direction.text,
-        **_fields(direction, "effect", "standard_error", "change"),
+        **json_fields(direction, "effect", "standard_error", "change"),
     }
 
 
@@ -123,7 +126,7 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
         }
     ratio, error = json_value(candidate.error_ratio)
     return {
-        **_fields(candidate, "name", "fitted"),
+        **json_fields(candidate, "name", "fitted"),
         **qualities,
         "error_ratio": ratio,
         "error_ratio_standard_error": error,
@@ -273,40 +276,27 @@ def _consistent_findings(found: ConsistentFit) -> list[str]:
 
 def identification_tables(found: Identification) -> list[Table]:
     """Parameters, prediction errors, what was left out, findings."""
-    said = plain_table("findings", "")
-    for sentence in findings(found):
-        said.add_row(sentence)
-    told = found.identifiability
-    return [
-        _parameter_table(found),
-        *([_weak_table(told)] if told.unidentifiable or told.weak else []),
-        _essential_table(found),
-        *([] if found.consistent is None else [_consistent_table(found.consistent)]),
-        _candidates_table(found),
-        *([] if found.term_sets is None else [_terms_table(found.term_sets)]),
-        _noise_table(found),
-        _gains_table(found),
-        _dropped_table(found),
-        *([] if found.recommended_fit is found.fit else [_recommended_table(found)]),
-        said,
-    ]
-
-
-def _parameter_table(found: Identification) -> Table:
-    name = found.force_model.mechanism.name
-    return _estimates_table(f"{name}: all parameters by {found.fit.estimator}", found.fit)
-
-
-def _recommended_table(found: Identification) -> Table:
-    title = f"recommended: {found.recommended.name}"
-    return _estimates_table(title, found.recommended_fit)
+    told, name = found.identifiability, found.force_model.mechanism.name
+    title = f"{name}: all parameters by {found.fit.estimator}"
+    tables = [_estimates_table(title, found.fit)]
+    if told.unidentifiable or told.weak:
+        tables.append(_weak_table(told))
+    tables.append(_essential_table(found))
+    if found.consistent is not None:
+        tables.append(_consistent_table(found.consistent))
+    tables.append(_candidates_table(found))
+    if found.term_sets is not None:
+        tables.append(_terms_table(found.term_sets))
+    tables += [_noise_table(found), _gains_table(found), _dropped_table(found)]
+    if found.recommended_fit is not found.fit:
+        title = f"recommended: {found.recommended.name}"
+        tables.append(_estimates_table(title, found.recommended_fit))
+    return [*tables, plain_table("findings", ("",), ([text] for text in findings(found)))]
 
 
 def _estimates_table(title: str, fit: FitResult) -> Table:
-    columns = ("leading parameter", ">value", ">± std", ">std %", ">95 % interval", "unit")
-    table = plain_table(title, *columns)
-    for estimate in fit.estimates:
-        table.add_row(
+    rows = (
+        (
             estimate.name,
             f"{estimate.value:.4g}",
             f"{estimate.standard_error:.2g}",
@@ -314,125 +304,116 @@ def _estimates_table(title: str, fit: FitResult) -> Table:
             "{:.4g} ... {:.4g}".format(*estimate.interval),
             estimate.unit,
         )
-    return table
+        for estimate in fit.estimates
+    )
+    columns = ("leading parameter", ">value", ">± std", ">std %", ">95 % interval", "unit")
+    return plain_table(title, columns, rows)
 
 
 def _weak_table(found: Identifiability) -> Table:
+    rows = [(each.text, "0", "unidentifiable") for each in found.unidentifiable]
+    rows += [(w.text, f"{w.effect:.1e}", f"{w.standard_error:.2g}") for w in found.weak]
     columns = "combination", ">effect on forces", ">± std (sizes)"
-    table = plain_table("unidentifiable and weakly identifiable combinations", *columns)
-    for direction in found.unidentifiable:
-        table.add_row(direction.text, "0", "unidentifiable")
-    for direction in found.weak:
-        table.add_row(direction.text, f"{direction.effect:.1e}", f"{direction.standard_error:.2g}")
-    return table
+    return plain_table("unidentifiable and weakly identifiable combinations", columns, rows)
 
 
 def _essential_table(found: Identification) -> Table:
-    columns = ("parameter", ">value", ">± std", ">robot file", "unit")
-    table = plain_table("essential parameters; the others as in the robot file", *columns)
     result, prior = found.reduction.result, found.force_model.prior
-    joints = set(found.force_model.joint_columns)
+    joints, rows = set(found.force_model.joint_columns), []
     for column, estimate in zip(found.reduction.columns, result.estimates, strict=True):
         known = f"{prior[column]:.4g}" if prior[column] or column not in joints else "-"
         numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
-        table.add_row(found.force_model.base.expressions[column], *numbers, estimate.unit)
-    return table
+        rows.append((found.force_model.base.expressions[column], *numbers, estimate.unit))
+    columns = ("parameter", ">value", ">± std", ">robot file", "unit")
+    return plain_table("essential parameters; the others as in the robot file", columns, rows)
 
 
 def _consistent_table(found: ConsistentFit) -> Table:
-    columns = "body", ">mass (kg)", ">centre of mass (m)", ">margin"
-    table = plain_table(f"physically consistent parameters ({found.regularisation})", *columns)
+    rows = []
     for row in found.rows:
         centre = ", ".join(f"{row[axis]:.4g}" for axis in "xyz")
-        table.add_row(row["body"], f"{row['mass']:.4g}", centre, f"{row['margin']:.2g}")
-    return table
+        rows.append((row["body"], f"{row['mass']:.4g}", centre, f"{row['margin']:.2g}"))
+    columns = "body", ">mass (kg)", ">centre of mass (m)", ">margin"
+    return plain_table(f"physically consistent parameters ({found.regularisation})", columns, rows)
 
 
 def _candidates_table(found: Identification) -> Table:
     """Prediction errors of the robot file, all parameters and the essential ones."""
-    columns = [f">{candidate.name.removesuffix(' parameters')}" for candidate in found.candidates]
-    title = "prediction errors on fitted and on new data: RMS ± std (R²)"
-    table = plain_table(title, "", *columns)
-    table.add_row("parameters fitted", *(str(c.fitted) for c in found.candidates))
+    candidates, rows = found.candidates, list[list[object]]()
+    rows.append(["parameters fitted", *(c.fitted for c in candidates)])
     for k, actuator in enumerate(found.force_model.mechanism.independent):
         for part, name in enumerate(("fit", "new")):
-            cells = []
-            for candidate in found.candidates:
+            rows.append([f"{actuator}, {name}"])
+            for candidate in candidates:
                 quality = (candidate.training, candidate.validation)[part]
                 rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
                 cell = f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
-                cells.append(cell if quality.samples[k] else "-")
-            table.add_row(f"{actuator}, {name}", *cells)
-    ratios = ["1", *("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in found.candidates[1:])]
-    table.add_row("squared error, new", *ratios)
-    return table
+                rows[-1].append(cell if quality.samples[k] else "-")
+    ratios = ("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in candidates[1:])
+    rows.append(["squared error, new", "1", *ratios])
+    columns = "", *(f">{candidate.name.removesuffix(' parameters')}" for candidate in candidates)
+    title = "prediction errors on fitted and on new data: RMS ± std (R²)"
+    return plain_table(title, columns, rows)
 
 
 def _terms_table(found: TermComparison) -> Table:
     """What each set of joint terms buys, with the bodies of the robot file and fitted ones."""
-    columns = "terms", ">fitted", ">bodies of the robot file", ">fitted", ">bodies fitted"
-    title = "joint terms: squared error on new data ± std, in error variances of the fit"
-    table = plain_table(title, *columns)
+    rows = []
     for each in found.sets:
-        cells = [each.choice + (" (chosen)" if each is found.chosen else "")]
+        rows.append([each.choice + (" (chosen)" if each is found.chosen else "")])
         for k in (0, 1):
             best = " enough" if each is found.enough[k] else ""
-            cells += [str(each.parameters[k]), _error_text(each.errors[k]) + best]
-        table.add_row(*cells)
-    return table
+            rows[-1] += [str(each.parameters[k]), _error_text(each.errors[k]) + best]
+    columns = "terms", ">fitted", ">bodies of the robot file", ">fitted", ">bodies fitted"
+    title = "joint terms: squared error on new data ± std, in error variances of the fit"
+    return plain_table(title, columns, rows)
 
 
 def _noise_table(found: Identification) -> Table:
-    columns = "", ">samples", ">effective", ">lag-one correlation"
-    table = plain_table("residuals of the fit", *columns)
-    noise = found.fit.noise
+    noise, rows = found.fit.noise, []
     if noise is not None:
         for k, actuator in enumerate(noise.actuators):
             counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
-            table.add_row(actuator, *counts, f"{noise.lag_one[k]:.3f}")
-    return table
+            rows.append((actuator, *counts, f"{noise.lag_one[k]:.3f}"))
+    columns = "", ">samples", ">effective", ">lag-one correlation"
+    return plain_table("residuals of the fit", columns, rows)
 
 
 def _gains_table(found: Identification) -> Table:
+    rows = (
+        (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
+        for one in found.suspicions
+        for g in one.gains
+    )
     columns = "recording", "motor", ">gain", ">95 % interval"
-    table = plain_table("measured forces over what bodies and other motors let expect", *columns)
-    for one in found.suspicions:
-        for gain in one.gains:
-            interval = "{:.3g} ... {:.3g}".format(*gain.interval)
-            table.add_row(one.recording, gain.joint, f"{gain.gain:.3g}", interval)
-    return table
+    return plain_table(
+        "measured forces over what bodies and other motors let expect", columns, rows
+    )
 
 
 def _dropped_table(found: Identification) -> Table:
-    table = plain_table("left out", "recording", "reason", ">samples", ">from (s)", ">to (s)")
-    for recording in found.training:
-        for dropped in recording.dropped:
-            span = f"{dropped.first:.2f}", f"{dropped.last:.2f}"
-            table.add_row(recording.name, dropped.reason, str(dropped.count), *span)
-    return table
+    rows = (
+        (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
+        for recording in found.training
+        for d in recording.dropped
+    )
+    return plain_table(
+        "left out", ("recording", "reason", ">samples", ">from (s)", ">to (s)"), rows
+    )
 
 
 def identification_files(found: Identification) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
-    from loopid.report.identify_figures import identification_figures
-    from loopid.saved import SavedFit
-
-    record = identification_record(found)
-    parts = [f"# Identification of {markdown_text(found.force_model.mechanism.name)}", ""]
-    parts += [markdown_table(table) for table in identification_tables(found)]
     figures = identification_figures(found)
-    parts += [
-        f"![{text}]({figure}.svg)\n\n{text}\n"
-        for figure, text in CAPTIONS.items()
-        if f"{figure}.svg" in figures
-    ]
+    captions = {name: text for name, text in CAPTIONS.items() if f"{name}.svg" in figures}
+    title = f"Identification of {found.force_model.mechanism.name}"
     page, data, *names = RESULTS
     chosen = found.recommended_fit
     other = None if chosen is found.fit else found.fit
     fits = dict(zip(names, (chosen, other, found.consistent), strict=True))
     return {
-        page: "\n".join(parts),
-        data: json_text(record) + "\n",
+        page: markdown_page(title, identification_tables(found), captions),
+        data: json_text(identification_record(found)) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()
@@ -440,3 +421,137 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
         },
         **figures,
     }
+
+
+def identification_figures(found: Identification) -> dict[str, bytes]:
+    """All figures as SVG and PNG, by file name."""
+    spectrum = draw_spectrum(found.identifiability)
+    rest = draw_forces(found) | spectrum | draw_parameters(found) | draw_reduction(found)
+    return rest | draw_filter(found)
+
+
+def draw_filter(found: Identification) -> dict[str, bytes]:
+    """Spectrum of the first log, and how estimates move at lower cut-offs, where known."""
+    recording, sweep = found.training[0], found.sweep
+    told = recording.spectrum
+    if told is None or sweep is None or not len(told.frequency):
+        return {}
+    with drawing(2, height=1.6) as (figure, axes):
+        ax, below = axes[:, 0]
+        ax.plot(told.frequency, told.density, color=BLUE)
+        ax.plot(told.frequency, told.noise, "--", color=GREY)
+        ax.axvline(recording.cutoff, color=RED)
+        largest = told.density.max()
+        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="density (1/Hz)")
+        ax.set(ylim=(LEAST_DENSITY * largest, 3 * largest), title="accelerations of the motors")
+        for axis in (ax.xaxis, ax.yaxis):
+            plain_log_labels(axis, (1.0,))
+        names = "in the log", "noise of the positions", "cut-off"
+        figure.legend(ax.lines, names, loc="outside lower center", ncols=3)
+        change = sweep.shifts / sweep.deviations
+        parts, change = np.append(1.0, sweep.parts), np.vstack([0 * change[:1], change])
+        for name, moves in zip(found.fit.parameters.labels, change.T, strict=True):
+            clear = name in sweep.moved
+            below.plot(parts, moves, color=RED if clear else GREY, linewidth=1.2 if clear else 0.5)
+        below.set(xlabel="cut-off, in parts of the one chosen", ylabel="change / noise")
+        below.set_title("estimates at lower cut-offs")
+        return rendered(figure, "filter")
+
+
+def draw_forces(found: Identification) -> dict[str, bytes]:
+    """Forces of each actuator on the first validation recording, measured and predicted."""
+    recording, joints = found.validation[0], found.force_model.mechanism.independent
+    rows = thinned(len(recording))
+    time, gaps = recording.motion.time[rows], ~recording.used[rows]
+    W = found.samples[1].regressor[rows]
+    baseline, essential = W @ found.baseline.values, W @ found.essential.values
+    reach = prediction_reach(W, found.essential.covariance)
+    with drawing(len(joints), height=1.3) as (figure, axes):
+        for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
+            ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
+            ax.plot(time, _broken(baseline, gaps, k), "--", color=BLUE)
+            line = _broken(essential, gaps, k)
+            ends = line - reach[:, k], line + reach[:, k]
+            ax.plot(time, line, color=RED)
+            ax.fill_between(time, *ends, color=RED, alpha=0.3, linewidth=0)
+            ax.set(title=drawn(joint), ylabel=f"force ({force_unit(found, joint)})")
+        axes[-1, 0].set_xlabel("time (s)")
+        labels = ("measured", "robot file, joint terms", "essential", "its 95 % interval")
+        handles = [*axes[0, 0].lines, *axes[0, 0].collections]
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+        return rendered(figure, "forces")
+
+
+def force_unit(found: Identification, joint: str) -> str:
+    """Unit of an actuator's force: N where it slides, N m where it turns."""
+    mechanism = found.force_model.mechanism
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+
+
+def _broken(values: FloatArray, gaps: BoolArray, k: int) -> FloatArray:
+    """One column, with breaks where the force says nothing."""
+    return np.where(gaps[:, k], np.nan, values[:, k])
+
+
+def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
+    """Effects of the combinations on forces: in random states of the robot, and in the data."""
+    structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
+    place, rank, sure = 1 + np.arange(len(effects)), found.rank, found.well_determined
+    known, weak, none = slice(0, sure), slice(sure, rank), slice(rank, None)
+    shown = np.append(structural[structural > 0], effects[:rank])
+    floor = np.full(len(effects), BELOW * shown.min(initial=1.0))
+    with drawing(height=2.3) as (figure, axes):
+        ax = axes[0, 0]
+        ax.plot(place, structural, "o-", color=GREY, markersize=2.5, linewidth=0.6)
+        ax.plot(place[known], effects[known], "o", color=BLUE, markersize=3.5)
+        ax.plot(place[weak], effects[weak], "s", color=ORANGE, markersize=3.5)
+        ax.plot(place[none], floor[none], "v", color=RED, markersize=4)
+        labels = "structure", "data", "weak: worse than the robot file", "unidentifiable: no effect"
+        there = [True, sure > 0, rank > sure, rank < len(effects)]
+        handles = [line for line, drawn in zip(ax.lines, there, strict=True) if drawn]
+        names = [name for name, drawn in zip(labels, there, strict=True) if drawn]
+        ax.set(yscale="log", xlabel="combination of parameters", ylabel="effect on forces (%)")
+        ax.set_title("singular spectrum: one size of each combination")
+        plain_log_labels(ax.yaxis, (1.0,))
+        figure.legend(handles, names, loc="outside lower center", ncols=2)
+        return rendered(figure, "spectrum")
+
+
+def draw_parameters(found: Identification) -> dict[str, bytes]:
+    """Intervals of all parameters about the robot file's values, in standard errors."""
+    labels, error = found.fit.parameters.labels, found.fit.standard_errors
+    bodies = found.force_model.body_columns
+    place = np.arange(len(bodies))[::-1]
+    offset = (found.fit.values - found.force_model.prior)[bodies] / error[bodies]
+    reach = np.ptp(found.fit.intervals(), axis=1) / 2
+    with drawing(height=0.7 + 0.16 * len(bodies)) as (figure, axes):
+        ax = axes[0, 0]
+        bars = (reach / error)[bodies]
+        ax.errorbar(offset, place, xerr=bars, fmt="o", color=BLUE, markersize=3, linewidth=1)
+        ax.axvline(0.0, color=GREY, linewidth=0.8)
+        names = [
+            f"{drawn(labels[j], LONGEST_LABEL)}  ±{reach[j]:.2g} {found.fit.parameters[j].unit}"
+            for j in bodies
+        ]
+        ax.set_yticks(place, names)
+        figure.suptitle("base parameters against the robot file", fontsize=8)
+        figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)
+        return rendered(figure, "parameters")
+
+
+def draw_reduction(found: Identification) -> dict[str, bytes]:
+    """Validation error by the number of fitted parameters, and the number that was chosen."""
+    steps = found.reduction.steps
+    count = np.array([len(step.labels) for step in steps])
+    error = np.array([step.validation_error for step in steps])
+    spread = np.array([step.standard_error for step in steps])
+    with drawing(height=2.0) as (figure, axes):
+        ax = axes[0, 0]
+        ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
+        chosen = len(found.reduction.chosen.labels)
+        ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
+        ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
+        ax.set(title="how many parameters are essential", yscale="log")
+        plain_log_labels(ax.yaxis)
+        ax.legend()
+        return rendered(figure, "reduction")

@@ -25,7 +25,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.regressors import OF_FILE, FileForce, file_forces
-from loopid.report.tables import json_value, plain_table
+from loopid.report.tables import facts, json_fields, json_value, plain_table
 from loopid.robot import (
     JointCoupling,
     LoopClosure,
@@ -156,66 +156,75 @@ def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 def check_tables(record: dict[str, Any]) -> list[Table]:
     """The record as tables: joints, closures, summary."""
-    columns = ("joint", "type", "role", ">reference", ">lower", ">upper")
-    joints = plain_table(f"{record['mechanism']}: joints (m, rad)", *columns)
+    tables = [_joint_table(record)]
+    tables += [_closure_table(record)] if record["closures"] else []
+    tables.append(facts("at the reference", _summary(record)))
+    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
+    return tables + _mode_tables(record["assembly_modes"])
+
+
+def _joint_table(record: dict[str, Any]) -> Table:
+    rows = []
     for joint in record["joints"]:
         values = (
             " ".join("-" if x is None else f"{round(x, 4) + 0.0:.4f}" for x in joint[key])
             for key in ("reference", "lower", "upper")
         )
         role = "actuated" if joint["actuated"] else "passive"
-        joints.add_row(joint["name"], joint["type"], role, *values)
-    headers = ("frames or joints", "type", ">rows", ">rank", ">residual (m)")
-    closures = plain_table("closures", *headers)
-    for closure in record["closures"]:
-        name = " - ".join(closure["frames"]) or closure["name"]
-        numbers = closure["rows"], closure["rank"], f"{closure['residual']:.1e}"
-        closures.add_row(name, closure["type"], *numbers)
-    tables = [joints, *([closures] if record["closures"] else []), _summary_table(record)]
-    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
-    return tables + _mode_tables(record["assembly_modes"])
+        rows.append((joint["name"], joint["type"], role, *values))
+    columns = ("joint", "type", "role", ">reference", ">lower", ">upper")
+    return plain_table(f"{record['mechanism']}: joints (m, rad)", columns, rows)
+
+
+def _closure_table(record: dict[str, Any]) -> Table:
+    rows = (
+        (
+            " - ".join(closure["frames"]) or closure["name"],
+            *(closure[key] for key in ("type", "rows", "rank")),
+            f"{closure['residual']:.1e}",
+        )
+        for closure in record["closures"]
+    )
+    columns = ("frames or joints", "type", ">rows", ">rank", ">residual (m)")
+    return plain_table("closures", columns, rows)
 
 
 def _mode_tables(modes: list[dict[str, Any]]) -> list[Table]:
     """Assembly modes, and the reference of each as a YAML takes it, lines broken anywhere."""
-    if not modes:
-        return []
-    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
-    found = plain_table("assembly modes of the drawn pose; the first is used", *columns)
-    tables: list[Table] = [found]
+    rows, tables = [], []
     for mode in modes:
         meets = "yes" if mode["meets_drawn_pose"] else "no"
         rank = "-" if mode["rank"] is None else mode["rank"]
-        found.add_row(mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"])
+        rows.append((mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"]))
         values = ", ".join(f"{name}: {value}" for name, value in mode["reference"].items())
-        tables.append(plain_table(f"to choose mode {mode['mode']}, put this into the YAML", ""))
-        tables[-1].add_row(f"reference: {{{values}}}")
-    return tables
+        title = f"to choose mode {mode['mode']}, put this into the YAML"
+        tables.append(plain_table(title, ("",), [[f"reference: {{{values}}}"]]))
+    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
+    title = "assembly modes of the drawn pose; the first is used"
+    return [plain_table(title, columns, rows), *tables] if modes else []
 
 
 def _left_out_table(record: dict[str, Any]) -> Table:
-    columns = ("", ">value", ">of the rigid-body forces", "included by")
-    table = plain_table("in the file, not in the model of rigid bodies", *columns)
-    for force in record["in_file_not_in_model"]:
-        value, size = force["value"], force["relative_size"]
-        table.add_row(
+    rows = (
+        (
             force["what"],
-            "" if value is None else f"{value:.4g} {force['unit']}",
-            "" if size is None else f"{size:.2g}",
+            "" if force["value"] is None else f"{force['value']:.4g} {force['unit']}",
+            "" if force["relative_size"] is None else f"{force['relative_size']:.2g}",
             force["included_by"] or "nothing",
         )
-    return table
+        for force in record["in_file_not_in_model"]
+    )
+    columns = ("", ">value", ">of the rigid-body forces", "included by")
+    return plain_table("in the file, not in the model of rigid bodies", columns, rows)
 
 
-def _summary_table(record: dict[str, Any]) -> Table:
-    table = plain_table("at the reference", "", "")
+def _summary(record: dict[str, Any]) -> dict[str, str]:
     rank = f"{record['closure_rank']} of {record['closure_rows']} rows"
     rank += f", {record['redundant_rows']} redundant" if record["redundant_rows"] else ""
     freedom = f"{record['degrees_of_freedom']}"
     if record["singular_reference"]:
         freedom += f" (singular reference: {record['generic_degrees_of_freedom']} around it)"
     near = " (near!)" if record["near_singularity"] else ""
-    measure = f"{record['singularity_measure']:.3g}{near}, from 0 (singular) to 1"
     rows = {
         "closure rank": rank,
         "degrees of freedom": freedom,
@@ -224,18 +233,14 @@ def _summary_table(record: dict[str, Any]) -> Table:
         "left free by the motors": ", ".join(record["undetermined"]) or "none",
         "redundant motors": ", ".join(record["redundant_actuation"]) or "none",
         "closure residual": f"{record['closure_residual']:.1e} m",
-        "singularity measure": measure,
+        "singularity measure": f"{record['singularity_measure']:.3g}{near}, from 0 (singular) to 1",
         "bodies with parameters": ", ".join(record["bodies"]),
         **{f"identical: {name}": ", ".join(links) for name, links in record["identical"].items()},
+        "not identical in the file": "; ".join(record["unequal_links"]),
+        "odd masses": "; ".join(record["odd_masses"]),
+        "physically inconsistent": "; ".join(record["inertia_defects"]) or "none",
     }
-    if record["unequal_links"]:
-        rows["not identical in the file"] = "; ".join(record["unequal_links"])
-    if record["odd_masses"]:
-        rows["odd masses"] = "; ".join(record["odd_masses"])
-    rows["physically inconsistent"] = "; ".join(record["inertia_defects"]) or "none"
-    for row in rows.items():
-        table.add_row(*row)
-    return table
+    return {name: text for name, text in rows.items() if text}
 
 
 # loopid base: base parameters and how sure they are.
@@ -292,9 +297,8 @@ def _choice(base: BaseParameters, names: Sequence[Mapping[str, CoefficientName]]
         "rank_gap": base.structure.rank_gap,
         "rank_noise": base.structure.noise,
         "rank_noise_source": base.structure.noise_source,
-        "condition_number": json_value(base.condition_number),
-        "nullspace_condition_number": json_value(base.nullspace_condition_number),
-        "search": {name: json_value(getattr(base.search, name)) for name in SEARCH},
+        **json_fields(base, "condition_number", "nullspace_condition_number"),
+        "search": json_fields(base.search, *SEARCH),
         "base_parameters": [
             {
                 "name": name,
@@ -316,32 +320,32 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
-    lengths = plain_table("lengths", "", ">", "")
-    for length in record["lengths"]:
-        lengths.add_row(length["symbol"], f"{length['value']:.4g} m", length["meaning"])
-    return [*tables, *([lengths] if record["lengths"] else []), _findings(record)]
+    lengths = [(x["symbol"], f"{x['value']:.4g} m", x["meaning"]) for x in record["lengths"]]
+    tables += [plain_table("lengths", ("", ">", ""), lengths)] if lengths else []
+    return [*tables, facts("findings", _findings(record))]
 
 
 def _parameters(title: str, choice: dict[str, Any]) -> Table:
-    table = plain_table(title, ">", "base parameter")
+    rows = []
     for number, parameter in enumerate(choice["base_parameters"], start=1):
         # The sum, and below it what its coefficients are, each on a line of its own.
         where = "\n        ".join(parameter["where"])
         text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
-        table.add_row(number, text)
-    return table
+        rows.append((number, text))
+    return plain_table(title, (">", "base parameter"), rows)
 
 
-def _findings(record: dict[str, Any]) -> Table:
+def _findings(record: dict[str, Any]) -> dict[str, str]:
     search = record["search"]
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
-    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
     gap = f"singular-value gap {record['rank_gap']:.1e}"
     if record["rank_noise"]:
         gap += f" above {record['rank_noise']:.1e}, noise of {record['rank_noise_source']}"
     rows = {
-        "parameters with an effect": effect,
+        "parameters with an effect": (
+            f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+        ),
         "base parameters": f"{record['rank']} ({gap})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
@@ -358,10 +362,7 @@ def _findings(record: dict[str, Any]) -> Table:
             f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
             f"{certificate(alone['search'])}"
         )
-    table = plain_table("findings", "", "")
-    for row in rows.items():
-        table.add_row(*row)
-    return table
+    return rows
 
 
 def certificate(search: dict[str, Any]) -> str:
@@ -417,16 +418,16 @@ def motions_record(
 
 def motions_tables(record: dict[str, Any]) -> list[Table]:
     """One line a motion, and what speaks against any of them."""
-    columns = ("motion", ">time", ">least clearance", ">singularity", ">top speed")
-    table = plain_table(f"{record['mechanism']}: motions", *columns, "problems")
-    for motion in record["motions"]:
-        limited = motion["clearance"] is not None
-        table.add_row(
-            motion["name"],
-            f"{motion['seconds']:.1f}",
-            f"{motion['clearance']:.4f} {motion['nearest_limit']}" if limited else "no limits",
-            f"{motion['singularity']:.4f}",
-            f"{max(motion['speeds'].values()):.4f}",
-            "; ".join(motion["problems"]) or "none",
+    rows = (
+        (
+            m["name"],
+            f"{m['seconds']:.1f}",
+            "no limits" if m["clearance"] is None else f"{m['clearance']:.4f} {m['nearest_limit']}",
+            f"{m['singularity']:.4f}",
+            f"{max(m['speeds'].values()):.4f}",
+            "; ".join(m["problems"]) or "none",
         )
-    return [table]
+        for m in record["motions"]
+    )
+    columns = ("motion", ">time", ">least clearance", ">singularity", ">top speed", "problems")
+    return [plain_table(f"{record['mechanism']}: motions", columns, rows)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,22 +22,18 @@ from loopid.errors import one_line
 MARKUP = re.compile(r"[&<>\[\]|\\`*~$]|(?<![^\W_])_+|_+(?![^\W_])|(?<=\w):(?=//)")
 
 
-class PlainTable(Table):
-    """A table that shows its cells as they are: names may hold what rich takes for markup."""
-
-    def add_row(self, *cells: object, **options: Any) -> None:
-        super().add_row(*(plain_text(str(cell)) for cell in cells), **options)
-
-
 def plain_text(text: str, style: str = "") -> Text:
     """Text that is printed as it is, what is not printable but ends of lines as escapes."""
     return Text("\n".join(map(one_line, text.split("\n"))), style)
 
 
-def plain_table(title: str, *columns: str) -> PlainTable:
-    """A table with a title and columns; a name that begins with ``>`` is aligned right."""
+def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> Table:
+    """A table whose cells are shown as they are; columns that begin with ``>`` are aligned right.
+
+    Columns without names have no header.
+    """
     headed = any(name.strip(">") for name in columns)
-    table = PlainTable(
+    table = Table(
         title=plain_text(title, "bold") if title else None,
         title_justify="left",
         box=box.SIMPLE_HEAD if headed else box.SIMPLE,
@@ -45,7 +42,21 @@ def plain_table(title: str, *columns: str) -> PlainTable:
     for name in columns:
         side: Any = "right" if name[:1] == ">" else "left"
         table.add_column(name.removeprefix(">"), justify=side, overflow="fold")
+    for row in rows:
+        table.add_row(*(plain_text(str(cell)) for cell in row))
     return table
+
+
+def facts(title: str, entries: Mapping[str, object]) -> Table:
+    """A table of names and what is said of them."""
+    return plain_table(title, ("", ""), entries.items())
+
+
+def markdown_page(title: str, tables: Iterable[Table], captions: Mapping[str, str]) -> str:
+    """Tables, then figures by the names of their files, as Markdown under a title."""
+    parts = [f"# {markdown_text(title)}", "", *map(markdown_table, tables)]
+    parts += [f"![{text}]({figure}.svg)\n\n{text}\n" for figure, text in captions.items()]
+    return "\n".join(parts)
 
 
 def markdown_table(table: Table) -> str:
@@ -72,9 +83,16 @@ def json_text(record: Any) -> str:
     return re.sub(r"[^\n]", lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text)
 
 
+def json_fields(thing: object, *names: str) -> dict[str, Any]:
+    """Attributes by name, ready for JSON."""
+    return {name: json_value(getattr(thing, name)) for name in names}
+
+
 def json_value(value: Any) -> Any:
     """Lists of numbers and texts; null for infinity and NaN, which JSON lacks."""
-    if isinstance(value, np.ndarray | tuple):
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
         return [json_value(each) for each in value]
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None

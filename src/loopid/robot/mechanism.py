@@ -160,8 +160,8 @@ class LeftOut:
     tendon: Mapping[str, float] = field(default_factory=dict)
     # Kinds of joint terms to the tendon's coefficients of them
     values: Mapping[str, float] = field(default_factory=dict)
-    # Otherwise what forces and positions are counted by, such as a gear. Without weights and
-    # tendon the size of the force is not known.
+    # False for what forces and positions are counted by, such as a gear; of a force without weights
+    # and tendon the size is not known.
     is_force: bool = True
 
 
@@ -314,13 +314,7 @@ class Mechanism:
         return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
 
     def joint(self, name: str) -> pin.JointModel:
-        """Pinocchio's joint of a name.
-
-        Raises
-        ------
-        OptionError
-            Listing the joints.
-        """
+        """Pinocchio's joint of a name; an OptionError lists the joints."""
         if name not in self.joints:
             raise OptionError.unknown("joint", name, self.joints)
         return self.model.joints[self.model.getJointId(name)]

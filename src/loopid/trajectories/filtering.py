@@ -88,15 +88,7 @@ class LowPass:
 
 @checked
 def differentiate(values: FloatArray, rate: float) -> FloatArray:
-    """Derivatives by time (N, ...) of evenly sampled signals, by central differences.
-
-    Raises
-    ------
-    OptionError
-        When the rate is not positive.
-    DataError
-        When there are fewer than three samples.
-    """
+    """Derivatives by time (N, ...) of evenly sampled signals, by central differences."""
     signal = _signal(values, rate)
     if len(signal) < 3:
         raise DataError(f"{len(signal)} samples are too few to differentiate: it takes 3")

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from loopid.arguments import checked, checked_fields
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     DEFAULT_MARGIN,
@@ -19,7 +19,6 @@ from loopid.kinematics import (
 )
 from loopid.parameters import html_table
 from loopid.robot import Mechanism, lock_options
-from loopid.scratch import finite_rows, kept
 from loopid.trajectories.motion import Motion
 
 
@@ -38,9 +37,9 @@ class JointMotion:
     singularity: FloatArray  # (N,), see ``Projection.singularity``
 
     def __post_init__(self) -> None:
-        count = finite_rows(self.time, "time").shape[:1]
+        count = finite(self.time, "time").shape[:1]
         for name in (field.name for field in fields(self)):
-            values = finite_rows(getattr(self, name), name)
+            values = finite(getattr(self, name), name)
             axes = 1 if name in ("time", "singularity") else 2
             if values.ndim != axes or values.shape[:1] != count:
                 shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
@@ -48,7 +47,7 @@ class JointMotion:
                     f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
                     f"of time, not {values.shape}"
                 )
-            object.__setattr__(self, name, kept(values))
+            object.__setattr__(self, name, frozen(values))
 
     def __len__(self) -> int:
         return len(self.time)

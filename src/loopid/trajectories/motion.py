@@ -75,15 +75,9 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
 
 
 class Curve(ABC):
-    """A detour of c coordinates.
+    """A detour of c coordinates."""
 
-    Attributes
-    ----------
-    shape : FloatArray
-        (m, c), what the functions are multiplied by.
-    """
-
-    shape: FloatArray
+    shape: FloatArray  # (m, c), what the functions are multiplied by
 
     @staticmethod
     @abstractmethod
@@ -108,15 +102,10 @@ class Curve(ABC):
 @checked_fields
 @dataclass(frozen=True, repr=False)
 class FourierCurve(Curve):
-    """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997].
+    """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
 
-    Attributes
-    ----------
-    shape : FloatArray
-        (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H, with Σ h sine_h = 0 and
-        Σ h² cosine_h = 0, so that it starts and ends at rest.
-    """
-
+    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H, with Σ h sine_h = 0 and Σ h²
+    # cosine_h = 0, so that it starts and ends at rest.
     shape: FloatArray
 
     def __post_init__(self) -> None:
@@ -154,14 +143,9 @@ class FourierCurve(Curve):
 @checked_fields
 @dataclass(frozen=True, repr=False)
 class SplineCurve(Curve):
-    """A spline of degree five through waypoints at equal times.
+    """A spline of degree five through waypoints at equal times."""
 
-    Attributes
-    ----------
-    shape : FloatArray
-        (P, c), waypoints less the start, from which it goes and to which it comes back.
-    """
-
+    # (P, c), waypoints less the start, from which it goes and to which it comes back
     shape: FloatArray
 
     def __post_init__(self) -> None:

@@ -197,18 +197,7 @@ class MotionProgram:
     def motion(self, name: str, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 
-        Parameters
-        ----------
-        name : str
-        rate : float, optional
-            Samples per second; by default the rate of the file.
-
-        Raises
-        ------
-        OptionError
-            Listing the motions.
-        DataError
-            When the rate is not positive.
+        The rate is in Hz, by default that of the file.
         """
         if name not in self.motions:
             raise OptionError.unknown("motion", name, self.motions)

@@ -1,18 +1,19 @@
-"""The report of ``loopid predict``: record, table, figure and files."""
+"""Reports of ``loopid predict`` and ``loopid payload``: records, tables, figures and files."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
 
 from rich.table import Table
 
+from loopid.errors import RankError
+from loopid.experiment import GainFit, PayloadFit
 from loopid.identification import Quality
 from loopid.prediction import Prediction
 from loopid.report.figures import BLUE, GREY, RED, drawing, rendered, thinned
-from loopid.report.tables import json_value, plain_table
+from loopid.report.tables import json_fields, json_text, json_value, plain_table
 from loopid.robot import Mechanism
 
 
@@ -42,31 +43,19 @@ def _quality(quality: Quality) -> dict[str, Any]:
 
 def prediction_tables(predictions: Sequence[Prediction]) -> list[Table]:
     """One table a recording."""
-    tables: list[Table] = []
-    for found in predictions:
-        columns = "motor", ">moving", ">RMS error", ">R²", ">standing", ">RMS error"
-        table = plain_table(f"prediction of {found.recording.name}", *columns)
-        for k, motor in enumerate(found.recording.actuators):
-            cells = f"{found.moving.residual_rms[k]:.4g}", f"{found.moving.r_squared[k]:.4f}"
-            table.add_row(
-                motor,
-                f"{found.moving.samples[k]:,}",
-                *cells,
-                f"{found.standing.samples[k]:,}",
-                f"{found.standing.residual_rms[k]:.4g}" if found.standing.samples[k] else "-",
-            )
-        tables.append(table)
-    return tables
+    columns = "motor", ">moving", ">RMS error", ">R²", ">standing", ">RMS error"
+    return [
+        plain_table(f"prediction of {found.recording.name}", columns, found.rows)
+        for found in predictions
+    ]
 
 
 def prediction_files(
     mechanism: Mechanism, predictions: Sequence[Prediction]
 ) -> dict[str, bytes | str]:
     """The record, and a table and a figure of each recording, by file name."""
-    record = prediction_record(predictions)
-    files: dict[str, bytes | str] = {
-        "prediction.json": json.dumps(record, indent=2, ensure_ascii=False) + "\n"
-    }
+    record = json_text(prediction_record(predictions))
+    files: dict[str, bytes | str] = {"prediction.json": record + "\n"}
     for found in predictions:
         stem = f"prediction_{PurePath(found.recording.name).name}"
         while f"{stem}.csv" in files:  # two logs of one name in different folders
@@ -94,3 +83,54 @@ def draw_prediction(mechanism: Mechanism, found: Prediction, name: str) -> dict[
         labels = "measured", "predicted", "measured less predicted"
         figure.legend(axes[0, 0].lines, labels, loc="outside lower center", ncols=3)
         return rendered(figure, name)
+
+
+def payload_record(found: PayloadFit) -> dict[str, Any]:
+    """The payload in plain numbers; mass and centre where the forces tell them."""
+    record = {
+        "link": found.link,
+        "parameters": list(found.base.expressions),
+        "units": [parameter.unit for parameter in found.parameters],
+        "values": json_value(found.values),
+        "intervals_95_percent": json_value(found.intervals()),
+    }
+    try:
+        centre, spread = found.centre()
+    except RankError:
+        return record
+    return record | {
+        "mass": found.mass,
+        "centre": json_value(centre),
+        "centre_intervals_95_percent": json_value(spread),
+    }
+
+
+def payload_tables(found: PayloadFit) -> list[Table]:
+    """What the forces tell of the payload, and its mass and centre where they do."""
+    record = payload_record(found)
+    keys = ("parameters", "values", "intervals_95_percent", "units")
+    told = list(zip(*(record[key] for key in keys), strict=True))
+    for k, axis in enumerate("xyz" if "centre" in record else ""):
+        if record["centre"][k] is not None:
+            reach = record["centre_intervals_95_percent"][k]
+            told.append((f"centre of mass, {axis}", record["centre"][k], reach, "m"))
+    rows = ((name, f"{x:.5g}", "{:.5g} ... {:.5g}".format(*span), u) for name, x, span, u in told)
+    return [plain_table(f"payload on {found.link}", ("", ">value", ">95 % interval", "unit"), rows)]
+
+
+def gains_record(found: GainFit) -> dict[str, Any]:
+    """The gains in plain numbers."""
+    return {
+        **json_fields(found, "actuators", "gains"),
+        "intervals_95_percent": json_value(found.intervals()),
+    }
+
+
+def gains_tables(found: GainFit) -> list[Table]:
+    """One row a motor."""
+    rows = (
+        (name, f"{gain:.4f}", "{:.4f} ... {:.4f}".format(*span))
+        for name, gain, span in zip(found.actuators, found.gains, found.intervals(), strict=True)
+    )
+    title = "true force over logged force: multiply force_scale of the mapping by it"
+    return [plain_table(title, ("motor", ">gain", ">95 % interval"), rows)]
