@@ -4,17 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from loopid.errors import LoopidError
-<<<<<<< HEAD
-from loopid.identification import FitSamples, influence, truncated_values
-from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.experiment import (
-=======
-from loopid.identification import FitSamples, truncated_values
-from loopid.paper import reproduce_paper
-from loopid.paper.reproduction import (
->>>>>>> main
     BODIES,
     COULOMB,
     FRICTION,
@@ -24,6 +14,10 @@ from loopid.paper.reproduction import (
     run_experiment,
     simulate_stand_in,
 )
+
+from loopid.errors import LoopidError
+from loopid.identification import FitSamples, truncated_values
+from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.structure import TABLE_IV
 from made_runs import quietly
 
@@ -196,22 +190,13 @@ def test_figures_show_forces_that_belong_together(stand_ins, short):
 
 
 @pytest.fixture(scope="module")
-<<<<<<< HEAD
 def logged(knee, coarse, log_of, recording_of):
     """What the public log of the real robot says; only Table V is looked at."""
     recording = recording_of(knee)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "run_experiment", lambda *_: coarse)
         patch.setattr(reproduction, "prepare_recording", lambda *_: recording)
-        return quietly(reproduce_paper, [str(log_of(knee))], repetitions=2)
-=======
-def logged(shared):
-    """What the public log of the real robot says."""
-    path = shared / "data" / "upv" / "logs" / "exp_18_12_2020-12_36_29"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return reproduce_paper([str(path)], rate=0.5)  # only Table V is looked at
->>>>>>> main
+        return quietly(reproduce_paper, [str(log_of(knee))])
 
 
 def test_a_real_log_takes_the_place_of_the_stand_in(logged):

@@ -188,6 +188,7 @@ def fit_excited(
         parameters=samples.parameters,
         values=values,
         covariance=(covariance + covariance.T) / 2,
+        degrees_of_freedom=found.degrees_of_freedom.min(),  # of the least known combination
         quality=fit_quality(samples.problem, values),
         assumed=excitation.assumed(samples.parameters),
     )
