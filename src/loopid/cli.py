@@ -727,8 +727,8 @@ def progress_bar(what: str) -> Iterator[Callable[..., None]]:
     console = Console(stderr=True)
     said = TextColumn("{task.description}", markup=False)
     columns = (said, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    console.quiet = not console.is_terminal  # a hidden bar of rich before 15 ends with a blank line
+    with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
         task = progress.add_task(one_line(what), total=None)
 
         def report(done: float, total: float, best: float | None = None) -> None:
