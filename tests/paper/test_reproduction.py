@@ -4,7 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loopid.paper.experiment import (
+
+from loopid.errors import LoopidError
+from loopid.identification import FitSamples, truncated_values
+from loopid.paper import reproduce_paper, reproduction
+from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
     FRICTION,
@@ -14,10 +18,6 @@ from loopid.paper.experiment import (
     run_experiment,
     simulate_stand_in,
 )
-
-from loopid.errors import LoopidError
-from loopid.identification import FitSamples, truncated_values
-from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.structure import TABLE_IV
 from made_runs import quietly
 
