@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from loopid import JointTerms, find_force_model, joint_motion, load_mechanism, platform_coordinates
+from loopid import JointTerms, find_force_model, joint_motion, load_mechanism
 from loopid.arrays import FloatArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency import REGULARISATIONS, ConsistentFit, consistent_fit, pseudo_inertia
 from loopid.identification import FitProblem, FitResult, FitSamples, WeightedLeastSquares
+from loopid.kinematics import platform_coordinates
 from loopid.trajectories import FourierSeries
 from tables import show, write_json
 

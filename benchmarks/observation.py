@@ -33,14 +33,18 @@ from example_robots import robots_folder
 from loopid import (
     Observation,
     assemble,
-    closed_motion,
     dynamic_regressor,
     gravity_regressor,
     load_mechanism,
-    project,
     random_configurations,
 )
-from loopid.kinematics import constraint_jacobian, measured_coordinates, random_motions
+from loopid.kinematics import (
+    closed_motion,
+    constraint_jacobian,
+    measured_coordinates,
+    project,
+    random_motions,
+)
 from loopid.robot import Mechanism
 from tables import show, write_json
 

@@ -14,12 +14,12 @@ from loopid import (
     ParameterSet,
     find_base_parameters,
     load_mechanism,
-    tree_regressor,
 )
 from loopid.base_parameters import BaseParameters
 from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
 from loopid.observation import triangular_factor
 from loopid.parameters import Parameter
+from loopid.regressors import tree_regressor
 from measuring import Phases, States, answer, peak_megabytes
 
 FORCE = ParameterSet((Parameter("measured", "force"),))

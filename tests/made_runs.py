@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 
 from closure_robots import body, urdf
-from loopid import JointTerms, platform_coordinates
-from loopid.kinematics import measured_coordinates
+from loopid import JointTerms
+from loopid.kinematics import measured_coordinates, platform_coordinates
 from loopid.logs import Recording
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import FourierSeries, Motion, Waypoint, joint_motion, point_to_point

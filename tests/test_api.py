@@ -18,22 +18,31 @@ from test_docs import PAGES
 NAMES = [name for name in loopid.__all__ if name != "__version__"]
 
 
-@pytest.mark.usefixtures("bundled_once")
-@pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("name", NAMES)
-def test_a_public_name_has_an_example_that_runs(name):
-    found = [
-        test
-        for test in doctest.DocTestFinder(recurse=False).find(getattr(loopid, name), name, globs={})
-        if test.examples
-    ]
-    assert found, f"{name} has no example in its docstring"
-    flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
-    said = []
+def run_examples(name, thing):
+    """Run the examples in a docstring; how many there are."""
+    found = doctest.DocTestFinder(recurse=False).find(thing, name, globs={})
+    flags, said = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS, []
     for test in found:
         test.globs.update(loopid=loopid, np=np)
         doctest.DocTestRunner(optionflags=flags).run(test, out=said.append)
     assert not said, "".join(said)
+    return sum(len(test.examples) for test in found)
+
+
+@pytest.mark.usefixtures("bundled_once")
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", NAMES)
+def test_a_public_name_has_an_example_that_runs(name):
+    assert run_examples(name, getattr(loopid, name)), f"{name} has no example in its docstring"
+
+
+@pytest.mark.usefixtures("bundled_once")
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("room", sorted(set(loopid._ROOMS.values())))
+def test_examples_of_other_names_run(room):
+    for name, thing in vars(getattr(loopid, room)).items():
+        if name not in NAMES and getattr(thing, "__module__", "").startswith("loopid."):
+            run_examples(name, thing)
 
 
 @pytest.mark.parametrize("name", NAMES)

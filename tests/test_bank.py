@@ -6,8 +6,9 @@ import pytest
 
 from bank_doc import block, certificate, combinations, table
 from bank_robots import COUNTS, GAP, MODELS, ROBOTS, count, load, moved, observed, poses
-from loopid import find_base_parameters, mobility, structural_observation
+from loopid import find_base_parameters, structural_observation
 from loopid.base_parameters import analyse
+from loopid.kinematics import mobility
 from loopid.regressors import motion_regressor
 
 COLUMNS = ("full", "gravity", "full, alike", "gravity, alike")

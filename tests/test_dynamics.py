@@ -11,7 +11,6 @@ from bank_robots import few_of
 from closure_robots import body
 from linkages import LINKAGES
 from loopid import (
-    closed_motion,
     find_base_parameters,
     forward_dynamics,
     load_mechanism,
@@ -19,7 +18,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import DataError, SingularityError
-from loopid.kinematics import random_motions
+from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
 
 ROBOTS = (*LINKAGES, "3ups_rpu", "flying")

@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import (
-    JointTerms,
+from loopid import JointTerms, dynamic_regressor, forward_dynamics, random_configurations
+from loopid.errors import DataError, OptionError
+from loopid.kinematics import (
     closed_motion,
-    dynamic_regressor,
-    forward_dynamics,
+    measured_coordinates,
     platform_coordinates,
     project,
-    random_configurations,
+    random_motions,
 )
-from loopid.errors import DataError, OptionError
-from loopid.kinematics import measured_coordinates, random_motions
 from loopid.simulation import Noise, simulate_measurement
 from loopid.trajectories import JointMotion, Waypoint, joint_motion, point_to_point
 

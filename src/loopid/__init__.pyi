@@ -1,13 +1,7 @@
 """What type checkers see of ``loopid``."""
 
 from loopid.base_parameters import (
-    BaseParameters as BaseParameters,
-)
-from loopid.base_parameters import (
     ExactSearch as ExactSearch,
-)
-from loopid.base_parameters import (
-    SubgroupSearch as SubgroupSearch,
 )
 from loopid.base_parameters import (
     find_base_parameters as find_base_parameters,
@@ -54,31 +48,13 @@ from loopid.identification import (
     BayesianRidge as BayesianRidge,
 )
 from loopid.identification import (
-    FitResult as FitResult,
-)
-from loopid.identification import (
     FitSamples as FitSamples,
-)
-from loopid.identification import (
-    eliminate as eliminate,
 )
 from loopid.identification import (
     fit as fit,
 )
 from loopid.kinematics import (
     assemble as assemble,
-)
-from loopid.kinematics import (
-    closed_motion as closed_motion,
-)
-from loopid.kinematics import (
-    mobility as mobility,
-)
-from loopid.kinematics import (
-    platform_coordinates as platform_coordinates,
-)
-from loopid.kinematics import (
-    project as project,
 )
 from loopid.kinematics import (
     random_configurations as random_configurations,
@@ -97,18 +73,11 @@ from loopid.regressors import (
     dynamic_regressor as dynamic_regressor,
 )
 from loopid.regressors import (
-    force_parts as force_parts,
-)
-from loopid.regressors import (
     gravity_regressor as gravity_regressor,
 )
 from loopid.regressors import (
     structural_observation as structural_observation,
 )
-from loopid.regressors import (
-    tree_regressor as tree_regressor,
-)
-from loopid.robot import LoopClosure as LoopClosure
 from loopid.robot import Mechanism as Mechanism
 from loopid.saved import read_fit as read_fit
 from loopid.saved import save_fit as save_fit
@@ -121,19 +90,10 @@ from loopid.trajectories import (
     LowPass as LowPass,
 )
 from loopid.trajectories import (
-    Waypoint as Waypoint,
-)
-from loopid.trajectories import (
     joint_motion as joint_motion,
 )
 from loopid.trajectories import (
-    point_to_point as point_to_point,
-)
-from loopid.trajectories import (
     read_motion_program as read_motion_program,
-)
-from loopid.trajectories import (
-    read_reference as read_reference,
 )
 from loopid.trajectories import (
     review_motion as review_motion,

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from loopid import FitResult, JointTerms, find_force_model, load_mechanism, random_configurations
+from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.errors import OutputError
-from loopid.identification import Quality
+from loopid.identification import FitResult, Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 from loopid.saved import read_fit, save_fit

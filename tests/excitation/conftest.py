@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from loopid import Noise, joint_motion, load_mechanism, point_to_point, simulate_measurement
+from loopid import Noise, joint_motion, load_mechanism, simulate_measurement
 from loopid.logs import Recording
-from loopid.trajectories import Waypoint
+from loopid.trajectories import Waypoint, point_to_point
 
 
 @pytest.fixture(scope="session")

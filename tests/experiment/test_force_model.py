@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 from dask import delayed
 
-from loopid import (
-    JointTerms,
-    closed_motion,
-    force_parts,
-    random_configurations,
-)
+from loopid import JointTerms, random_configurations
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
 from loopid.experiment.force_model import body_sizes
@@ -23,8 +18,9 @@ from loopid.identification import (
     WeightedLeastSquares,
     quiet_fit,
 )
-from loopid.kinematics import random_motions
+from loopid.kinematics import closed_motion, random_motions
 from loopid.logs import Recording
+from loopid.regressors import force_parts
 from loopid.trajectories import JointMotion
 from made_runs import record
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from loopid import JointTerms, closed_motion
+from loopid import JointTerms
 from loopid.experiment import find_force_model, identify
 from loopid.identification import quiet_fit
+from loopid.kinematics import closed_motion
 from loopid.logs import Recording, prepare_recording, read_log
 from loopid.simulation import simulate_measurement
 from made_runs import logged, quietly, wander

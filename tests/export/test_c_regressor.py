@@ -14,14 +14,8 @@ import pinocchio as pin
 import pytest
 
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
-from loopid import (
-    BaseParameters,
-    JointTerms,
-    Mechanism,
-    find_force_model,
-    load_mechanism,
-    random_configurations,
-)
+from loopid import JointTerms, Mechanism, find_force_model, load_mechanism, random_configurations
+from loopid.base_parameters import BaseParameters
 from loopid.errors import DataError, MissingExtraError, OptionError, OutputError, SingularityWarning
 from loopid.experiment import ForceModel
 from loopid.export import compile_regressor, export_regressor, regressor_code

@@ -1,8 +1,6 @@
 """What all estimators share: invariances, two experiments in steps, results."""
 
-import doctest
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -219,12 +217,6 @@ def test_parameters_that_no_step_determines_are_refused():
     blind = replace(first, regressor=first.regressor * [1, 0])
     with pytest.raises(RankError, match=r"link4\.m"):
         fit_in_steps(blind, second, KNOWN)
-
-
-@pytest.mark.parametrize("module", ["robust", "instrumental"])
-def test_examples_of_estimators_run(module):
-    failed, _ = doctest.testmod(import_module(f"loopid.identification.{module}"))
-    assert failed == 0
 
 
 def test_summaries_fit_in_ten_lines():

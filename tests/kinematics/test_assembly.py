@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from loopid import assemble, platform_coordinates, random_configurations
+from loopid import assemble, random_configurations
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
 from loopid.kinematics import (
     Assembly,
@@ -11,6 +11,7 @@ from loopid.kinematics import (
     constraint_residual,
     measured_coordinates,
     partition,
+    platform_coordinates,
     try_assemble,
 )
 from loopid.kinematics import assembly as assembly_module

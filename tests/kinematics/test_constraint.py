@@ -22,13 +22,7 @@ from hypothesis import strategies as st
 import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
 from linkages import LINKAGES, PLANAR
-from loopid import (
-    find_base_parameters,
-    mobility,
-    project,
-    random_configurations,
-    structural_observation,
-)
+from loopid import find_base_parameters, random_configurations, structural_observation
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     assemble,
@@ -36,7 +30,9 @@ from loopid.kinematics import (
     constraint_drift,
     constraint_jacobian,
     constraint_residual,
+    mobility,
     null_space,
+    project,
     singularity_measure,
 )
 from loopid.robot import CLOSURE_KINDS

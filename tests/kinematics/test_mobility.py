@@ -7,17 +7,16 @@ import pytest
 
 from closure_robots import loop
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
-from loopid import (
-    forward_dynamics,
-    load_mechanism,
-    mobility,
-    project,
-    random_configurations,
-    structural_observation,
-)
+from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
 from loopid.errors import MobilityError, MobilityWarning, RobotFileError
-from loopid.kinematics import independent_coordinates, nearby_configurations, random_motions
+from loopid.kinematics import (
+    independent_coordinates,
+    mobility,
+    nearby_configurations,
+    project,
+    random_motions,
+)
 from loopid.regressors import motion_regressor
 
 BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))

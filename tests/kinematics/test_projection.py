@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from loopid import assemble, closed_motion, load_mechanism, project, random_configurations
+from loopid import assemble, load_mechanism, random_configurations
 from loopid.errors import (
     DataError,
     MobilityError,
@@ -18,10 +18,12 @@ from loopid.errors import (
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    closed_motion,
     constraint_drift,
     constraint_jacobian,
     measured_coordinates,
     mobility,
+    project,
     random_motions,
     singularity_measure,
     try_assemble,

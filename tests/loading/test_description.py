@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from closure_robots import files, tie
 from linkages import LINKAGES
-from loopid import LoopidError, load_mechanism, mobility, random_configurations
+from loopid import LoopidError, load_mechanism, random_configurations
 from loopid.errors import (
     MissingFileError,
     MobilityError,
@@ -21,7 +21,7 @@ from loopid.errors import (
     RobotFileError,
     SingularityWarning,
 )
-from loopid.kinematics import constraint_residual, singularity_measure
+from loopid.kinematics import constraint_residual, mobility, singularity_measure
 from loopid.loading.description import Description
 from small_tree import PARTS
 

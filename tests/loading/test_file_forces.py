@@ -8,7 +8,6 @@ import pytest
 from closure_robots import body, joint, urdf
 from loopid import (
     JointTerms,
-    closed_motion,
     find_force_model,
     load_mechanism,
     random_configurations,
@@ -17,7 +16,7 @@ from loopid import (
 )
 from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.experiment import cad_prior
-from loopid.kinematics import random_motions
+from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import file_forces, motion_regressor
 
 BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'

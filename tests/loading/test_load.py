@@ -6,17 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from loopid import (
-    bundled_robots,
-    load_mechanism,
-    mobility,
-    platform_coordinates,
-    random_configurations,
-    tree_regressor,
-)
+from loopid import bundled_robots, load_mechanism, random_configurations
 from loopid.errors import MobilityWarning, ModelWarning, RobotFileError
-from loopid.kinematics import constraint_residual
+from loopid.kinematics import constraint_residual, mobility, platform_coordinates
 from loopid.loading import bundled_directory
+from loopid.regressors import tree_regressor
 from small_tree import PARTS
 
 

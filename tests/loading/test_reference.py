@@ -5,9 +5,9 @@ import pytest
 
 from closure_robots import tie
 from linkages import five_bar
-from loopid import load_mechanism, mobility, random_configurations
+from loopid import load_mechanism, random_configurations
 from loopid.errors import MobilityWarning, ReferenceWarning
-from loopid.kinematics import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"

@@ -10,7 +10,7 @@ import pytest
 from cad_export import cad_export
 from closure_robots import files
 from linkages import four_bar
-from loopid import find_base_parameters, load_mechanism, mobility, structural_observation
+from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.errors import (
     AccuracyWarning,
     ClosureWarning,
@@ -18,7 +18,7 @@ from loopid.errors import (
     RankError,
     RobotFileError,
 )
-from loopid.kinematics import largest_residual, nearly_special
+from loopid.kinematics import largest_residual, mobility, nearly_special
 
 # Independent equations and base parameters of the full model: loops that only special geometry
 # lets move.

@@ -18,11 +18,11 @@ from loopid import (
     find_base_parameters,
     gravity_regressor,
     load_mechanism,
-    mobility,
     random_configurations,
     structural_observation,
 )
 from loopid.errors import ClosureWarning, ModelWarning, RobotFileError
+from loopid.kinematics import mobility
 from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
 
 # Small URDFs, put together from links and joints.

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid import JointTerms, platform_coordinates
+from loopid import JointTerms
+from loopid.kinematics import platform_coordinates
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import JointMotion, Waypoint, joint_motion, point_to_point
 

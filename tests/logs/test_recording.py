@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import platform_coordinates
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
-from loopid.kinematics import constraint_residual
+from loopid.kinematics import constraint_residual, platform_coordinates
 from loopid.logs import Log, LogMapping, prepare_recording, read_log
 from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
@@ -186,12 +185,37 @@ def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):
     assert changed[recording.used].max() < 0.02 * np.abs(truth.force - clipped.force).max()
 
 
+def test_clipped_forces_are_masked_and_named(knee, log, truth):
+    limit = 0.8 * np.abs(truth.force[:, 0]).max()
+    force = truth.force.copy()
+    force[:, 0] = np.clip(force[:, 0], -limit, limit)
+    with pytest.warns(LogWarning, match=r"force of leg1_stroke stays at .* clipped"):
+        found = prepared(knee, altered(log, force=force))
+    told = prepared(knee, altered(log, force=force), saturation=[limit, 1e9, 1e9, 1e9])
+    np.testing.assert_array_equal(found.used, told.used)
+    assert not found.used[:, 0].all()
+
+
+@pytest.mark.parametrize("rows", [slice(0, 400), slice(100, 700), slice(-300, None)])
+def test_samples_of_a_frozen_encoder_are_left_out_and_named(knee, log, rows):
+    position = log.position.copy()
+    held = position[rows, 1].copy()
+    # At the motor's fastest, as one that is slow may as well have stopped.
+    fast = int(np.abs(np.diff(held)).argmax())
+    position[rows, 1] = np.where(np.arange(len(held)) < fast, held, held[fast])
+    with pytest.warns(LogWarning, match="position of leg2_stroke is frozen"):
+        found = prepared(knee, altered(log, position=position))
+    lost = log.time[rows][fast + 1 : -1]
+    assert not np.isin(found.motion.time, lost).any()
+    assert len(found) > 0.2 * len(prepared(knee, log))
+
+
 def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):
     limits = knee.model.upperEffortLimit[knee.velocity_indices(knee.actuated)]
     force = truth.force.copy()
     force[800:820] = limits
     force[900, 1] = 1.1 * limits[1]
-    force[: len(force) // 8, 2] = 1.1 * limits[2]
+    force[: len(force) // 8, 2] = np.linspace(1.1, 1.3, len(force) // 8) * limits[2]
     recording = prepared(knee, altered(log, force=force))
     named = [part.reason for part in recording.dropped if "saturated" in part.reason]
     assert named == [f"leg{k}_stroke is saturated" for k in (1, 2, 4)]

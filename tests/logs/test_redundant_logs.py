@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from linkages import PLATE, five_bar, four_bar, rssr
-from loopid import closed_motion, load_mechanism, random_configurations
+from loopid import load_mechanism, random_configurations
 from loopid.errors import OptionError
+from loopid.kinematics import closed_motion
 from loopid.logs import Log, prepare_recording, read_log
 from loopid.logs.recording import on_independent
 from loopid.simulation import simulate_measurement

@@ -14,14 +14,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from loopid import (
-    assemble,
-    load_mechanism,
-    platform_coordinates,
-    random_configurations,
-)
+from loopid import assemble, load_mechanism, random_configurations
 from loopid import gravity_regressor as numeric_regressor
 from loopid.errors import DataError, SingularityError
+from loopid.kinematics import platform_coordinates
 from loopid.paper.symbolic import (
     GRAVITY,
     GRAVITY_LABELS,

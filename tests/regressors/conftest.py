@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from loopid import project, random_configurations
-from loopid.kinematics import random_motions
+from loopid import random_configurations
+from loopid.kinematics import project, random_motions
 
 NAMES = ("3ups_rpu", "pinned bar", "welded bar", "welded knee")
 

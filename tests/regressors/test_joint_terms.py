@@ -8,7 +8,6 @@ from loopid import (
     JointTerms,
     Observation,
     ParameterSet,
-    closed_motion,
     dynamic_regressor,
     find_base_parameters,
     load_mechanism,
@@ -16,7 +15,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import OptionError
-from loopid.kinematics import random_motions
+from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors.joint_terms import JOINT_TERMS, JointTerm
 
 

@@ -9,20 +9,16 @@ import pytest
 from loopid import (
     JointTerms,
     assemble,
-    closed_motion,
     dynamic_regressor,
     find_base_parameters,
-    force_parts,
     gravity_regressor,
     load_mechanism,
-    project,
     random_configurations,
     structural_observation,
-    tree_regressor,
 )
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import measured_coordinates, random_motions
-from loopid.regressors import motion_parameters, motion_regressor
+from loopid.kinematics import closed_motion, measured_coordinates, project, random_motions
+from loopid.regressors import force_parts, motion_parameters, motion_regressor, tree_regressor
 
 TREES = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", ()),

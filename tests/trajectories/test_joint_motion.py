@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from loopid import platform_coordinates
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics import constraint_residual, measured_coordinates
+from loopid.kinematics import constraint_residual, measured_coordinates, platform_coordinates
 from loopid.trajectories import Arc, Waypoint, joint_motion, point_to_point, review_motion
 
 RATE = 500.0

@@ -53,7 +53,8 @@ class SubgroupSearch(SearchStrategy):
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, loopid.SubgroupSearch(alpha=0.5))
+    >>> search = loopid.base_parameters.SubgroupSearch(alpha=0.5)
+    >>> base = loopid.find_base_parameters(observation, search)
     >>> base.search.found, base.search.certified
     (True, False)
     """

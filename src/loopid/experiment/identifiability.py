@@ -386,9 +386,9 @@ def identifiability(
 
     >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> there = loopid.Waypoint(np.array([2.1, 0.7]), seconds=2.0)
-    >>> way = loopid.point_to_point(robot.actuated, np.array([1.7, 0.7]), [there], rate=20.0)
-    >>> motion = loopid.joint_motion(robot, way)
+    >>> middle, wave = np.array([1.9, 0.7]), np.array([[0.2], [0.0]])  # rad
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, middle, wave, 0 * wave)
+    >>> motion = loopid.joint_motion(robot, series.motion(2.0, 20.0))
     >>> force = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
     >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
     >>> found = loopid.identifiability(loopid.find_force_model(robot, "full"), [run])

@@ -242,7 +242,7 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.platform_coordinates(robot, robot.reference).shape
+    >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
     (1, 4)
     """
     platform = declared_platform(mechanism)
@@ -381,7 +381,7 @@ def assemble(
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
     >>> q = loopid.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
-    >>> loopid.platform_coordinates(robot, q).round(6).tolist()
+    >>> loopid.kinematics.platform_coordinates(robot, q).round(6).tolist()
     [[0.0, 0.7, 0.1, 0.0]]
     """
     outcome = try_assemble(mechanism, values, coordinates, start, trajectory, tolerance)

@@ -66,7 +66,7 @@ def mobility(
     Examples
     --------
     >>> import loopid
-    >>> found = loopid.mobility(loopid.load_mechanism("3ups_rpu"))
+    >>> found = loopid.kinematics.mobility(loopid.load_mechanism("3ups_rpu"))
     >>> found.rows, found.rank, found.degrees_of_freedom, found.singular
     (9, 9, 4, False)
     """

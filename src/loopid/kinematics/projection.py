@@ -255,7 +255,7 @@ def project(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.project(robot, robot.reference).G.shape
+    >>> loopid.kinematics.project(robot, robot.reference).G.shape
     (1, 13, 4)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
@@ -292,7 +292,8 @@ def closed_motion(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> motion = loopid.closed_motion(robot, robot.reference, [[0.1, 0, 0, 0]], [[0, 0, 0, 0]])
+    >>> rates, still = [[0.1, 0, 0, 0]], [[0, 0, 0, 0]]
+    >>> motion = loopid.kinematics.closed_motion(robot, robot.reference, rates, still)
     >>> motion.velocities.shape
     (1, 13)
     """

@@ -18,6 +18,7 @@ from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.log import Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
+from loopid.logs.stuck import clipped_from, renumbered, without_frozen
 from loopid.parameters import html_table
 from loopid.robot import Mechanism
 from loopid.scratch import (
@@ -322,12 +323,15 @@ def prepare_recording(
             f"log {log.name} is of {', '.join(log.joints)}, but the motors of {mechanism.name} are "
             f"{', '.join(mechanism.actuated)}"
         )
+    log = without_frozen(log)
     spectrum = motion_spectrum(log)
     chosen = LowPass(spectrum.cutoff) if lowpass == "default" else lowpass
     if saturation is not None:
         limits = _per_motor(log, "saturation", saturation)
+    elif log.saturation is not None:
+        limits = log.saturation
     else:
-        limits = saturation_of(mechanism, log.force) if log.saturation is None else log.saturation
+        limits = np.minimum(saturation_of(mechanism, log.force), clipped_from(log))
     signals, history, ends = filter_log(log, chosen, limits, decimate)
     columns = [log.joints.index(name) for name in mechanism.independent]
 
@@ -337,7 +341,7 @@ def prepare_recording(
     configurations, singularity, good, lost = _assembled(
         mechanism, log.name, signals.time, of_independent(signals.position), progress
     )
-    stretches = _renumbered(signals.stretches, good)
+    stretches = renumbered(signals.stretches, good)
     signals = signals.select(good)
     if history is not None:
         history = replace(history, rows=history.rows[good])
@@ -565,13 +569,6 @@ def _assembled(
             raise LogError(said)
         warn(f"{said}: left out", LogWarning)
     return configurations.array(), measure[regular], ~(lost | near), dropped
-
-
-def _renumbered(numbers: IntArray, good: BoolArray) -> IntArray:
-    """Numbers from 0 (K,) of the stretches (N,) that samples which are left out divide further."""
-    new = np.append(True, np.diff(numbers) > 0) | np.append(True, ~good[:-1])
-    # A stretch begins with the first good sample after a change: a bad one begins none.
-    return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
 
 
 def on_independent(

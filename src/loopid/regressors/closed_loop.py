@@ -53,7 +53,7 @@ def tree_regressor(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.tree_regressor(robot, robot.reference).shape
+    >>> loopid.regressors.tree_regressor(robot, robot.reference).shape
     (1, 13, 90)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
@@ -214,7 +214,7 @@ def force_parts(
     --------
     >>> import numpy as np, loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> parts = loopid.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> parts = loopid.regressors.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
     >>> bool(np.allclose(parts.total, parts.gravity))
     True
     """

@@ -209,7 +209,7 @@ class Waypoint:
     Examples
     --------
     >>> import loopid
-    >>> loopid.Waypoint([0.2, 0.6], seconds=2.0).position.shape
+    >>> loopid.trajectories.Waypoint([0.2, 0.6], seconds=2.0).position.shape
     (2,)
     """
 
@@ -257,8 +257,8 @@ def point_to_point(
     Examples
     --------
     >>> import loopid
-    >>> there = loopid.Waypoint([1.0], seconds=2.0)
-    >>> motion = loopid.point_to_point(["crank_joint"], [0.0], [there], rate=50)
+    >>> there = loopid.trajectories.Waypoint([1.0], seconds=2.0)
+    >>> motion = loopid.trajectories.point_to_point(["crank_joint"], [0.0], [there], rate=50)
     >>> motion
     <Motion of crank_joint: 101 samples, 2 s>
     >>> bool(abs(motion.velocity.max() - 1.875 * 0.5) < 1e-12)  # 1.875 times the average

@@ -399,7 +399,7 @@ def read_reference(
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "reference.txt"
     ...     np.savetxt(path, np.linspace(0, 1, 301))
-    ...     loopid.read_reference(path, ["crank_joint"], rate=100)
+    ...     loopid.trajectories.read_reference(path, ["crank_joint"], rate=100)
     <Motion of crank_joint: 301 samples, 3 s>
     """
     if not names or len(set(names)) < len(names):
