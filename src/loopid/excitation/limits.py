@@ -14,11 +14,11 @@ from loopid.excitation.collisions import FAR, Collisions
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     ClosedMotion,
+    Constraint,
     frame_poses,
     partition,
     platform_coordinates,
     project,
-    scaled_constraint,
 )
 from loopid.robot import ROTATIONS, Mechanism
 
@@ -305,7 +305,7 @@ class Bounds:
             inverse = _ratio(self._twists(q, G), self.directions)
             parts += [_ratio(columns, columns.shape[2]), inverse]
             if all_bounds:
-                whole = scaled_constraint(mechanism, q)[1]
+                whole = Constraint(mechanism, q).scaled()[1]
                 parts.append(_ratio(whole, G.shape[1] - G.shape[2]))
         return np.concatenate(parts, axis=1)
 

@@ -188,7 +188,8 @@ def fit_excited(
         parameters=samples.parameters,
         values=values,
         covariance=(covariance + covariance.T) / 2,
-        degrees_of_freedom=found.degrees_of_freedom.min(),  # of the least known combination
+        # Each value is a sum of what is excited, whose least sure deviation counts for all.
+        degrees_of_freedom=np.full(len(values), found.degrees_of_freedom.min(initial=np.inf)),
         quality=fit_quality(samples.problem, values),
         assumed=excitation.assumed(samples.parameters),
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -59,8 +59,8 @@ class ReductionStep(ComparedByFields):
     training_error: float
     validation_error: float
     standard_error: float
-    excess: float = 0.0
-    excess_error: float = 0.0
+    excess: float
+    excess_error: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen(self.values))
@@ -194,22 +194,13 @@ def eliminate(
             raise OptionError.unknown("parameter to keep", name, names.labels)
     full = working_fit(training, estimator)
     scale = _error_scale(full.result)
-    steps = _eliminations(full, training, start, keep, scale)
-    errors = prediction_errors(validation, [step.values for step in steps], scale)
-    steps = [
-        replace(
-            step,
-            validation_error=found.mean,
-            standard_error=found.standard_error,
-            excess=found.excess,
-            excess_error=found.excess_error,
-        )
-        for step, found in zip(steps, errors, strict=True)
-    ]
-    chosen = [step for step, found in zip(steps, errors, strict=True) if found.as_good][-1]
+    fitted = list(_eliminations(full, training, start, keep, scale))
+    errors = prediction_errors(validation, [values for *_, values, _ in fitted], scale)
+    steps = tuple(ReductionStep(*f, *e[:-1]) for f, e in zip(fitted, errors, strict=True))
+    chosen = [step for step, error in zip(steps, errors, strict=True) if error.as_good][-1]
     columns = [names.labels.index(label) for label in chosen.labels]
     result = quiet_fit(training.reduced(columns, start), estimator)
-    return Reduction(names, start, tuple(steps), chosen, result)
+    return Reduction(names, start, steps, chosen, result)
 
 
 def _error_scale(full: FitResult) -> FloatArray:
@@ -230,8 +221,8 @@ def _eliminations(
     reference: FloatArray,
     keep: Sequence[str],
     scale: FloatArray,
-) -> list[ReductionStep]:
-    """Steps from all parameters down to those to keep, or to one, not validated yet.
+) -> Iterator[tuple[tuple[str, ...], str | None, float, FloatArray, float]]:
+    """First fields of the steps, from all parameters down to those to keep, or to one.
 
     Weights, working samples and error model stay those of the full fit, so that no sample is needed
     again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
@@ -239,28 +230,18 @@ def _eliminations(
     """
     labels, width, factor = training.parameters.labels, len(reference), full.factor
     R, force = factor[:width, :width], factor[:width, width]
-    columns, steps = list(range(width)), list[ReductionStep]()
-    dropped, relative = None, np.nan
+    columns, dropped, relative = list(range(width)), None, np.nan
     while True:
         values = reference.copy()
         values[columns] = 0.0
         Q, T = np.linalg.qr(R[:, columns])
         values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
         squares = training.problem.residual_squares(values) * scale**2
-        steps.append(
-            ReductionStep(
-                labels=tuple(labels[j] for j in columns),
-                dropped=dropped,
-                relative_std=relative,
-                values=values,
-                training_error=float(squares.sum() / training.problem.rows),
-                validation_error=np.nan,
-                standard_error=np.nan,
-            )
-        )
+        error = float(squares.sum() / training.problem.rows)
+        yield tuple(labels[j] for j in columns), dropped, relative, values, error
         free = [k for k, j in enumerate(columns) if labels[j] not in keep]
         if not free or len(columns) == 1:
-            return steps
+            return
         response = np.linalg.inv(T) @ Q.T @ R
         errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
         deviations = relative_deviation(errors, (values - reference)[columns])

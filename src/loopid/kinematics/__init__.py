@@ -18,11 +18,11 @@ from loopid.kinematics.closing import (
     nearby_configurations,
 )
 from loopid.kinematics.constraint import (
+    Constraint,
     constraint_drift,
     constraint_jacobian,
     constraint_residual,
     largest_residual,
-    scaled_constraint,
 )
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
 from loopid.kinematics.modes import FOLDED, assembly_modes

@@ -142,12 +142,6 @@ def _in_blocks(q: FloatArray, value: Callable[[slice], FloatArray]) -> FloatArra
     return np.concatenate([value(rows) for rows in blocks(len(q))])
 
 
-@checked
-def scaled_constraint(mechanism: Mechanism, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Closure residual (N, rows) in m and Jacobian (N, rows, nv) in m per unit step."""
-    return Constraint(mechanism, samples(q, mechanism.model.nq, "configurations")).scaled()
-
-
 def scaled_residual(mechanism: Mechanism, q: FloatArray) -> FloatArray:
     """Closure residual (N, rows) in m."""
     return mechanism.row_scales * Constraint(mechanism, q, jacobians=False).residual()

@@ -79,7 +79,8 @@ def mobility(
     residual, jacobian = Constraint(mechanism, q[None]).scaled()
     tolerance = mechanism.closure_rank_tolerance
     factors = Factorisation.of(jacobian, tolerance)
-    rank = int(factors.rank[0])
+    rank, values = int(factors.rank[0]), np.append(factors.values[0], 0.0)
+    gap = float(values[rank - 1] / values[rank]) if rank and values[rank] else float("inf")
     jacobians = Constraint(mechanism, around).scaled()[1]
     generic_rank = int(Factorisation.of(jacobians, tolerance).rank.max())
     return Mobility(
@@ -87,7 +88,7 @@ def mobility(
         rank=rank,
         degrees_of_freedom=mechanism.model.nv - rank,
         generic_degrees_of_freedom=mechanism.model.nv - generic_rank,
-        rank_gap=_gap(factors.values[0], rank),
+        rank_gap=gap,
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
@@ -95,23 +96,12 @@ def mobility(
     )
 
 
-def _gap(values: FloatArray, rank: int) -> float:
-    if rank == 0 or rank == len(values) or values[rank] == 0.0:
-        return float("inf")
-    return float(values[rank - 1] / values[rank])
-
-
 def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]:
     """Passive coordinates that take part in the null space of the passive columns."""
     motors = mechanism.velocity_indices(mechanism.actuated)
     passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
-    if not len(passive):
-        return ()
-    moving = passive[
-        (np.abs(null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)) > MOVES).any(
-            axis=1
-        )
-    ]
+    motions = null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)
+    moving = passive[(np.abs(motions) > MOVES).any(axis=1)]
     return tuple(mechanism.coordinates[k] for k in moving)
 
 

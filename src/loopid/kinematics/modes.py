@@ -195,17 +195,13 @@ class _LoopPoses:
         links = [on[joint] for joint in (root, *sorted(joints)) if joint in on]
         ends = [frame for closure in loop.closures for frame in closure.frame_ids]
         self.frames = links + ends
-        self.parts = [
-            slice(joint.idx_q, joint.idx_q + joint.nq)
-            for joint in (mechanism.model.joints[mechanism.joint_ids[k]] for k in self.passive)
-        ]
+        self.own = np.zeros(mechanism.model.nq, dtype=bool)  # positions of its passive joints
+        for joint in (mechanism.model.joints[mechanism.joint_ids[k]] for k in self.passive):
+            self.own[joint.idx_q : joint.idx_q + joint.nq] = True
 
     def put(self, q: FloatArray, other: FloatArray) -> FloatArray:
         """A configuration (nq,) with the passive joints of this loop from another one."""
-        changed = q.copy()
-        for part in self.parts:
-            changed[part] = other[part]
-        return changed
+        return np.where(self.own, other, q)
 
     def points(self, q: FloatArray) -> FloatArray:
         """Origins of the links and ends (N, F, 3) in characteristic lengths, from the first."""
@@ -223,8 +219,7 @@ class _LoopPoses:
         open_by = np.abs(residual[:, self.rows]).max(axis=1, initial=0.0)
         good = open_by <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
         good &= least_over_largest(jacobian[:, :, self.passive]) >= NEAR_SINGULARITY
-        outside = mechanism.outside(q)
-        good &= ~np.any([outside[:, part].any(axis=1) for part in self.parts], axis=0)
+        good &= ~mechanism.outside(q)[:, self.own].any(axis=1)
         frames = frame_poses(mechanism, q, self.frames)
         points, found = self._points(frames), list[_Solution]()
         for k in np.flatnonzero(good):

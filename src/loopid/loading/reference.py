@@ -25,6 +25,7 @@ from loopid.kinematics import (
     NEAR_SINGULARITY,
     ROUND_OFF,
     SIX_DIGITS,
+    Constraint,
     Factorisation,
     assembly_modes,
     changes,
@@ -40,7 +41,6 @@ from loopid.kinematics import (
     mobility,
     nearby_configurations,
     rounding_that_closes,
-    scaled_constraint,
     singularity_measure,
 )
 from loopid.loading.tree import write_joint
@@ -115,7 +115,7 @@ def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
     if mechanism.rows == 0 or not (accuracy.length or accuracy.angle):
         return False
     ranks = [
-        Factorisation.of(scaled_constraint(mechanism, around)[1], tolerance).rank.max()
+        Factorisation.of(Constraint(mechanism, around).scaled()[1], tolerance).rank.max()
         for tolerance in (mechanism.closure_rank_tolerance, near / mechanism.length)
     ]
     return bool(ranks[1] < ranks[0])
@@ -359,7 +359,7 @@ def _outside(mechanism: Mechanism) -> str:
 
 
 def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> str:
-    residual = np.abs(scaled_constraint(mechanism, q[None])[0][0])
+    residual = np.abs(Constraint(mechanism, q[None]).scaled()[0][0])
     name = mechanism.row_names[int(residual.argmax())]
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"

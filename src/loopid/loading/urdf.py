@@ -26,6 +26,7 @@ import pinocchio as pin
 from lxml import etree
 from pydantic import ValidationError
 
+from loopid.arrays import number
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
@@ -59,7 +60,6 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 WORDS = {1: "a finite number", 3: "three finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 LEAST_AXIS = 1e-9
-NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 # Far more than robots have.
 MOST_BYTES = 20_000_000
 MOST_LINKS = 2000
@@ -284,11 +284,7 @@ def numbers(
     what, text = f"<{element.tag!s}> {attribute}", element.get(attribute, default)
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
-    try:
-        read = exact_angle if attribute == "rpy" else plain_number
-        values = tuple(read(word) for word in text.split())
-    except ValueError:
-        values = ()
+    values = tuple(map(exact_angle if attribute == "rpy" else number, text.split()))
     if len(values) != count or not all(map(math.isfinite, values)):
         raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
     # Limits are often the largest number there is.
@@ -297,20 +293,13 @@ def numbers(
     return values
 
 
-def plain_number(text: str) -> float:
-    """A number as all readers write it: Python takes 1_6 and digits of other scripts, too."""
-    if NUMBER.fullmatch(text) is None:
-        raise ValueError(f"not a number: {text!r:.60}")
-    return float(text)
-
-
 def exact_angle(text: str) -> float:
     """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
 
     A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
     each other, and parameters that no motor feels seem to have an effect of 1e-11.
     """
-    value = plain_number(text)
+    value = number(text)
     decimals = len(text.partition(".")[2])
     steps = round(value / STEP) if abs(value) < LARGEST else 0
     if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():
@@ -562,8 +551,8 @@ def _as_drawn(urdf: UrdfFile, model: pin.Model) -> Iterator[Loop]:
 
 def _balls(urdf: UrdfFile) -> Iterator[Loop]:
     """Ball constraints of Drake."""
-    for number, element in enumerate(_all(urdf.root, ("ball_constraint",)), start=1):
-        ball = etree.Element("ball_constraint", type="ball", name=f"ball_constraint_{number}")
+    for k, element in enumerate(_all(urdf.root, ("ball_constraint",)), start=1):
+        ball = etree.Element("ball_constraint", type="ball", name=f"ball_constraint_{k}")
         with naming(label(ball)):
             points = list[pin.SE3]()
             for side, body, point in (("parent", "body_A", "p_AP"), ("child", "body_B", "p_BQ")):
@@ -734,11 +723,11 @@ def _read_transmission(
         return
     try:
         ratio, rotor = (
-            plain_number(text) if text else default
+            number(text) if text else default
             for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
         )
         inertia = rotor * ratio**2
-    except (ValueError, OverflowError):
+    except OverflowError:
         inertia = math.nan
     if len(driven) > 1 or not math.isfinite(inertia):
         what = f"{listed} of the transmission of {', '.join(driven)}"
@@ -757,10 +746,9 @@ def _coefficients(element: Element) -> dict[str, float]:
     for tag, kind in COEFFICIENTS.items():
         text = _said(element, (tag,))
         if text:
-            try:
-                found[kind] = plain_number(text)
-            except ValueError:
-                raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}") from None
+            found[kind] = number(text)
+            if not math.isfinite(found[kind]):
+                raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}")
     return found
 
 

@@ -19,9 +19,9 @@ from loopid.base_parameters import (
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    Constraint,
     Factorisation,
     mobility,
-    scaled_constraint,
     singularity_measure,
 )
 from loopid.regressors import OF_FILE, FileForce, file_forces
@@ -130,7 +130,7 @@ def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
-    residual, jacobian = scaled_constraint(mechanism, mechanism.reference[None])
+    residual, jacobian = Constraint(mechanism, mechanism.reference[None]).scaled()
     closures: Sequence[LoopClosure | JointCoupling]
     closures = (*mechanism.closures, *mechanism.couplings)
     records, first = [], 0

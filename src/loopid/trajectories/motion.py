@@ -104,8 +104,8 @@ class Curve(ABC):
 class FourierCurve(Curve):
     """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
 
-    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H, with Σ h sine_h = 0 and Σ h²
-    # cosine_h = 0, so that it starts and ends at rest.
+    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H. It starts and ends at rest, as
+    # Σ h sine_h = 0 and Σ h² cosine_h = 0.
     shape: FloatArray
 
     def __post_init__(self) -> None:
