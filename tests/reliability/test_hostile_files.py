@@ -156,7 +156,7 @@ def mjcf(rest="", body=BODY):
         ),
         (
             mjcf(body=BODY.replace('pos="0 0 0"', 'pos="1e200 0 0"')),
-            "body_ipos of MuJoCo's model must be",
+            "body_ipos of MuJoCo's model must be finite",
         ),
         (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
         (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "printable and on one line"),
