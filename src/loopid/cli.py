@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from functools import partial, wraps
 from importlib.metadata import version
 from inspect import Parameter, Signature, signature
@@ -64,6 +65,8 @@ TERMS = (
     "motors and passive joints; after semicolons of some joints: "
     '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
 )
+# Terms of identify by default, and the choice that a comparison decides, of these and springs too.
+FRICTION, AUTOMATIC, SPRINGS = "Fc,Fv,file", "auto", "Fc,Fv,Ks,file"
 MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
@@ -384,10 +387,10 @@ def _ranges(option: str, given: Sequence[str] | None) -> dict[str, tuple[float, 
     found = {}
     for text in given or ():
         name, _, ends = text.rpartition("=")
-        low, _, high = ends.partition(":")
-        found[name] = (_number(option, text, low), _number(option, text, high))
-        if not name:
+        low, colon, high = ends.partition(":")
+        if not name or not colon:
             raise OptionError(f"{option} must be NAME=LOW:HIGH, not {text!r}")
+        found[name] = (_number(option, text, low), _number(option, text, high))
     return found
 
 
@@ -411,7 +414,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option("Fc,Fv,file", help=TERMS),
+    terms: str = Option(FRICTION, help=f"{TERMS[:-1]}; auto: what is enough on new data."),
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
@@ -467,7 +470,7 @@ def identify(
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     mechanism = load()
     require_output(out, str(mechanism.path), mapping, *logs, *(validate or ()))
-    joint_terms = JointTerms.of(mechanism, terms)
+    JointTerms.of(mechanism, FRICTION if terms == AUTOMATIC else terms)
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     chosen = None if rows is None else _row_range(rows)
@@ -477,22 +480,39 @@ def identify(
     if not validation:
         training, validation = experiment.split_recordings(training, train)
     commanded = prepared(mechanism, reference, reference_mapping, cutoff)
-    with progress_bar("poses") as report:
-        force_model = experiment.find_force_model(mechanism, model, joint_terms, progress=report)
-    found = experiment.identify(
-        force_model,
-        training,
-        validation,
-        estimator,
-        prepared(mechanism, friction_log, mapping, cutoff),
-        jobs,
-        unidentifiable,
-        [each.motion for each in commanded],
-        prior_deviation,
-        consistent,
-        repair,
-        compare_terms or (),
-    )
+    friction = prepared(mechanism, friction_log, mapping, cutoff)
+
+    def identified(choice: str, others: Sequence[str] | None) -> experiment.Identification:
+        joint_terms = JointTerms.of(mechanism, choice)
+        with progress_bar("poses") as report:
+            force_model = experiment.find_force_model(
+                mechanism, model, joint_terms, progress=report
+            )
+        return experiment.identify(
+            force_model,
+            training,
+            validation,
+            estimator,
+            friction,
+            jobs,
+            unidentifiable,
+            [each.motion for each in commanded],
+            prior_deviation,
+            consistent,
+            repair,
+            others,
+        )
+
+    if terms == AUTOMATIC:
+        with warnings.catch_warnings():  # of terms that need not be the chosen ones
+            warnings.simplefilter("ignore")
+            compared = identified(FRICTION, [*(compare_terms or ()), SPRINGS]).term_sets
+        assert compared is not None
+        best = compared.enough[1]
+        found = identified(best.choice, None)
+        found = replace(found, term_sets=replace(compared, chosen=best))
+    else:
+        found = identified(terms, compare_terms or ())
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)

@@ -101,6 +101,16 @@ def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files
         assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
 
 
+def test_terms_that_are_enough_are_fitted_on_demand(run_json, arm_files):
+    robot, log, _ = arm_files
+    record = run_json("identify", robot, log, "--model", "full", "--terms", "auto")
+    assert "Fc,Fv,Ks,Fo" in [entry["terms"] for entry in record["term_sets"]]
+    (chosen,) = (entry for entry in record["term_sets"] if entry["chosen"])
+    assert chosen["fitted_bodies"]["enough"]
+    more = run_json("identify", robot, log, "--model", "full", "--terms", "Fc,Fv,Fo")
+    assert len(fitted(record)) < len(fitted(more))
+
+
 @pytest.fixture
 def arm(run_json, arm_files, once):
     """Identify the serial robot from its first log."""

@@ -279,13 +279,24 @@ def test_progress_ends_complete(knee, log, monkeypatch):
     assert told == [(512, 1561), (1024, 1561), (1536, 1561), (1561, 1561)]
 
 
+def test_with_an_idle_speed_of_zero_standing_motors_count(knee, log):
+    still = altered(log, position=np.broadcast_to(log.position[:1], log.position.shape))
+    with pytest.raises(LogError, match="all motors stand"):
+        prepared(knee, still, idle_speed=1e-6)
+    assert prepared(knee, still, idle_speed=0.0).used.all()
+
+
 def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
     with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of small are crank"):
         prepared(four_bars["3d"], log)
     for name in ("idle_speed", "saturation"):
-        for value in (0.0, -1.0, np.ones(3)):
-            with pytest.raises(OptionError, match=f"{name} must be a positive number, or one for"):
+        for value in (-1.0, np.ones(3)):
+            with pytest.raises(
+                OptionError, match=f"{name} must be .*a positive number, or one for"
+            ):
                 prepared(knee, log, **{name: value})
+    with pytest.raises(OptionError, match="saturation must be a positive number"):
+        prepared(knee, log, saturation=0.0)
     with pytest.raises(LogError, match="no force can be used, as all motors stand or are saturat"):
         prepared(knee, log, idle_speed=1.0)
     with pytest.raises(LogError, match="too short to filter, the longest has 50 samples"):
