@@ -18,8 +18,8 @@ test test-kernels validate: export OPENBLAS_NUM_THREADS = 1
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-# What is numerical but Monte Carlo, with the linear algebra of processors without AVX-512, and
-# without AVX.
+# What is numerical, but for Monte Carlo and refusals, with the linear algebra of processors without
+# AVX-512, and without AVX.
 NUMERICAL := tests/regressors tests/identification tests/consistency \
     tests/experiment/test_identifiability.py tests/export/test_identified_robots.py \
     $(addprefix tests/kinematics/test_,projection.py mobility.py) \
@@ -27,8 +27,8 @@ NUMERICAL := tests/regressors tests/identification tests/consistency \
     knee_base_parameters.py structure.py subgroup_limits.py ties.py)
 test-kernels: .venv/test
 	for kernel in Haswell Nehalem; do \
-	    OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -n auto --dist worksteal -k "not cover" $(NUMERICAL) \
-	        || exit 1; \
+	    OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -n auto --dist worksteal \
+	        -m "not validate and not draws" -k "not refused and not cover" $(NUMERICAL) || exit 1; \
 	done
 
 # Each interpreter of this machine with the newest packages, the oldest one also with the lowest versions.

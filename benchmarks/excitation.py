@@ -16,10 +16,14 @@ import numpy as np
 
 import loopid
 from example_robots import robots_folder
+from loopid.arrays import FloatArray
 from loopid.errors import LoopidError
 from loopid.excitation import ExcitationDesign
+from loopid.identification import quiet_fit
+from loopid.logs import Log
 
 FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
+UR10 = "ur_description/urdf/ur10_robot.urdf"
 KNEE = loopid.MotionLimits(singularity=0.05)
 
 
@@ -39,7 +43,7 @@ def designed(name: str, robot: Any, **options: Any) -> ExcitationDesign:
 
 def ur10() -> None:
     """36 base parameters, limits at 90 %, 12 s from rest to rest, 20 s on one core."""
-    robot = loopid.load_mechanism(robots_folder() / "ur_description/urdf/ur10_robot.urdf")
+    robot = loopid.load_mechanism(robots_folder() / UR10)
     model = loopid.find_force_model(robot, "full")
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
@@ -76,49 +80,107 @@ def seeds() -> None:
     print(f"{kept} of 100 without violations")
 
 
-def monte_carlo(runs: int = 300) -> None:
-    """Standard errors over simulated runs, and of the nine motions cut to the same length."""
-    robot = loopid.load_mechanism("3ups_rpu")
-    model = loopid.find_force_model(robot)
-    found = designed(
-        "3UPS+RPU, D", model, limits=KNEE, noise=1.0, duration=20.0, starts=2, time_limit=60.0
-    )
-    exact = loopid.simulate_measurement(robot, found.joint_motion).force
-    W = model.regressor(found.joint_motion).reshape(-1, len(model.parameters))
-    values = [
-        np.linalg.lstsq(W, (exact + error).ravel(), rcond=None)[0]
-        for error in np.random.default_rng(0).normal(size=(runs, *exact.shape))
-    ]
-    ratios = np.std(values, axis=0, ddof=1) / found.standard_errors
-    spread = f"{ratios.min():.3f} ... {ratios.max():.3f}, rms {np.sqrt((ratios**2).mean()):.3f}"
-    print(f"standard errors over {runs} runs / predicted: {spread}")
+def monte_carlo(runs: int = 1000) -> None:
+    """Scatter of the estimates from simulated logs by the default pipeline, over the predicted."""
+    for name, model, kinds, noise in (
+        ("3ups_rpu", "gravity", (), 1.0),
+        ("five_bar", "full", ("Fc", "Fv"), 0.02),
+    ):
+        robot = loopid.load_mechanism(name)
+        terms = loopid.JointTerms(robot.actuated, kinds) if kinds else None
+        wanted = loopid.find_force_model(robot, model, terms)
+        limits = KNEE if name == "3ups_rpu" else None
+        found = designed(
+            f"{name}, {model}, D", wanted, limits=limits, noise=noise, starts=2, time_limit=60.0
+        )
+        scatter(found, noise, runs)
+        if name == "3ups_rpu":
+            nine_motions(found)
+
+
+def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
+    """Standard deviations over fits of logs of a motion."""
+    model, motion = found.force_model, found.joint_motion
+    robot, truth, rng = model.mechanism, model.prior, np.random.default_rng(0)
+    truth = np.where(truth == 0, 0.05, truth)  # friction that the file does not know
+    exact = model.regressor(motion) @ truth
+
+    def log(step: float, errors: FloatArray) -> Log:
+        zero = step * rng.uniform(size=len(robot.actuated))
+        x = found.motors.position
+        x = step * np.round((x - zero) / step) + zero if step else x
+        return Log("run", robot.actuated, motion.time, x, exact + errors, np.zeros(len(x), int))
+
+    # Errors of the forces change nothing but the filtered forces: what follows is the same.
+    run = loopid.prepare_recording(robot, log(0.0, 0.0 * exact))
+    samples, history = model.samples(run), run.history
+    rate = (len(motion.time) - 1) / found.motion.duration
+    assert history is not None
+    for encoder, count in ((0.0, runs), (1e-5, runs // 10)):
+        values, errors = [], []
+        for _ in range(count):
+            drawn = noise * rng.normal(size=exact.shape)
+            if encoder:
+                given = model.samples(loopid.prepare_recording(robot, log(encoder, drawn)))
+            else:
+                force = history.lowpass.apply(exact + drawn, rate)
+                given = samples.with_force(force[history.rows])
+            fit = quiet_fit(given)
+            values.append(fit.values)
+            errors.append(fit.standard_errors)
+        ratios = np.std(values, axis=0, ddof=1) / found.standard_errors
+        own = np.mean(errors, axis=0) / found.standard_errors
+        print(
+            f"{count} logs, encoder steps of {encoder:.1e}: deviations / predicted "
+            f"{ratios.min():.3f} ... {ratios.max():.3f}, rms {np.sqrt((ratios**2).mean()):.3f}; "
+            f"stated by the fits / predicted {own.min():.3f} ... {own.max():.3f}",
+            flush=True,
+        )
+
+
+def nine_motions(found: ExcitationDesign) -> None:
+    """Standard errors by the nine motions of the laboratory, for as many samples."""
+    robot, model = found.force_model.mechanism, found.force_model
     program, factors = loopid.read_motion_program("3ups_rpu"), []
     for name in program.motions:
         planned = program.motion(name)
-        rows = slice(0, None, max(1, round(len(program.motions) * len(planned) / len(W) * 4)))
+        rows = slice(
+            0, None, max(1, round(len(program.motions) * len(planned) / len(found.motion)))
+        )
         cut = loopid.joint_motion(robot, planned).select(rows)
-        factors.append(model.regressor(cut).reshape(-1, W.shape[1]))
-    nine = np.concatenate(factors)
-    nine = nine * np.sqrt(len(W) / len(nine))  # as many samples as the design has
-    old = np.sqrt(np.diag(np.linalg.inv(nine.T @ nine)))
-    better = np.exp(np.log(old / found.standard_errors).mean())
+        factors.append(model.regressor(cut).reshape(-1, len(model.parameters)))
+    nine, new = np.concatenate(factors), model.regressor(found.joint_motion)
+    nine *= np.sqrt(new.size / nine.size)
+    new = new.reshape(-1, nine.shape[1])
+    old, errors = (np.sqrt(np.diag(np.linalg.inv(W.T @ W))) for W in (nine, new))
+    better = np.exp(np.log(old / errors).mean())
     print(f"nine laboratory motions, as many samples: errors {better:.2f} times as large")
 
 
 def refusals() -> None:
-    """Impossible requests."""
-    robot = loopid.load_mechanism("3ups_rpu")
-    for limits in (
-        {"singularity": 0.6},
-        {"workspace": {"x_m": (2.0, 3.0)}},
-        {"positions": {"leg1_stroke": (0.1, 0.2)}},
-        {"forces": {"all": 0.1}},
-    ):
-        start = perf_counter()
-        try:
-            loopid.design_excitation(robot, limits=loopid.MotionLimits(**limits))
-        except LoopidError as error:
-            print(f"{perf_counter() - start:5.1f} s  {error}", flush=True)
+    """Impossible requests: wall and processor seconds until they are refused."""
+    ur10_file = robots_folder() / UR10
+    for name in ("3ups_rpu", "five_bar", "delta", ur10_file):
+        robot = loopid.load_mechanism(name)
+        motor = robot.actuated[0]
+        asked: list[dict[str, Any]] = [
+            {"positions": {motor: (0.2, 0.1)}},
+            {"forces": {"all": 1e-3}},
+        ]
+        if robot.closures:
+            asked.append({"singularity": 0.95})
+            asked.append({"positions": {motor: (20.0, 21.0)}})
+        if robot.platform is not None:
+            asked.append({"workspace": {robot.platform.names[0]: (20.0, 30.0)}})
+        for limits in asked:
+            wall, spent = perf_counter(), process_time()
+            try:
+                loopid.design_excitation(robot, limits=loopid.MotionLimits(**limits))
+            except LoopidError as error:
+                seconds = f"{perf_counter() - wall:5.1f} {process_time() - spent:5.1f}"
+                print(f"{seconds} s  {error}", flush=True)
+            else:
+                print(f"{robot.name}: {limits} was not refused")
 
 
 CASES: dict[str, Callable[[], None]] = {

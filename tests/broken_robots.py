@@ -1,12 +1,9 @@
-"""Robot files with a few things broken: tags, attributes, keys and values."""
+"""Robot files with a few things broken: tags and attributes."""
 
-from copy import deepcopy
-from io import StringIO
 from pathlib import Path
 
 from hypothesis import strategies as st
 from lxml import etree
-from ruamel.yaml import YAML
 
 KNEE = (Path(__file__).parents[1] / "urdf" / "3ups_rpu.urdf").read_text()
 # Every tag that closures and motors are read from: one motor drives a slider-crank by a pair of
@@ -99,43 +96,3 @@ joint_type: []
 reference: {motor: 0.355, elbow: -0.61, knee: 0.118, rail: -0.177, pivot: 0.86, hub: 1.065}
 platform: {frame: slider, coordinates: {x: x}}
 """
-VALUES = (
-    None, "", "x", 0, -1, 1e308, 10**30, float("nan"), float("inf"), True, "a\nb", [], {}, [[]],
-    ["motor"], "motor", [["base", "crank"]], ["6d"], "5d", "FIXED", {"motor": 1},
-    [{"type": "coupling", "joints": {"motor": 1, "hub": 2}},
-     {"type": "coupling", "joints": {"motor": 1, "hub": 2}, "offset": 1}],
-    [{"type": "hinge", "frames": ["coupler", "rocker"], "axes": [[0, 0, 0], [0, 1, 0]]}],
-    [{"type": "universal", "frames": ["slider", "rod"]}],
-)  # fmt: skip
-KEYS = ("urdf", "mjcf", "floating_base", "closures", "closed_loop", "type", "name_mot", "kind",
-        "joint_name", "joint_type", "reference", "platform", "identical")  # fmt: skip
-
-
-def places(node):
-    """Containers and keys of all values below a node of a YAML."""
-    found = []
-    for key, value in node.items() if isinstance(node, dict) else enumerate(node):
-        found.append((node, key))
-        if isinstance(value, dict | list):
-            found += places(value)
-    return found
-
-
-@st.composite
-def mutilated_yaml(draw, text):
-    content = YAML(typ="safe").load(text)
-    for _ in range(draw(st.integers(1, 2))):
-        node, key = draw(st.sampled_from(places(content) or [(content, "urdf")]))
-        kind = draw(st.sampled_from(("delete", "set", "copy", "add")))
-        if kind == "delete":
-            node.pop(key)
-        elif kind == "set":
-            node[key] = deepcopy(draw(st.sampled_from(VALUES)))
-        elif kind == "copy":
-            other, name = draw(st.sampled_from(places(content)))
-            node[key] = deepcopy(other[name])
-        else:
-            content[draw(st.sampled_from(KEYS))] = deepcopy(draw(st.sampled_from(VALUES)))
-    stream = StringIO()
-    YAML().dump(content, stream)
-    return stream.getvalue()

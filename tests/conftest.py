@@ -8,18 +8,21 @@ import pickle
 import re
 import sys
 import warnings
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import typer
 from hypothesis import settings
 
+import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
 from loopid import (
+    bundled_robots,
     find_force_model,
     identify,
     load_mechanism,
@@ -35,9 +38,17 @@ from made_runs import friction, logged, quietly, wander
 ROOT = Path(__file__).parents[1]
 
 settings.register_profile(
-    "reproducible", deadline=None, derandomize=True, database=None, max_examples=25
+    "reproducible", deadline=None, derandomize=True, database=None, max_examples=15
 )
 settings.load_profile("reproducible")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commands_built_once():
+    """Typer builds all commands in every call, which takes longer than some of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.main.get_command", cache(typer.main.get_command))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -69,6 +80,19 @@ def robot_data():
 @pytest.fixture(scope="session")
 def load_once():
     return cache(load_mechanism)
+
+
+@pytest.fixture
+def bundled_once(load_once, monkeypatch):
+    """Examples and pages share the bundled robots that they load."""
+    names = bundled_robots()
+
+    @wraps(load_mechanism)
+    def load(file, *arguments, **options):
+        alone = file in names and not (arguments or options)
+        return load_once(file) if alone else load_mechanism(file, *arguments, **options)
+
+    monkeypatch.setattr(loopid, "load_mechanism", load)
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind
@@ -239,6 +263,35 @@ def once(tmp_path_factory):
         return pickle.loads(place.read_bytes())
 
     return load
+
+
+REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
+
+
+@pytest.fixture(scope="session")
+def log_of(shared):
+    """Folder of a log of a real robot."""
+    return lambda robot: shared / "data" / "upv" / "logs" / REAL[robot.name]
+
+
+@pytest.fixture(scope="session")
+def recording_of(log_of, once):
+    """That log, prepared."""
+
+    def recorded(robot):
+        return quietly(prepare_recording, robot, read_log(log_of(robot), robot))
+
+    return lambda robot: once(f"real {robot.name}", lambda: recorded(robot))
+
+
+@pytest.fixture(scope="session")
+def real_log(mechanism, log_of):
+    return log_of(mechanism)
+
+
+@pytest.fixture(scope="session")
+def real_recording(mechanism, recording_of):
+    return recording_of(mechanism)
 
 
 @pytest.fixture(scope="session")

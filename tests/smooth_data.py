@@ -40,8 +40,8 @@ def named_samples(W, force, used=None, stretches=None):
 
 def runs(few, many):
     """Repetitions of a Monte Carlo: few in an ordinary run, many in ``make validate``."""
-    many = pytest.param(many, marks=pytest.mark.validate)
-    return pytest.mark.parametrize("runs", [few, many])
+    marked = (few, pytest.mark.draws), (many, pytest.mark.validate)
+    return pytest.mark.parametrize("runs", [pytest.param(n, marks=mark) for n, mark in marked])
 
 
 def covered(result, truth=TRUTH):

@@ -29,12 +29,14 @@ def run_examples(name, thing):
     return sum(len(test.examples) for test in found)
 
 
+@pytest.mark.usefixtures("bundled_once")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_has_an_example_that_runs(name):
     assert run_examples(name, getattr(loopid, name)), f"{name} has no example in its docstring"
 
 
+@pytest.mark.usefixtures("bundled_once")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("room", sorted(set(loopid._ROOMS.values())))
 def test_examples_of_other_names_run(room):
@@ -59,7 +61,9 @@ def imported(*words):
 def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
     heavy = {"numpy", "scipy", "pinocchio", "pydantic", "yourdfpy", "polars"}
     assert not imported("import loopid, loopid.cli") & heavy
-    assert {"pinocchio", "pydantic"} <= imported("import loopid", "loopid.load_mechanism")
+    found = imported("import loopid, loopid.cli", "loopid.load_mechanism('3ups_rpu')")
+    assert {"pinocchio", "pydantic", "yourdfpy"} <= found
+    assert not {"mujoco", "dask", "sympy", "matplotlib"} & found
 
 
 def test_type_checkers_see_the_same_names():

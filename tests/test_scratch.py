@@ -11,7 +11,6 @@ from loopid import scratch
 from loopid.arrays import finite, frozen, samples
 from loopid.errors import DataError
 from loopid.scratch import (
-    picked,
     row_blocks,
     spooled,
 )
@@ -53,22 +52,6 @@ def test_what_lies_in_a_file_is_kept_without_a_copy(monkeypatch):
     mine[0] = 7.0
     assert copy[0] == 0.0
     assert not copy.flags.writeable
-
-
-@pytest.mark.parametrize("size", [1, 3, 100])
-def test_blocks_cover_each_row_once(size):
-    blocks = list(row_blocks(slice(4, 21), size))
-    np.testing.assert_array_equal(np.concatenate([np.r_[b] for b in blocks]), np.arange(4, 21))
-    assert all(b.stop - b.start <= size for b in blocks)
-    assert list(row_blocks(0)) == []
-
-
-@pytest.mark.parametrize("count", [1, 5, 200])
-def test_single_rows_are_picked(spooled_bytes, monkeypatch, count):
-    monkeypatch.setattr(scratch, "PICKED_ROWS", 4)
-    rng = np.random.default_rng(0)
-    array, rows = rng.normal(size=(300, 2)), rng.integers(0, 300, count)
-    np.testing.assert_array_equal(picked(in_file(array), rows), array[rows])
 
 
 def test_numbers_that_are_none_are_named_wherever_they_lie(monkeypatch):

@@ -387,10 +387,10 @@ def _ranges(option: str, given: Sequence[str] | None) -> dict[str, tuple[float, 
     found = {}
     for text in given or ():
         name, _, ends = text.rpartition("=")
-        low, _, high = ends.partition(":")
-        found[name] = (_number(option, text, low), _number(option, text, high))
-        if not name:
+        low, colon, high = ends.partition(":")
+        if not name or not colon:
             raise OptionError(f"{option} must be NAME=LOW:HIGH, not {text!r}")
+        found[name] = (_number(option, text, low), _number(option, text, high))
     return found
 
 

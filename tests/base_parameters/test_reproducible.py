@@ -95,11 +95,8 @@ def chosen(robots, kernel=None, threads=1, time_limit=60):
     return json.loads(done.stdout)
 
 
-QUICK = ("five_bar", "delta")
-
-
 def test_processors_threads_and_time_limits_do_not_change_the_choice(palletizer):
-    robots = [*QUICK, palletizer]
+    robots = ["five_bar", palletizer]
     assert chosen(robots, "Nehalem", threads=2, time_limit=20) == chosen(robots)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 import pytest
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from loopid import cli
@@ -34,8 +35,12 @@ def renamed(path, names, quote):
 
 
 @pytest.mark.parametrize("names", NAMES, ids=["markup", "long"])
-def test_an_identification_with_such_names(run, arm_files, tmp_path, names):
+def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch, names):
     robot, log, _ = arm_files
+    draw = Figure.savefig  # as SVG alone, which holds the names
+    monkeypatch.setattr(
+        Figure, "savefig", lambda *a, **o: draw(*a, **o) if o["format"] == "svg" else None
+    )
     (tmp_path / "arm.urdf").write_text(renamed(robot, names, escape))
     (tmp_path / "{0}[red].csv").write_text(renamed(log, names, str))
     out = tmp_path / "out"

@@ -18,7 +18,7 @@ def legs(tmp_path_factory):
     """A log of the 3RRR, which has no friction in it."""
     robot = load_mechanism("3rrr")
     path = tmp_path_factory.mktemp("3rrr") / "run.csv"
-    motion = wander(robot, 1, seconds=40.0, rate=50.0, size=[0.3] * 3)
+    motion = wander(robot, 1, seconds=20.0, rate=50.0, size=[0.3] * 3)
     path.write_text(logged(robot, motion, noise=0.2, seed=2))
     return path
 
@@ -68,7 +68,7 @@ def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
     file, _ = write(tmp_path, LINKAGES["redundant five-bar"], BARS)
     robot = load_mechanism(file)
     terms = JointTerms(robot.actuated), np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
-    motion = wander(robot, 1, seconds=40.0, rate=50.0, size=(0.4, 0.4))
+    motion = wander(robot, 1, seconds=20.0, rate=50.0, size=(0.4, 0.4))
     (tmp_path / "run.csv").write_text(logged(robot, motion, terms, noise=0.05))
     record = run_json("identify", file, tmp_path / "run.csv", "--model", "full")
     assert record["actuators"] == ["left_joint", "right_joint"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dask import delayed
 
-from loopid import JointTerms, load_mechanism, random_configurations
+from loopid import JointTerms, random_configurations
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
 from loopid.experiment.force_model import body_sizes
@@ -228,9 +228,8 @@ def test_without_dask_the_extra_is_named(knee_model, recordings, monkeypatch):
         distributed_problem(knee_model, recordings)
 
 
-def test_notebooks_show_tables():
-    robot = load_mechanism("five_bar")
-    model = find_force_model(robot, "full")
+def test_notebooks_show_tables(crank_model):
+    model, robot = crank_model, crank_model.mechanism
     for shown, rows in ((robot, 4), (model, len(model.parameters))):
         html = shown._repr_html_()
         assert html.count("<tr>") == rows + 1

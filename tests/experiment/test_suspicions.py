@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from loopid import JointTerms, Noise, prepare_recording, read_log, simulate_measurement
+from loopid import JointTerms, Noise, prepare_recording, simulate_measurement
 from loopid.experiment import suspicions
 from loopid.logs import Log
 from loopid.trajectories import LowPass
@@ -124,25 +124,16 @@ def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
         assert suspicions(robot, [run]).sentences == ()
 
 
-REAL = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
-
-
-@pytest.fixture(scope="module")
-def real(mechanism, shared):
-    log = read_log(shared / "data" / "upv" / "logs" / REAL[mechanism.name], mechanism)
-    return prepare_recording(mechanism, log)
-
-
-def test_nothing_is_suspected_of_the_real_robots(mechanism, real):
-    assert suspicions(mechanism, real.split(0.6)).sentences == ()
+def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
+    assert suspicions(mechanism, real_recording.split(0.6)).sentences == ()
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("k", "factor"), [(0, 1 / 28.5), (1, -1.0), (2, 1e-3), (3, 1 / 247)])
-def test_mistakes_in_logs_of_the_real_robots(mechanism, real, k, factor):
-    force = real.force.copy()
+def test_mistakes_in_logs_of_the_real_robots(mechanism, real_recording, k, factor):
+    force = real_recording.force.copy()
     force[:, k] *= factor
-    (said,) = suspicions(mechanism, [replace(real, force=force)]).sentences
+    (said,) = suspicions(mechanism, [replace(real_recording, force=force)]).sentences
     assert f"the force of leg{k + 1}_stroke is {'-' if factor < 0 else '0.'}" in said
 
 

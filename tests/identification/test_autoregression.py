@@ -10,12 +10,9 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from loopid.identification.correlation import (
     LARGEST_ORDER,
     LARGEST_REFLECTION,
-    PAIRS_PER_COEFFICIENT,
-    WHITE_FLOOR,
     Autoregression,
     ErrorModel,
     burg_covariances,
-    run_lengths,
 )
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
@@ -42,19 +39,6 @@ def test_covariances_are_those_of_the_process(reflected):
     np.testing.assert_allclose(
         model.covariances, long_covariances(model, model.order + 1), rtol=1e-6, atol=1e-8
     )
-
-
-@given(reflections, st.integers(0, 1000))
-def test_filters_multiply_by_the_dense_covariance(reflected, seed):
-    model, rng = model_of(reflected), np.random.default_rng(seed)
-    for length in (40, 7, 1):
-        X = rng.normal(size=(length, 3))
-        expected = toeplitz(long_covariances(model, length)) @ X
-        scale = np.abs(expected).max()
-        past, future = model.past_part(X)[0], model.past_part(X[::-1])[0][::-1]
-        product = past + future - model.covariances[0] * X
-        # Spectra with sharp peaks multiply by covariances that cancel.
-        np.testing.assert_allclose(product, expected, atol=1e-4 * scale)
 
 
 @given(reflections, st.integers(0, 1000))
@@ -113,40 +97,3 @@ def test_few_or_vanishing_errors_make_a_model_too():
     assert len(burg_covariances(np.ones(3), np.arange(1, 4))) == 1
     constant = Autoregression.of_covariances(burg_covariances(np.ones(500), np.arange(1, 501)))
     assert np.isfinite(constant.covariances).all()
-
-
-def burg_step_by_step(errors, runs):
-    """Burg's recursion on the prediction errors themselves, all orders up to the largest."""
-    forward = np.where(runs > 0, errors, 0.0)
-    backward = forward.copy()
-    observed = forward @ forward / (runs > 0).sum()
-    white = WHITE_FLOOR * observed
-    polynomial, variance = np.ones(1), observed + white
-    covariances = [variance]
-    for k in range(1, LARGEST_ORDER + 1):
-        rows = np.flatnonzero(runs > k)
-        if len(rows) < PAIRS_PER_COEFFICIENT * k:
-            break
-        ahead, behind, past = forward[rows], backward[rows - 1], polynomial[1:]
-        common = ahead @ behind + len(rows) * white * (past @ past[::-1])
-        energy = ahead @ ahead + behind @ behind + 2 * len(rows) * white * (polynomial @ polynomial)
-        reflection = -2 * common / energy
-        covariances.append(-reflection * variance - past @ covariances[:0:-1])
-        forward[rows], backward[rows] = ahead + reflection * behind, behind + reflection * ahead
-        longer = np.append(polynomial, 0.0)
-        polynomial, variance = longer + reflection * longer[::-1], variance * (1 - reflection**2)
-    return np.array(covariances) / (1 + WHITE_FLOOR)
-
-
-@pytest.mark.parametrize("size", [1, 64])
-@pytest.mark.parametrize("poles", [[], [1.8, -0.97]])
-def test_burgs_sums_are_those_of_prediction_errors(set_block_rows, size, poles):
-    rng, pieces = np.random.default_rng(0), (slice(0, 500), slice(500, 1600))
-    errors = lfilter([1.0], np.append(1.0, np.negative(poles)), rng.normal(size=1600))
-    used = rng.random(1600) < 0.97
-    set_block_rows(size)
-    runs = run_lengths(used, pieces)
-    found = burg_covariances(errors, runs)
-    expected = burg_step_by_step(errors, runs)[: len(found)]
-    assert len(found) > len(poles)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * expected[0])

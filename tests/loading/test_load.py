@@ -97,6 +97,9 @@ FRAME = """<inertial><mass value="0"/>
   <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>"""
 
 
+TOOL = MOUNTED[MOUNTED.index("<inertial>") : MOUNTED.index("</inertial>") + 11]
+
+
 @pytest.fixture(scope="module")
 def panda(robot_data):
     return robot_data / "panda_description" / "urdf" / "panda.urdf"
@@ -111,30 +114,25 @@ def total_mass(mechanism):
     return mechanism.standard_parameters()[::10].sum()
 
 
-def test_links_fixed_together_are_one_body_named_after_its_joints_link(tmp_path):
-    mechanism = load_mechanism(write(tmp_path, MOUNTED.format(arm="")))
+@pytest.mark.parametrize(
+    ("arm", "change", "expected"),
+    [
+        # The tool's centre of mass at (0.1, 0.2, 0.3), seen from the arm's frame 1 m away.
+        ("", {}, [2, 2.2, 0.4, 0.6]),
+        (FRAME, {}, [2, 2.2, 0.4, 0.6]),
+        (INERTIAL.format(3, 0.1), {}, [5, 3.7, 0.4, 0.6]),
+        (INERTIAL.format(3, 0.1), {TOOL: FRAME}, [3, 1.5, 0, 0]),
+    ],
+)
+def test_links_fixed_together_are_one_body_named_after_its_joints_link(
+    tmp_path, arm, change, expected
+):
+    text = MOUNTED.format(arm=arm)
+    for old, new in change.items():
+        text = text.replace(old, new)
+    mechanism = load_mechanism(write(tmp_path, text))
     assert [body.link for body in mechanism.bodies] == ["arm"]
-    # The tool's centre of mass at (0.1, 0.2, 0.3), seen from the arm's frame 1 m away.
-    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [2, 2.2, 0.4, 0.6])
-
-
-def test_masses_of_links_fixed_together_add_up(tmp_path):
-    text = MOUNTED.format(arm=INERTIAL.format(3, 0.1))
-    mechanism = load_mechanism(write(tmp_path, text))
-    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [5, 3.7, 0.4, 0.6])
-
-
-def test_a_mounted_link_of_zero_inertia_only_marks_a_frame(tmp_path):
-    text = MOUNTED.format(arm=INERTIAL.format(3, 0.1)).replace(
-        MOUNTED[MOUNTED.index("<inertial>") : MOUNTED.index("</inertial>") + 11], FRAME
-    )
-    mechanism = load_mechanism(write(tmp_path, text))
-    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [3, 1.5, 0, 0])
-
-
-def test_a_link_of_zero_mass_and_inertia_has_no_parameters(tmp_path):
-    mechanism = load_mechanism(write(tmp_path, MOUNTED.format(arm=FRAME)))
-    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), [2, 2.2, 0.4, 0.6])
+    np.testing.assert_allclose(mechanism.standard_parameters("gravity"), expected)
 
 
 def test_mimicking_fingers_move_together(panda):

@@ -114,13 +114,10 @@ class Case:
                 recording = prepare_recording(self.robot, log)
             except LoopidError:
                 return None
-            judged = suspicions(self.robot, [recording])
-        # Little motion does not tell whether forces are those of the robot.
-        told = caught or judged.sentences or not judged.gains
-        return None if told else (log, recording)
+        return None if caught else (log, recording)
 
     def check(self, data):
-        """Of a log that is read without a word, all that is read is right.
+        """Of a log that is read and looked at without a word, all that is read is right.
 
         Over a few lost rows it is a straight line, where friction can jump. The log's time
         starts with its own first sample, which may be another one than the truth's.
@@ -137,10 +134,11 @@ class Case:
             force = [np.interp(rows, truth.time, column) for column in truth.force.T]
             strange = np.percentile(np.abs(log.force - np.transpose(force)), 98)
             errors.append((np.abs(log.position - np.transpose(exact)).max(), strange))
-        worst = min(errors)
-        assert worst[0] < 2e-5
-        assert worst[1] < 0.5
-        assert np.isfinite(recording.force).all()
+        least = min(errors, default=(np.inf, np.inf))
+        if not (least[0] < 2e-5 and least[1] < 0.5 and np.isfinite(recording.force).all()):
+            judged = suspicions(self.robot, [recording])
+            # Little motion does not tell whether forces are those of the robot.
+            assert judged.sentences or not judged.gains
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +146,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
 @example(spoil=[(lose, 0.0, 1)])

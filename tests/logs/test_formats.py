@@ -6,8 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from recorded_logs import states as joint_states
-from recorded_logs import write_any, write_ros2
+from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
 from loopid.errors import LogError, LogWarning, MissingExtraError, MissingFileError
@@ -261,20 +260,6 @@ def assert_alike(one, other):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_every_format_is_the_same_log(knee, written, from_text, kind):
     assert_alike(read_both(written[kind], knee), from_text)
-
-
-@pytest.mark.parametrize(
-    ("storage", "packed"),
-    [
-        ("db3", "message"),
-        ("mcap", "file"),
-    ],
-)
-def test_packed_bags_of_ros2(knee, run, tmp_path, from_text, storage, packed):
-    stamps = np.round(run[0] * 1e9).astype(np.int64)
-    messages = joint_states("ros2", knee.actuated, stamps, *run[1:])
-    bag = write_ros2(tmp_path / "run", messages, storage, packed)
-    assert_alike(read_both(bag, knee), from_text)
 
 
 def test_a_file_of_sqlite_without_its_folder(knee, written, from_text):

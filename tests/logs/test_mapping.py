@@ -106,7 +106,11 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         ("position_scale: 0.001", "position_scale: 0", "position_scale must not be 0"),
         ("position_scale: 0.001", "position_scale: .nan", "position_scale: Input should be a fin"),
         ("leg1_stroke: 28.4628", "leg1_stroke: volt", r"force_scale\.leg1_stroke: Input should be"),
-        ("idle_speed: 0.002", "idle_speed: -1", "idle_speed: Input should be greater than 0"),
+        (
+            "idle_speed: 0.002",
+            "idle_speed: -1",
+            "idle_speed: Input should be greater than or equal to 0",
+        ),
         (
             "leg4_stroke: 2343",
             "leg4_stroke: 0",

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from logged_runs import LOGS, read_stream
 
 from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual, platform_coordinates
@@ -13,6 +12,7 @@ from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
 from made_runs import quietly
+from real_streams import read_stream
 
 FILTER = LowPass(5.0)
 
@@ -279,13 +279,24 @@ def test_progress_ends_complete(knee, log, monkeypatch):
     assert told == [(512, 1561), (1024, 1561), (1536, 1561), (1561, 1561)]
 
 
+def test_with_an_idle_speed_of_zero_standing_motors_count(knee, log):
+    still = altered(log, position=np.broadcast_to(log.position[:1], log.position.shape))
+    with pytest.raises(LogError, match="all motors stand"):
+        prepared(knee, still, idle_speed=1e-6)
+    assert prepared(knee, still, idle_speed=0.0).used.all()
+
+
 def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
     with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of small are crank"):
         prepared(four_bars["3d"], log)
     for name in ("idle_speed", "saturation"):
-        for value in (0.0, -1.0, np.ones(3)):
-            with pytest.raises(OptionError, match=f"{name} must be a positive number, or one for"):
+        for value in (-1.0, np.ones(3)):
+            with pytest.raises(
+                OptionError, match=f"{name} must be .*a positive number, or one for"
+            ):
                 prepared(knee, log, **{name: value})
+    with pytest.raises(OptionError, match="saturation must be a positive number"):
+        prepared(knee, log, saturation=0.0)
     with pytest.raises(LogError, match="no force can be used, as all motors stand or are saturat"):
         prepared(knee, log, idle_speed=1.0)
     with pytest.raises(LogError, match="too short to filter, the longest has 50 samples"):
@@ -332,34 +343,29 @@ def test_a_crank_that_turns_on_and_on(four_bars):
 
 
 @pytest.fixture(scope="module")
-def folder(mechanism, shared):
-    return shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
+def real(mechanism, real_log):
+    return read_log(real_log, mechanism)
 
 
-@pytest.fixture(scope="module")
-def real_log(mechanism, folder):
-    return read_log(folder, mechanism)
-
-
-def test_nearly_all_rows_are_read(real_log, folder):
-    stamps, positions = read_stream(folder / "joint_position.txt.gz")
-    assert len(stamps) - 5 < len(real_log) <= len(stamps)
-    assert not real_log.stretches.any()
-    assert {part.reason for part in real_log.dropped} == {"not in all streams"}
-    assert real_log.rate(slice(None)) == pytest.approx(100, abs=0.01)
-    nearest = np.searchsorted((stamps - stamps[0]) / 1e9, real_log.time - 0.005)
+def test_nearly_all_rows_are_read(real, real_log):
+    stamps, positions = read_stream(real_log / "joint_position.txt.gz")
+    assert len(stamps) - 5 < len(real) <= len(stamps)
+    assert not real.stretches.any()
+    assert {part.reason for part in real.dropped} == {"not in all streams"}
+    assert real.rate(slice(None)) == pytest.approx(100, abs=0.01)
+    nearest = np.searchsorted((stamps - stamps[0]) / 1e9, real.time - 0.005)
     # Stamps jitter by 0.2 ms at 0.03 m/s, and drift against the even grid by less than half a row.
-    assert np.abs(real_log.position - positions[nearest]).max() < 0.03 * 0.006
+    assert np.abs(real.position - positions[nearest]).max() < 0.03 * 0.006
 
 
-def test_strokes_give_the_logged_pose(mechanism, real_log, folder):
-    real_recording = prepared(mechanism, real_log, lowpass=None, decimate=False)
-    assert len(real_recording) == len(real_log)
+def test_strokes_give_the_logged_pose(mechanism, real, real_log):
+    real_recording = prepared(mechanism, real, lowpass=None, decimate=False)
+    assert len(real_recording) == len(real)
     found = platform_coordinates(mechanism, real_recording.motion.configurations)
-    read_at, _ = read_stream(folder / "joint_position.txt.gz")
-    written_at, poses = read_stream(folder / "x_coord.txt.gz")
+    read_at, _ = read_stream(real_log / "joint_position.txt.gz")
+    written_at, poses = read_stream(real_log / "x_coord.txt.gz")
     # Of a cycle the position comes first: its pose is the next row.
-    nearest = read_at[np.searchsorted((read_at - read_at[0]) / 1e9, real_log.time - 0.005)]
+    nearest = read_at[np.searchsorted((read_at - read_at[0]) / 1e9, real.time - 0.005)]
     following = np.minimum(np.searchsorted(written_at, nearest), len(poses) - 1)
     assert np.median(np.abs(found - poses[following])) < 2e-6
 

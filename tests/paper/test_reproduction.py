@@ -1,6 +1,5 @@
 """Tables IV and V and figure 4: fits that find the truth, and say how far to trust them."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from loopid.errors import LoopidError
 from loopid.identification import FitSamples, truncated_values
-from loopid.paper import reproduce_paper
+from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
@@ -20,6 +19,7 @@ from loopid.paper.reproduction import (
     simulate_stand_in,
 )
 from loopid.paper.structure import TABLE_IV
+from made_runs import quietly
 
 SEEDS = range(1, 4)
 
@@ -133,9 +133,7 @@ def test_friction_from_the_warm_up_alone_is_less_certain(paper):
 @pytest.fixture(scope="module")
 def stand_ins(short):
     """Of several seeds."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return [fit_actual(short, *simulate_stand_in(short, seed)) for seed in range(5)]
+    return [quietly(fit_actual, short, *simulate_stand_in(short, seed)) for seed in range(3)]
 
 
 @pytest.mark.parametrize("fit", ["fifteen", "informed"])
@@ -192,12 +190,13 @@ def test_figures_show_forces_that_belong_together(stand_ins, short):
 
 
 @pytest.fixture(scope="module")
-def logged(shared):
-    """What the public log of the real robot says."""
-    path = shared / "data" / "upv" / "logs" / "exp_18_12_2020-12_36_29"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return reproduce_paper([str(path)], rate=0.5)  # only Table V is looked at
+def logged(knee, coarse, log_of, recording_of):
+    """What the public log of the real robot says; only Table V is looked at."""
+    recording = recording_of(knee)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproduction, "run_experiment", lambda *_: coarse)
+        patch.setattr(reproduction, "prepare_recording", lambda *_: recording)
+        return quietly(reproduce_paper, [str(log_of(knee))])
 
 
 def test_a_real_log_takes_the_place_of_the_stand_in(logged):

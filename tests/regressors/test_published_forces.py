@@ -1,11 +1,10 @@
 """The gravity regressor against closed forms, and forces that the real controllers logged."""
 
-import gzip
-
 import numpy as np
 import pytest
 
 from loopid import assemble, gravity_regressor
+from real_streams import read_stream
 
 PAPER_LINKS = {
     **{f"{leg}1": f"leg{leg}_cylinder" for leg in range(1, 5)},
@@ -48,22 +47,11 @@ def test_forces_of_the_cad_masses_agree(mechanism, oracle, regressor):
     np.testing.assert_allclose(forces, oracle["force"], rtol=0, atol=1e-9 * scale)
 
 
-LOGS = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
-
-
-def read_stream(file):
-    """Times (N,) in ns and values (N, 4) of one stream of a log."""
-    with gzip.open(file, "rt") as lines:
-        table = np.loadtxt(lines, skiprows=1)
-    return table[:, 0].astype(np.int64) * 10**9 + table[:, 1].astype(np.int64), table[:, 2:]
-
-
 @pytest.fixture(scope="module")
-def log(mechanism, shared):
+def log(real_log):
     """Logged strokes (m) and the gravity forces (N) of the same control cycles."""
-    folder = shared / "data" / "upv" / "logs" / LOGS[mechanism.name]
-    read_at, strokes = read_stream(folder / "joint_position.txt.gz")
-    written_at, forces = read_stream(folder / "q_grav.txt.gz")
+    read_at, strokes = read_stream(real_log / "joint_position.txt.gz")
+    written_at, forces = read_stream(real_log / "q_grav.txt.gz")
     following = np.searchsorted(written_at, read_at)
     # Of positions with one next force, the last came before it; the others lost theirs.
     last = np.append(np.diff(following) > 0, True) & (following < len(written_at))

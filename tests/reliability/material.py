@@ -8,7 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from random import Random
 
+import beside_tests  # noqa: F401
 import numpy as np
+from recorded_logs import write_hdf5, write_parquet
 
 from broken_robots import FAMILY, FAMILY_YAML
 from loopid import (
@@ -254,27 +256,11 @@ class Material:
         yield self._copy(f"{name}_run.csv", text)
         head, *rows = text.splitlines()
         table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
-        place = self.folder / f"{name}_run.npz"
-        np.savez(place, **dict(zip(head.split(","), table.T, strict=True)))
-        yield place
-        yield self._parquet(name, head, table)
-        yield self._hdf5(name, head, table)
-
-    def _parquet(self, name: str, head: str, table: np.ndarray) -> Path:
-        import polars
-
-        place = self.folder / f"{name}_run.parquet"
-        polars.DataFrame(dict(zip(head.split(","), table.T, strict=True))).write_parquet(place)
-        return place
-
-    def _hdf5(self, name: str, head: str, table: np.ndarray) -> Path:
-        import h5py
-
-        place = self.folder / f"{name}_run.h5"
-        with h5py.File(place, "w") as file:
-            for column, values in zip(head.split(","), table.T, strict=True):
-                file[column] = values
-        return place
+        columns = dict(zip(head.split(","), table.T, strict=True))
+        np.savez(self.folder / f"{name}_run.npz", **columns)
+        yield self.folder / f"{name}_run.npz"
+        yield write_parquet(self.folder / f"{name}_run.parquet", columns)
+        yield write_hdf5(self.folder / f"{name}_run.h5", columns)
 
     def _copy(self, name: str, content: str | bytes) -> Path:
         place = self.folder / name

@@ -7,11 +7,11 @@ from fuzz import calls, fuzz, log_calls
 
 MANY = [
     pytest.param(made, range(*numbers), marks=pytest.mark.validate)
-    for made, numbers in ((calls, (20, 300)), (log_calls, (8, 60)))
+    for made, numbers in ((calls, (10, 300)), (log_calls, (5, 60)))
 ]
 
 
-@pytest.mark.parametrize(("made", "numbers"), [(calls, range(20)), (log_calls, range(8)), *MANY])
+@pytest.mark.parametrize(("made", "numbers"), [(calls, range(10)), (log_calls, range(5)), *MANY])
 def test_commands_answer_or_refuse_in_one_sentence(tmp_path, made, numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

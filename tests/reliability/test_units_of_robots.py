@@ -41,7 +41,7 @@ def in_mm(name, folder):
     return metres, loopid.load_mechanism(folder / f"{name}.yaml")
 
 
-@pytest.fixture(scope="module", params=["four_bar", "five_bar", "3rpr"])
+@pytest.fixture(scope="module", params=["five_bar", "3rpr"])
 def robots(request, tmp_path_factory):
     return in_mm(request.param, tmp_path_factory.mktemp("mm"))
 

@@ -14,20 +14,17 @@ import scipy.linalg
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, frozen
 from loopid.errors import ExcitationWarning, OptionError, SingularityWarning, warn
-from loopid.excitation.check import Check, check_motion
-from loopid.excitation.collisions import Collisions
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
-from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.problem import Coordinates, Problem
-from loopid.excitation.search import DesignProgress, searched
-from loopid.excitation.shapes import SHAPES, Shape
+from loopid.excitation.expected_fit import ExpectedFit, expected_fit, root
+from loopid.excitation.limits import Bounds, Collisions, MotionLimits
+from loopid.excitation.problem import Check, Coordinates, Problem, check_motion
+from loopid.excitation.search import DesignProgress, Poses, find_poses, random_margin, searched
+from loopid.excitation.shapes import SHAPES, PosesShape, Shape
 from loopid.excitation.solvers import SOLVERS
-from loopid.excitation.start import Poses, find_poses, random_margin
-from loopid.experiment import ForceModel, find_force_model
-from loopid.identification import FitProblem, FitSamples
+from loopid.experiment import Excitation, ForceModel, excited_samples, find_force_model
+from loopid.identification import FitSamples, quiet_fit
 from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
 from loopid.logs import Recording
-from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.regressors import JointTerms
 from loopid.robot import Mechanism, lock_options, shortened
@@ -49,9 +46,6 @@ FIRST = 6
 BACK = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89)
 # Relative singular values of a payload's columns that count as zero.
 DEPENDENT = 1e-9
-# Relative singular values of an observation that count as zero, and the part of a parameter that
-# may lie there.
-UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
 # Bounds that a warning names.
 NAMED_BOUNDS = 3
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -80,14 +74,9 @@ class ExcitationDesign:
         The motion as a motion file writes it.
     criterion : str
         What was optimised.
-    criteria : Criteria
-        Of a run of the motion, with what there was before.
-    standard_errors, errors_before : FloatArray
-        (z,) of the parameters, from independent errors of the noise's size; infinite where nothing
-        tells a parameter. Before: of the logs that there were, or of the motion that the search
-        started from.
-    spectrum, spectrum_before : FloatArray
-        (z,), singular values of the weighted observation, columns scaled to length 1.
+    expected, before : ExpectedFit
+        What a fit of a run tells, together with what there was before; and of that alone: of the
+        logs, or of the motion that the search started from.
     noise : FloatArray
         (motors,) in N or N m.
     checks : tuple of Check
@@ -110,11 +99,8 @@ class ExcitationDesign:
     start: FloatArray
     waypoints: tuple[Waypoint, ...]
     criterion: str
-    criteria: Criteria
-    standard_errors: FloatArray
-    errors_before: FloatArray
-    spectrum: FloatArray
-    spectrum_before: FloatArray
+    expected: ExpectedFit
+    before: ExpectedFit
     noise: FloatArray
     checks: tuple[Check, ...]
     after_logs: bool
@@ -129,6 +115,16 @@ class ExcitationDesign:
             f"condition number {self.criteria.condition_number:.4g}, log det "
             f"{self.criteria.log_det:.4g}, {self.violations} violations>"
         )
+
+    @property
+    def criteria(self) -> Criteria:
+        """Of a fit of a run."""
+        return self.expected.criteria
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """(z,) of the parameters by a fit of a run; infinite where nothing tells one."""
+        return self.expected.standard_errors
 
     @property
     def violations(self) -> int:
@@ -186,8 +182,8 @@ def design_excitation(
     coordinates : str
         ``"joints"``, or ``"platform"`` for the platform coordinates.
     noise : float or mapping, optional
-        Standard deviation of each motor's force in N or N m, one for all or by joint (``"all"``:
-        the others); by default that of the logs, or 1.
+        Standard deviation of each motor's force in N or N m at the rate of the run, one for all or
+        by joint (``"all"``: the others); by default that of the logs, or 1.
     after : sequence of Recording
         What there is already: the motion adds to it.
     parameters : sequence of str
@@ -253,7 +249,7 @@ def design_excitation(
     with one_blas_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", SingularityWarning)  # of motions that are tried
         basis, unknown = _unknown(force_model, payload)
-        deviations, prior = _known(force_model, after, noise, basis)
+        deviations, prior = _known(force_model, after, noise, basis, rate)
         configurations = random_configurations(mechanism, POSES, seed, margin=0.0)
         least = limits.singularity
         if least is None:
@@ -281,17 +277,14 @@ def design_excitation(
         )
         best = min(found, key=lambda each: each.criterion)
         X, checks = _repaired(problem, poses, best.trail)
-        motion = made.motion(problem.coordinates.names, X, rate)
-        followed, motors, forces, factor = _run(problem, motion)
-        criteria = Criteria.of(factor)
-        old = _root(prior)
-        if not after:
-            first = problem.variables(best.start)
-            old = _run(problem, made.motion(problem.coordinates.names, first, rate))[-1]
-        scales = np.where((size_of := np.linalg.norm(factor, axis=0)) > 0, size_of, 1.0)
+        motion, followed, motors, forces, expected = _run(problem, X, rate)
+        if after:
+            old = root(prior)
+            before = ExpectedFit.of(old, old)
+        else:
+            before = _run(problem, problem.variables(best.start), rate)[-1]
         start, waypoints = made.waypoints(X)
-        errors = standard_errors(factor)
-        _warn_of_unexcited(problem, unknown, errors, checks)
+        _warn_of_unexcited(problem, unknown, expected.standard_errors, checks)
         return ExcitationDesign(
             force_model=force_model,
             parameters=unknown,
@@ -303,11 +296,8 @@ def design_excitation(
             start=frozen(start),
             waypoints=tuple(waypoints),
             criterion=criterion,
-            criteria=criteria,
-            standard_errors=frozen(errors),
-            errors_before=frozen(standard_errors(old)),
-            spectrum=frozen(np.linalg.svd(factor / scales, compute_uv=False)),
-            spectrum_before=frozen(np.linalg.svd(old / scales, compute_uv=False)),
+            expected=expected,
+            before=before,
             noise=frozen(deviations),
             checks=checks,
             after_logs=bool(after),
@@ -318,43 +308,27 @@ def design_excitation(
         )
 
 
-def _root(information: FloatArray) -> FloatArray:
-    """A square root R of M = Rᵀ R."""
-    values, vectors = np.linalg.eigh(information)
-    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
-
-
-def _run(problem: Problem, motion: Motion) -> tuple[JointMotion, Motion, FloatArray, FloatArray]:
-    """All joints in a motion, the motors, their forces, the triangular factor of what it tells."""
+def _run(
+    problem: Problem, X: FloatArray, rate: float
+) -> tuple[Motion, JointMotion, Motion, FloatArray, ExpectedFit]:
+    """The motion with variables X (m, c), of all joints, of the motors, their forces, the fit."""
     model, space = problem.force_model, problem.coordinates
     mechanism = model.mechanism
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    followed, factor, parts = joint_motion(mechanism, motion), _root(problem.prior), []
-    counts = problem.shape.counts(motion.time)
+    motion = problem.shape.motion(space.names, X, rate)
+    indices = mechanism.velocity_indices(mechanism.actuated)
+    followed, parts = joint_motion(mechanism, motion), []
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
         whole = space.whole(*state)
-        v, a = whole.velocities[:, motors], whole.accelerations[:, motors]
+        v, a = whole.velocities[:, indices], whole.accelerations[:, indices]
         parts.append((v, a, problem.forces(whole)))
-        told = problem.rows(whole, model.joint_terms)[counts[rows]]
-        stacked = np.concatenate([factor, told.reshape(-1, factor.shape[1])])
-        factor = triangular_factor(stacked)
     v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
     read = JointCoordinates(mechanism, mechanism.actuated)
     x = read.read(followed.configurations.copy())
     x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
-    return followed, Motion(mechanism.actuated, motion.time, x, v, a), forces, factor
-
-
-def standard_errors(factor: FloatArray) -> FloatArray:
-    """Standard errors (z,) by a triangular factor of the weighted observation."""
-    scale = np.linalg.norm(factor, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    _, values, right = np.linalg.svd(factor / scale)
-    excited = values > UNEXCITED * values[0]
-    spread = np.sqrt(((right[excited] / values[excited, None]) ** 2).sum(axis=0)) / scale
-    unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
-    return np.asarray(np.where(unexcited, np.inf, spread))
+    motors = Motion(mechanism.actuated, motion.time, x, v, a)
+    expected = expected_fit(problem, motors, forces, isinstance(problem.shape, PosesShape))
+    return motion, followed, motors, forces, expected
 
 
 def _warn_of_unexcited(
@@ -403,7 +377,10 @@ def _refuse(
     if coordinates == "platform" and mechanism.platform is None:
         raise OptionError(f"{mechanism.name} declares no platform coordinates: use 'joints'")
     if shape == "poses" and (force_model.model != "gravity" or force_model.joint_terms):
-        raise OptionError("standing in poses tells the gravity model without joint terms only")
+        raise OptionError(
+            "standing in poses tells the gravity model without joint terms only: choose the shape "
+            "'fourier' or 'spline' here"
+        )
     if parameters and criterion != "D":
         raise OptionError(f"chosen parameters have the criterion D, not {criterion}")
     if not time_limit > 0:
@@ -437,20 +414,27 @@ def _known(
     after: Sequence[Recording],
     noise: float | Mapping[str, float] | None,
     basis: FloatArray,
+    rate: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Noise (motors,) of the forces, and the information (z, z) of the logs."""
+    """Noise (motors,) of the forces at a rate, and the information (z, z) of the logs.
+
+    Errors of filtered logs are autocorrelated: independent ones at the rate stand for them that
+    have as much of an effect on a mean.
+    """
     mechanism = force_model.mechanism
-    problem = None
+    deviations, told = dict.fromkeys(mechanism.actuated, 1.0), None
     if after:
-        problem = FitSamples.combined([force_model.samples(each) for each in after]).problem
-    deviations = dict.fromkeys(mechanism.actuated, 1.0)
-    if problem is not None:
-        found = _residual_deviations(problem)
-        deviations |= {
-            name: found[k]
-            for k, name in enumerate(mechanism.independent)
-            if name in deviations and found[k] > 0
-        }
+        told = FitSamples.combined([force_model.samples(each) for each in after])
+        spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
+        excitation = Excitation.of(force_model, told.problem)
+        found = quiet_fit(excited_samples(told, force_model.prior, excitation)).noise
+        if found is None:
+            raise AssertionError("fits have a model of the noise")
+        for k, name in enumerate(mechanism.independent):
+            each = found.samples[k] / found.effective_samples[k]
+            size = found.deviation[k] * np.sqrt(each * spacing * rate)
+            if name in deviations and size > 0:
+                deviations[name] = float(size)
     if isinstance(noise, Mapping):
         for name in noise:
             if name not in deviations and name != "all":
@@ -463,21 +447,11 @@ def _known(
             raise OptionError(f"the noise of {name} must be above 0, not {deviation}")
     sigma = np.array([deviations[name] for name in mechanism.actuated])
     prior = np.zeros((basis.shape[1], basis.shape[1]))
-    if problem is not None:
-        n = len(problem.parameters)
+    if told is not None:
         for k, name in enumerate(mechanism.independent):
-            rows = problem.factors[k, :, :n] @ basis / deviations[name]
-            prior += rows.T @ rows
+            rows = told.problem.factors[k, :, :-1] @ basis / deviations[name]
+            prior += rate * spacing * rows.T @ rows
     return sigma, prior
-
-
-def _residual_deviations(problem: FitProblem) -> list[float]:
-    """Standard deviations of each actuator's forces about the best fit, excited or not."""
-    R = problem.weighted(1.0 / np.maximum(problem.force_rms, 1e-300))
-    n = len(problem.parameters)
-    values = np.asarray(np.linalg.lstsq(R[:n, :n], R[:n, n], rcond=UNEXCITED)[0], dtype=np.float64)
-    freedom = np.maximum(problem.samples - n / max(len(problem.actuators), 1), 1)
-    return [float(x) for x in np.sqrt(problem.residual_squares(values) / freedom)]
 
 
 def _shape(kind: str, seconds: float, size: int | None, unknown: int, dof: int) -> Shape:
@@ -518,7 +492,7 @@ def _repaired(
     Of the trail of ever better ones, at first a little and at last a lot shrunk around a pose.
     """
     still, best = problem.shape.still(), problem.variables(trail[-1])
-    home = np.outer(still, poses.poses[0].position)
+    home = np.outer(still, poses.positions[0])
     middle = np.outer(still, (problem.functions[0] @ best).mean(axis=0))
     earlier = [problem.variables(trail[-1 - k]) for k in BACK if k < len(trail)]
     near = [middle + part * (best - middle) for part in SHRINKS[:FIRST]]

@@ -1,4 +1,4 @@
-"""The optimisation problem: criterion and bounds of a motion, with their slopes.
+"""The optimisation problem: criterion and bounds of a motion, with their slopes; and its check.
 
 What a sample contributes depends on its own position, rate and acceleration alone. So all
 slopes follow from batches of samples that are moved a little along one coordinate's position, rate
@@ -15,16 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import FloatArray
 from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
 from loopid.experiment import ForceModel
 from loopid.kinematics import (
+    CLOSURE_TOLERANCE,
     ClosedMotion,
     closed_motion,
     integrate,
+    largest_residual,
     platform_motion,
     try_assemble,
 )
@@ -38,6 +40,12 @@ SHORTEST_STEP = 2.0**-2
 # Coulomb friction has no slope at standstill: over this part of a typical rate it is smoothed.
 SMOOTHING = 0.02
 FULL = "full"
+# How much finer the grid of the check is.
+FINER = 10
+# Part of a bound's scale that is round-off.
+ROUND_OFF = 1e-9
+# Speeds and accelerations that count as rest.
+REST = 1e-6
 
 
 class Coordinates:
@@ -159,11 +167,6 @@ class Problem:
         return self.shape.functions(self.time)
 
     @cached_property
-    def counts(self) -> BoolArray:
-        """(N,), which samples are measured."""
-        return self.shape.counts(self.time)
-
-    @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends (k,) of the bounded values in scales, less the inset."""
         bounds, designed = self.bounds, self.bounds.designed
@@ -247,11 +250,10 @@ class Problem:
         x, v, a = self.functions @ self.variables(y)
         return self.coordinates.follow(x, v, a, near)
 
-    def information(self, rows: FloatArray, counts: BoolArray) -> FloatArray:
+    def information(self, rows: FloatArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""
-        counted = rows[counts].reshape(-1, rows.shape[2])
-        each = self.samples / max(int(counts.sum()), 1)
-        return np.asarray(self.prior + each * counted.T @ counted)
+        told = rows.reshape(-1, rows.shape[2])
+        return np.asarray(self.prior + self.samples / len(rows) * told.T @ told)
 
 
 def evaluate(
@@ -266,7 +268,7 @@ def evaluate(
         return None
     N, designed = len(problem.time), problem.bounds.designed
     at, scale = problem.outcome(motion, N), problem.bounds.scale[:designed]
-    f, P = problem.criterion(problem.information(at.rows, problem.counts))
+    f, P = problem.criterion(problem.information(at.rows))
     if not slopes:
         return Value(motion.configurations, f, at.values / scale, np.empty(0), np.empty(0))
     _, v, a = problem.functions @ problem.variables(y)
@@ -288,8 +290,7 @@ def evaluate(
         width = np.stack([h, h, steps.units]).reshape(3, c, *(1,) * start.ndim)
         return np.asarray(found / width * steps.units.reshape(c, *(1,) * start.ndim))
 
-    each = 2 * problem.samples / max(int(problem.counts.sum()), 1)
-    pull = each * problem.counts[:, None, None] * (at.rows @ P)
+    pull = 2 * problem.samples / N * (at.rows @ P)
     B = problem.functions  # (3, N, m)
     df = np.einsum("ocnij,nij->onc", slopes_of(there.rows, at.rows), pull)
     dg = [slopes_of(*part) for part in ((there.moving, at.moving), (there.poses, at.poses))]
@@ -315,3 +316,78 @@ def _first(motion: ClosedMotion, count: int) -> ClosedMotion:
         motion.gamma[:count],
         projection,
     )
+
+
+@dataclass(frozen=True)
+class Check:
+    """A bounded quantity over a whole motion.
+
+    Attributes
+    ----------
+    name, unit : str
+    lowest, highest : float
+        Of the motion.
+    lower, upper : float
+        What it must keep; infinite where there is no end.
+    time : float
+        When it is nearest to an end, in s.
+    violations : int
+        Samples at which the bound is broken.
+    """
+
+    name: str
+    unit: str
+    lowest: float
+    highest: float
+    lower: float
+    upper: float
+    time: float
+    violations: int
+
+    @property
+    def used(self) -> float:
+        """Part of the way from the middle of the range to its nearer end, or of its only end."""
+        if np.isfinite([self.lower, self.upper]).all():
+            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
+            return max(self.highest - middle, middle - self.lowest) / half
+        if np.isfinite(self.lower):
+            return self.lower / self.lowest if self.lowest > 0 else np.inf
+        return self.highest / self.upper
+
+
+def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
+    """Check variables X (m, c) of a motion; empty where it leaves the assembly mode."""
+    time = np.linspace(0.0, problem.shape.seconds, FINER * len(problem.time) + 1)
+    motion = problem.coordinates.follow(*(problem.shape.functions(time) @ X))
+    if motion is None:
+        return ()
+    mechanism, bounds = problem.force_model.mechanism, problem.bounds
+    values = problem.outcome(motion).values
+    checks = [
+        _check(bound.text, bound.unit, time, column, bound.lower, bound.upper, bound.scale)
+        for bound, column in zip(bounds.all, values.T, strict=True)
+    ]
+    length, largest = mechanism.length, max(CLOSURE_TOLERANCE, 2 * mechanism.closure_residual)
+    if mechanism.rows:
+        residual = largest_residual(mechanism, motion.configurations)
+        checks.append(_check("closure residual", "m", time, residual, -np.inf, largest, length))
+    ends = [0, -1]
+    speeds = np.abs(np.concatenate([motion.velocities[ends], motion.accelerations[ends]], axis=1))
+    resting = speeds.max(axis=1, initial=0.0)
+    checks.append(_check("speed at both ends", "", time[ends], resting, -np.inf, REST, 1.0))
+    return tuple(checks)
+
+
+def _check(
+    name: str,
+    unit: str,
+    time: FloatArray,
+    values: FloatArray,
+    lower: float,
+    upper: float,
+    scale: float,
+) -> Check:
+    slack = np.minimum(values - lower, upper - values)
+    ends = float(values.min()), float(values.max())
+    broken = int((slack < -ROUND_OFF * scale).sum())
+    return Check(name, unit, *ends, lower, upper, float(time[int(slack.argmin())]), broken)

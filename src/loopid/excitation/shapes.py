@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arrays import FloatArray
 from loopid.errors import OptionError
 from loopid.trajectories import FourierCurve, Motion, SplineCurve, Waypoint, point_to_point
 
@@ -58,10 +58,6 @@ class Shape(ABC):
     def grid(self) -> FloatArray:
         """Times (N,) at which a design looks at the motion."""
         return np.linspace(0.0, self.seconds, self.samples)
-
-    def counts(self, time: FloatArray) -> BoolArray:
-        """Which samples (N,) are measured."""
-        return np.ones(len(time), dtype=bool)
 
     def motion(self, names: Sequence[str], X: FloatArray, rate: float) -> Motion:
         """The motion of a motion file with these waypoints."""
@@ -154,7 +150,7 @@ class SplineShape(Shape):
 
 @dataclass(frozen=True)
 class PosesShape(Shape):
-    """Poses to stand in, with the ways between them; only standing counts."""
+    """Poses to stand in, with the ways between them."""
 
     seconds: float
     poses: int
@@ -208,16 +204,6 @@ class PosesShape(Shape):
         for k in range(self.poses):
             ways += [Waypoint(X[k], hold), Waypoint(X[(k + 1) % self.poses], move)]
         return X[0], ways
-
-    def grid(self) -> FloatArray:
-        hold, move = self._parts
-        parts = [hold / 2, *(hold + move * np.linspace(0, 1, SAMPLES_OF_WAY + 1)[1:-1])]
-        starts = np.arange(self.poses) * (hold + move)
-        return np.asarray((starts[:, None] + np.array(parts)).ravel())
-
-    def counts(self, time: FloatArray) -> BoolArray:
-        hold, move = self._parts
-        return np.asarray(np.mod(time, hold + move) <= hold * (1 + 1e-9), dtype=bool)
 
 
 SHAPES: dict[str, Any] = {"fourier": FourierShape, "spline": SplineShape, "poses": PosesShape}

@@ -12,6 +12,7 @@ from loopid.experiment.identifiability import (
     Excitation,
     Identifiability,
     WeakDirection,
+    excited_samples,
     identifiability,
 )
 from loopid.experiment.identify import (

@@ -150,7 +150,7 @@ class LogMapping(Section):
     acceleration_scale: OneOrEach[Finite] = 1.0
     acceleration_offset: OneOrEach[Finite] = 0.0
     saturation: OneOrEach[Positive] | None = None
-    idle_speed: Positive | None = None
+    idle_speed: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
 
     def __init__(self, **content: Any) -> None:

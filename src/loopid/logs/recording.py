@@ -270,8 +270,9 @@ def prepare_recording(
     lowpass : LowPass, None or "default"
         Of positions and forces alike; None for none, by default as ``motion_spectrum`` says.
     idle_speed : float or FloatArray, optional
-        Speed in m/s or rad/s, or (m,), at or below which a motor counts as standing; by default
-        that of the log's mapping, otherwise a twentieth of the motor's own usual top speed.
+        Speed in m/s or rad/s, or (m,), at or below which a motor counts as standing, 0 if none
+        ever does; by default that of the log's mapping, otherwise a twentieth of the motor's own
+        usual top speed.
     saturation : float or FloatArray, optional
         Force in N or N m, or (m,), from which a drive saturates; by default that of the mapping,
         otherwise the effort limit of the robot file unless a tenth of the forces exceeds it.
@@ -349,7 +350,8 @@ def prepare_recording(
     if known is None:
         speeds = idle_speeds(mechanism, signals.velocity)
     else:
-        speeds = _per_motor(log, "idle_speed", known)
+        speeds = _per_motor(log, "idle_speed", known, zero=True)
+        speeds = np.where(speeds > 0, speeds, -np.inf)
     idle = np.abs(signals.velocity) <= speeds if history is None else history.standing(speeds)
     used = ~(idle | signals.saturated)
     if not used.any():
@@ -596,12 +598,13 @@ def on_independent(
     return projected, mapped_rows(unspoilt, count)
 
 
-def _per_motor(log: Log, what: str, given: float | FloatArray) -> FloatArray:
-    """One positive number a motor (m,)."""
+def _per_motor(log: Log, what: str, given: float | FloatArray, zero: bool = False) -> FloatArray:
+    """One positive number a motor (m,), or perhaps zero."""
     values = finite(given, what)
-    if values.shape not in ((), (len(log.joints),)) or (values <= 0).any():
+    wrong = values < 0 if zero else values <= 0
+    if values.shape not in ((), (len(log.joints),)) or wrong.any():
+        kind = "0 or a positive number" if zero else "a positive number"
         raise OptionError(
-            f"{what} must be a positive number, or one for each of {', '.join(log.joints)}, "
-            f"not {given}"
+            f"{what} must be {kind}, or one for each of {', '.join(log.joints)}, not {given}"
         )
     return np.asarray(np.broadcast_to(values, (len(log.joints),)), dtype=np.float64)

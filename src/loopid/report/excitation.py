@@ -52,7 +52,8 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         "coordinates": list(found.motion.names),
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.labels),
-        **json_fields(found, "standard_errors", "errors_before"),
+        **json_fields(found, "standard_errors"),
+        "errors_before": json_value(found.before.standard_errors.tolist()),
         "checks": [json_fields(check, *checked) for check in found.checks],
     }
 
@@ -82,7 +83,8 @@ def _summary(found: ExcitationDesign) -> Table:
 def _errors(found: ExcitationDesign) -> Table:
     before = "logs" if found.after_logs else "first motion"
     columns = ("leading parameter", ">± std", f">by the {before}", "unit")
-    errors = zip(found.parameters, found.standard_errors, found.errors_before, strict=True)
+    before_errors = found.before.standard_errors
+    errors = zip(found.parameters, found.standard_errors, before_errors, strict=True)
     rows = ((p.label, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
     return plain_table("predicted standard errors", columns, rows)
 
@@ -218,7 +220,7 @@ def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
     place = np.arange(count)
     with drawing(height=max(1.8, 0.14 * count + 0.8)) as (figure, axes):
         ax = axes[0, 0]
-        before, after = found.errors_before[worst], found.standard_errors[worst]
+        before, after = found.before.standard_errors[worst], found.standard_errors[worst]
         finite = np.isfinite(before)
         label = "after the logs" if found.after_logs else "first motion"
         ax.barh(place[finite] - 0.2, before[finite], 0.4, color=GREY, label=label)
@@ -238,12 +240,12 @@ def _draw_spectrum(found: ExcitationDesign) -> dict[str, bytes]:
     """Singular values of the observation, before and after."""
     with drawing(height=1.8) as (figure, axes):
         ax = axes[0, 0]
-        number = np.arange(1, len(found.spectrum) + 1)
-        before = found.spectrum_before
+        before, after = found.before.spectrum, found.expected.spectrum
+        number = np.arange(1, len(after) + 1)
         known = before > before.max(initial=0.0) * 1e-12
         label = "logs" if found.after_logs else "first motion"
         ax.plot(number[known], before[known], "o-", color=GREY, markersize=2, label=label)
-        ax.plot(number, found.spectrum, "o-", color=BLUE, markersize=2, label="with this motion")
+        ax.plot(number, after, "o-", color=BLUE, markersize=2, label="with this motion")
         ax.set(yscale="log", xlabel="combination of parameters", ylabel="singular value")
         ax.set(title="information spectrum")
         plain_log_labels(ax.yaxis, (1.0,))

@@ -4,8 +4,6 @@ import gzip
 
 import numpy as np
 
-LOGS = {"3ups_rpu": "exp_18_12_2020-12_36_29", "5p": "exp_20_01_2021-16_15_33"}
-
 
 def read_stream(file):
     """Stamps (N,) in ns and values (N, 4) of one stream."""
