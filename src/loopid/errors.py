@@ -130,7 +130,7 @@ class AccuracyWarning(UserWarning):
 
 
 class ModelWarning(UserWarning):
-    """A robot file says something that the model leaves out, or contradicts itself."""
+    """A model leaves out what a robot file or a log says, or a file contradicts itself."""
 
 
 def warn(message: str, category: type[Warning]) -> None:

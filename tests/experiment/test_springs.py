@@ -1,9 +1,12 @@
 """Springs in logs: they are found, intervals cover them, and they are rejected where none is."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify
+from loopid.errors import ModelWarning
 from loopid.experiment import compare_terms
 from loopid.identification import quiet_fit
 from loopid.simulation import scaled_bodies
@@ -123,3 +126,15 @@ def test_identify_compares_where_it_is_asked(suspected):
     told = quietly(identify, model, *runs, term_sets=["Fc~0.1"]).term_sets
     assert told.sets[-1].choice == "Fc~0.1"
     assert told.enough[1].choice == "Fc,Fv"
+
+
+def test_terms_that_new_data_ask_for_are_warned_of(suspected, load_once):
+    runs = logs(suspected, "Fc=0.1,Fv=0.05,Fo=0.2", 0)
+    robot = load_once("five_bar")
+    model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        identify(model, *runs, term_sets=[])
+    (said,) = (str(one.message) for one in told if one.category is ModelWarning)
+    assert said.startswith("joint terms Fc,Fv leave larger errors on new data than Fc,Fv,Fo (")
+    assert said.endswith("use --terms Fc,Fv,Fo, or auto")

@@ -5,13 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from loopid.arguments import checked
 from loopid.arrays import FloatArray, IntArray, finite
-from loopid.errors import DataError, ExcitationWarning, LogWarning, OptionError, RankError, warn
+from loopid.errors import (
+    DataError,
+    ExcitationWarning,
+    LogWarning,
+    ModelWarning,
+    OptionError,
+    RankError,
+    warn,
+)
 from loopid.experiment.band_sweep import BandSweep, band_sweep
 from loopid.experiment.force_model import (
     PRIOR_DEVIATION,
@@ -448,6 +457,14 @@ def identify(
     if term_sets is not None and fitted.noise is not None:
         runs = training, validation, fitted.noise, deviation
         compared = compare_terms(force_model, *runs, term_sets, n_jobs)
+        best, own = compared.enough[1], compared.chosen
+        if not own.errors[1].as_good:
+            warn(
+                f"joint terms {own.choice} leave larger errors on new data than {best.choice} "
+                f"(squared {own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals "
+                f"do not hold what no term models: use --terms {quote(best.choice)}, or auto",
+                ModelWarning,
+            )
     return Identification(
         force_model,
         tuple(training),
