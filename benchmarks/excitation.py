@@ -6,9 +6,12 @@ the bundled motions.
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import Any
 
@@ -24,6 +27,7 @@ from loopid.logs import Log
 
 FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
 UR10 = "ur_description/urdf/ur10_robot.urdf"
+FIGAROH, FIGAROH_RATE = Path(__file__).parents[1] / ".venv/peers/bin/python", 20.0
 KNEE = loopid.MotionLimits(singularity=0.05)
 
 
@@ -51,6 +55,36 @@ def ur10() -> None:
         for criterion in ("condition", "D"):
             name = f"UR10, {criterion}{', collisions' if collisions else ''}"
             designed(name, model, criterion=criterion, **options)
+
+
+def figaroh(seed: int = 0) -> None:
+    """UR10: standard errors by a motion of FIGAROH's own design, and by one of the same length."""
+    if not FIGAROH.exists():
+        print("make peers installs FIGAROH")
+        return
+    file = robots_folder() / UR10
+    robot = loopid.load_mechanism(file)
+    model = loopid.find_force_model(robot, "full")
+    with TemporaryDirectory() as folder:
+        out, start = Path(folder) / "motion.npz", perf_counter()
+        script = Path(__file__).with_name("peers_figaroh_design.py")
+        subprocess.run([FIGAROH, script, file, out, str(seed)], check=True, capture_output=True)
+        with np.load(out) as found:
+            q, v, a = (found[f"arr_{k}"] for k in range(3))
+    wall = f"{perf_counter() - start:6.1f} s wall"
+    theirs = model.base.regressor(model.standard_regressor(q, v, a)).reshape(-1, 36)
+    print(f"{'FIGAROH, condition':34s} cond {np.linalg.cond(theirs):10.2f}  {wall}")
+    limits = loopid.MotionLimits(share=0.9, collisions=False)
+    options = {"duration": len(q) / FIGAROH_RATE, "rate": FIGAROH_RATE, "time_limit": 80.0}
+    for criterion in ("D", "condition"):
+        name = f"UR10, {criterion}, {options['duration']:g} s"
+        ours = designed(
+            name, model, limits=limits, criterion=criterion, size=7, starts=2, **options
+        )
+        W = model.regressor(ours.joint_motion)[: len(q)].reshape(-1, 36)
+        errors = [np.sqrt(np.diag(np.linalg.inv(X.T @ X))) for X in (theirs, W)]
+        ratio = np.exp(np.log(errors[0] / errors[1]).mean())
+        print(f"FIGAROH's standard errors are {ratio:.2f} times as large, for as many samples")
 
 
 def knee() -> None:
@@ -184,7 +218,7 @@ def refusals() -> None:
 
 
 CASES: dict[str, Callable[[], None]] = {
-    case.__name__: case for case in (ur10, knee, feasible, seeds, monte_carlo, refusals)
+    case.__name__: case for case in (ur10, figaroh, knee, feasible, seeds, monte_carlo, refusals)
 }
 
 if __name__ == "__main__":
