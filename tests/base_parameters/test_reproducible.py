@@ -12,8 +12,8 @@ from loopid import bundled_robots
 
 PROGRAM = """
 import json, sys
-from loopid.base_parameters import PivotedQR
-from loopid import ExactSearch, SubgroupSearch, load_mechanism, structural_observation
+from loopid.base_parameters import PivotedQR, SubgroupSearch
+from loopid import ExactSearch, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
 from loopid.errors import SearchError
 found = {}

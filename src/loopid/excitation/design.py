@@ -25,6 +25,7 @@ from loopid.experiment import Excitation, ForceModel, excited_samples, find_forc
 from loopid.identification import FitSamples, quiet_fit
 from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, random_configurations
 from loopid.logs import Recording
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.regressors import JointTerms
 from loopid.robot import Mechanism, lock_options, shortened
@@ -74,6 +75,8 @@ class ExcitationDesign:
         The motion as a motion file writes it.
     criterion : str
         What was optimised.
+    criteria : Criteria
+        Of the weighted observation of the motion, with what there was before.
     expected, before : ExpectedFit
         What a fit of a run tells, together with what there was before; and of that alone: of the
         logs, or of the motion that the search started from.
@@ -99,6 +102,7 @@ class ExcitationDesign:
     start: FloatArray
     waypoints: tuple[Waypoint, ...]
     criterion: str
+    criteria: Criteria
     expected: ExpectedFit
     before: ExpectedFit
     noise: FloatArray
@@ -115,11 +119,6 @@ class ExcitationDesign:
             f"condition number {self.criteria.condition_number:.4g}, log det "
             f"{self.criteria.log_det:.4g}, {self.violations} violations>"
         )
-
-    @property
-    def criteria(self) -> Criteria:
-        """Of a fit of a run."""
-        return self.expected.criteria
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -277,7 +276,7 @@ def design_excitation(
         )
         best = min(found, key=lambda each: each.criterion)
         X, checks = _repaired(problem, poses, best.trail)
-        motion, followed, motors, forces, expected = _run(problem, X, rate)
+        motion, followed, motors, forces, factor, expected = _run(problem, X, rate)
         if after:
             old = root(prior)
             before = ExpectedFit.of(old, old)
@@ -296,6 +295,7 @@ def design_excitation(
             start=frozen(start),
             waypoints=tuple(waypoints),
             criterion=criterion,
+            criteria=Criteria.of(factor),
             expected=expected,
             before=before,
             noise=frozen(deviations),
@@ -310,25 +310,30 @@ def design_excitation(
 
 def _run(
     problem: Problem, X: FloatArray, rate: float
-) -> tuple[Motion, JointMotion, Motion, FloatArray, ExpectedFit]:
-    """The motion with variables X (m, c), of all joints, of the motors, their forces, the fit."""
+) -> tuple[Motion, JointMotion, Motion, FloatArray, FloatArray, ExpectedFit]:
+    """The motion with variables X (m, c), of all joints, of the motors, their forces.
+
+    And the triangular factor (z, z) of its weighted observation, and the fit of its log.
+    """
     model, space = problem.force_model, problem.coordinates
     mechanism = model.mechanism
     motion = problem.shape.motion(space.names, X, rate)
     indices = mechanism.velocity_indices(mechanism.actuated)
-    followed, parts = joint_motion(mechanism, motion), []
+    followed, parts, factor = joint_motion(mechanism, motion), [], root(problem.prior)
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
         whole = space.whole(*state)
         v, a = whole.velocities[:, indices], whole.accelerations[:, indices]
         parts.append((v, a, problem.forces(whole)))
+        told = problem.rows(whole, model.joint_terms).reshape(-1, len(factor))
+        factor = triangular_factor(np.concatenate([factor, told]))
     v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
     read = JointCoordinates(mechanism, mechanism.actuated)
     x = read.read(followed.configurations.copy())
     x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
     motors = Motion(mechanism.actuated, motion.time, x, v, a)
     expected = expected_fit(problem, motors, forces, isinstance(problem.shape, PosesShape))
-    return motion, followed, motors, forces, expected
+    return motion, followed, motors, forces, factor, expected
 
 
 def _warn_of_unexcited(

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from loopid.arrays import FloatArray
-from loopid.excitation.criteria import Criteria
 from loopid.excitation.problem import Problem
 from loopid.kinematics import project
 from loopid.logs import Log, Recording, prepare_recording
@@ -31,15 +30,12 @@ class ExpectedFit:
 
     Attributes
     ----------
-    criteria : Criteria
-        Of the weighted observation.
     standard_errors : FloatArray
         (z,), infinite where nothing tells a parameter.
     spectrum : FloatArray
         (z,), singular values of the weighted observation, its columns scaled to length 1.
     """
 
-    criteria: Criteria
     standard_errors: FloatArray
     spectrum: FloatArray
 
@@ -53,7 +49,7 @@ class ExpectedFit:
         inverse = (right[excited].T / values[excited] ** 2) @ right[excited]
         spread = np.linalg.norm(errors / scale @ inverse, axis=0) / scale
         unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
-        return cls(Criteria.of(information), np.where(unexcited, np.inf, spread), values)
+        return cls(np.where(unexcited, np.inf, spread), values)
 
 
 def root(information: FloatArray) -> FloatArray:
