@@ -14,12 +14,16 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeAlias
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+ENVIRONMENTS = ROOT / ".venv" / "versions"
 RECORD = Path(__file__).with_name("tested_versions.txt")
 MINORS = (11, 12, 13)
+Run: TypeAlias = tuple[str, str, list[str]]  # interpreter, name, options of pip
 SHOWN = ("pin", "numpy", "scipy", "polars", "pydantic")
 
 
@@ -59,13 +63,18 @@ def lowest(folder: Path) -> list[str]:
     return ["--constraint", str(pins)]
 
 
-def passes(python: str, name: str, options: list[str], arguments: list[str]) -> str:
-    """Install loopid for an interpreter and run the suite; the versions, where it passes."""
-    folder = ROOT / ".venv" / "versions" / name
+def installed(python: str, name: str, options: list[str]) -> Path:
+    """An interpreter with loopid in an environment of its own."""
+    folder = ENVIRONMENTS / name
     subprocess.run([python, "-m", "venv", "--clear", folder], check=True)
     inside = folder / "bin" / "python"
     install = [inside, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*install, *options, "-e", f"{ROOT}[test]"], check=True)
+    return inside
+
+
+def passes(inside: Path, name: str, arguments: list[str]) -> str:
+    """Run the suite; the versions, where it passes."""
     tests = [inside, "-m", "pytest", "-n", "auto", "--dist", "worksteal", *arguments]
     subprocess.run(tests, check=True, cwd=ROOT)
     script = (
@@ -74,7 +83,8 @@ def passes(python: str, name: str, options: list[str], arguments: list[str]) -> 
     shown = subprocess.run(
         [inside, "-c", script], check=True, capture_output=True, text=True
     ).stdout
-    return f"{name}: Python {_version(python)}, {', '.join(re.findall(r'[a-z]+ [0-9.]+', shown))}"
+    packages = ", ".join(re.findall(r"[a-z]+ [0-9.]+", shown))
+    return f"{name}: Python {_version(str(inside))}, {packages}"
 
 
 def main() -> None:
@@ -84,15 +94,15 @@ def main() -> None:
     if arguments == ["--recorded"]:
         known = RECORD.read_text().splitlines() if RECORD.exists() else []
         sys.exit(known[:1] != lines)
-    newest = [(python, f"newest-3.{minor}", False) for minor, python in found.items()]
+    ENVIRONMENTS.mkdir(parents=True, exist_ok=True)
+    newest: list[Run] = [(python, f"newest-3.{minor}", []) for minor, python in found.items()]
     if arguments:
         newest = newest[-1:]
-    runs = [(next(iter(found.values())), "lowest", True), *newest]
-    folder = ROOT / ".venv" / "versions"
-    folder.mkdir(parents=True, exist_ok=True)
-    for python, name, is_lowest in runs:
-        options = lowest(folder) if is_lowest else []
-        lines.append(passes(python, name, options, arguments))
+    runs = [(next(iter(found.values())), "lowest", lowest(ENVIRONMENTS)), *newest]
+    with ThreadPoolExecutor(2) as pool:  # packages take longer to unpack than to fetch
+        ready = list(pool.map(lambda run: installed(*run), runs))
+    for inside, (_, name, _) in zip(ready, runs, strict=True):
+        lines.append(passes(inside, name, arguments))
     if not arguments:
         RECORD.write_text("\n".join(lines) + "\n")
     sys.stdout.write("\n".join(lines) + "\n")
