@@ -263,7 +263,10 @@ def relative_quaternion(
     rotation_a: FloatArray, rotation_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Vector (N, 3) and scalar (N,) >= 0 of the quaternion of R_aᵀ R_b (N, 3, 3)."""
-    quaternion = Rotation.from_matrix(_dot(rotation_a, rotation_b)).as_quat(canonical=True)
+    turned = _dot(rotation_a, rotation_b)
+    if not len(turned):  # which older SciPy refuses
+        return np.empty((0, 3)), np.empty(0)
+    quaternion = Rotation.from_matrix(turned).as_quat(canonical=True)
     return quaternion[:, :3], quaternion[:, 3]
 
 
