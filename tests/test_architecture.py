@@ -20,7 +20,6 @@ STREET = (
     "robot",
     "kinematics",
     "regressors",
-    "dynamics",
     "base_parameters",
     "loading",
     "trajectories",
