@@ -17,10 +17,12 @@ from loopid import (
 from loopid.errors import DataError, OptionError
 from loopid.experiment import compare_terms
 from loopid.identification import quiet_fit
+from loopid.simulation import scaled_bodies
 from made_runs import record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"
 DRAWS = 40
+SIDES = "left", "right"
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +95,29 @@ def test_c_code_refuses_it(loaded):
 
     with pytest.raises(OptionError, match=r"C code cannot have left_crank_joint\.Fl"):
         regressor_code(loaded[0])
+
+
+@pytest.mark.parametrize("draws", [1, pytest.param(6, marks=pytest.mark.validate)])
+def test_it_predicts_where_the_bodies_of_the_robot_file_are_off(loaded, draws):
+    """Compared with no friction of passive joints, and with a constant one."""
+    model, values, motions = loaded
+    robot, terms = model.mechanism, model.joint_terms
+    others = [
+        find_force_model(robot, "full", JointTerms.of(robot, choice), "qr")
+        for choice in ("Fc,Fv", "Fc,Fv; left_crank_joint: Fc; passive: Fc")
+    ]
+    errors, off = [], []
+    for seed in range(draws):
+        bodies = scaled_bodies(robot, 0.3, seed)
+        fitted, unseen = (
+            record(robot, motion, (terms, values), bodies, noise, seed)
+            for motion, noise in zip(motions, (0.02, 0.0), strict=True)
+        )
+        fits = [(each, quiet_fit(each.samples(fitted))) for each in (model, *others)]
+        errors.append([np.std(each.samples(unseen).residual(f.values)) for each, f in fits])
+        mine = [model.parameters.labels.index(f"{side}_coupler_joint.Fl") for side in SIDES]
+        off.append(np.abs(fits[0][1].values[mine] / 0.02 - 1).mean())
+    by_load, without, constant = np.mean(errors, axis=0)
+    assert without > 40 * by_load
+    assert constant > 6 * by_load
+    assert np.mean(off) < 0.3
