@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
 from loopid.robot import Mechanism, scratch_data
 
