@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
+from numpy.lib.stride_tricks import as_strided
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
@@ -82,18 +83,30 @@ def frame_poses(
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
     model, data = mechanism.model, scratch_data(mechanism.model)
-    frames = [data.oMf[k] for k in frame_ids]
-    placements = np.empty((len(q), len(frames), 4, 4))
+    frames, J = _all_placements(data), data.J
+    placements = np.empty((len(q), len(frame_ids), frames.shape[1]))
     jacobian = np.empty((len(q), 6 if jacobians else 0, model.nv))
     ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
     for k, configuration in enumerate(q):
         ask(model, data, configuration)
         pin.updateFramePlacements(model, data)
-        placements[k] = [frame.homogeneous for frame in frames]
+        frames.take(frame_ids, 0, placements[k], "clip")
         if jacobians:
-            jacobian[k] = data.J
+            jacobian[k] = J
     moved = mechanism.supports(frame_ids) if supports is None else supports
-    return FramePoses(placements[:, :, :3, 3], placements[:, :, :3, :3], moved, jacobian)
+    columns = placements[:, :, :9].reshape(len(q), len(frame_ids), 3, 3)
+    return FramePoses(placements[:, :, 9:12], np.swapaxes(columns, 2, 3), moved, jacobian)
+
+
+def _all_placements(data: pin.Data) -> FloatArray:
+    """Axes and origin (F, 12) of all frames in Pinocchio's memory, a vector of C++.
+
+    Asking it for the frames one by one takes longer than it takes to place them.
+    """
+    placements = data.oMf
+    first, last = (placements[k].rotation.T for k in (0, len(placements) - 1))
+    step = (last.ctypes.data - first.ctypes.data) // max(len(placements) - 1, 1)
+    return as_strided(first, (len(placements), 12), (step, 8))
 
 
 def frame_motions(
@@ -105,10 +118,10 @@ def frame_motions(
         k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE
     ]
     rates = np.empty((len(q), 6, model.nv))
-    changes = np.zeros_like(rates) if varying else np.zeros(())
+    changes, dJ = np.zeros_like(rates) if varying else np.zeros(()), data.dJ
     for k, state in enumerate(zip(q, v, strict=True)):
         pin.computeJointJacobiansTimeVariation(model, data, *state)
-        rates[k] = data.dJ
+        rates[k] = dJ
         for joint in varying:
             change = data.oMi[joint].act(pin.Motion(np.ravel(data.joints[joint].c)))
             changes[k, :, model.joints[joint].idx_v] = change.vector
