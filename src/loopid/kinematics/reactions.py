@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
