@@ -30,8 +30,7 @@ from pydantic import (
     model_validator,
 )
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, Number, finite, frozen
+from loopid.arguments import FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters import BaseParameters, SearchResult, analyse, expression
 from loopid.consistency import (
     ConsistentFit,

@@ -14,8 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields, random_generator
-from loopid.arrays import FloatArray, finite, frozen, samples
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+    random_generator,
+    samples,
+)
 from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
 from loopid.kinematics import ClosedMotion, Factorisation, JointCoordinates, closed_motion

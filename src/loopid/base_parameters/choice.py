@@ -16,8 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, checked, checked_fields
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
 from loopid.errors import OptionError, SearchError
 from loopid.workers import Progress, one_blas_thread

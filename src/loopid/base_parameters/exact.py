@@ -17,8 +17,7 @@ from time import perf_counter
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import IntArray
+from loopid.arguments import IntArray, checked
 from loopid.base_parameters.choice import (
     NOTHING,
     TIE_TOLERANCE,

@@ -16,8 +16,7 @@ from math import comb
 
 import numpy as np
 
-from loopid.arguments import random_generator
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, random_generator
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
 from loopid.base_parameters.structure import base_columns
 from loopid.base_parameters.tree import Block, Budget, Levels, OutOfBudgetError

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, NamedLength, Parameter
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import AccuracyWarning, DataError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet

@@ -16,8 +16,7 @@ from math import ceil, comb
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchResult,

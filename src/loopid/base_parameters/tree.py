@@ -33,7 +33,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.choice import ChoiceProblem
 from loopid.base_parameters.structure import base_columns, independent_blocks
 

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import DataError, FeasibilityError
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 from loopid.pseudo_inertia import (

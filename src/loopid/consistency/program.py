@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior
 from loopid.errors import FeasibilityError, MissingExtraError, OptionError

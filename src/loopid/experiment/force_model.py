@@ -10,8 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite
+from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification import FitProblem, FitSamples, Prior

@@ -18,8 +18,7 @@ from shlex import quote
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arguments import FloatArray, IntArray, checked, frozen
 from loopid.base_parameters import expression
 from loopid.errors import DataError, RankError
 from loopid.experiment.force_model import ForceModel, body_sizes

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite
+from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.errors import (
     DataError,
     ExcitationWarning,

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.errors import OptionError
 from loopid.experiment import ForceModel
 from loopid.kinematics import partition

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import CorrelationWarning, warn
 from loopid.identification.least_squares import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples

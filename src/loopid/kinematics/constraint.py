@@ -15,8 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, samples
+from loopid.arguments import FloatArray, checked, samples
 from loopid.kinematics.poses import blocks, frame_motions, frame_poses
 from loopid.robot import FramePair, Mechanism, PairRates
 

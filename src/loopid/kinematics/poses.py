@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
 from loopid.robot import Mechanism, scratch_data
 

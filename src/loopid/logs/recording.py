@@ -11,8 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import project, singularity_measure, try_assemble
 from loopid.logs.log import Log, require_known_motion

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, samples
+from loopid.arguments import FloatArray, checked, finite, samples
 from loopid.errors import DataError
 from loopid.kinematics import ClosedMotion, closed_motion, project, torque_regressors
 from loopid.parameters import ParameterSet, model_kinds

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked, checked_fields
 from loopid.errors import AssemblyError, ModelWarning, OptionError, SingularityError, warn
 from loopid.kinematics import (
     ClosedMotion,
