@@ -14,8 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields, random_generator
-from loopid.arrays import FloatArray, finite, frozen, samples
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+    random_generator,
+    samples,
+)
 from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
 from loopid.kinematics import ClosedMotion, Factorisation, JointCoordinates, closed_motion
@@ -197,7 +204,8 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
-        K = motion_regressor(mechanism, whole, "full", terms)
+        bodies = values[: len(mechanism.parameters())]
+        K = motion_regressor(mechanism, whole, "full", terms, bodies)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:

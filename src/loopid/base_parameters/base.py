@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arguments import FloatArray, IntArray, finite, frozen
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     ExhaustiveSearch,

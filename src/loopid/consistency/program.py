@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior
 from loopid.errors import FeasibilityError, MissingExtraError, OptionError
@@ -192,16 +192,9 @@ def minimise(
 ) -> FloatArray:
     """Unknowns x (q,) of least ½‖F x - g‖² + w distance, strictly inside all constraints.
 
-    Parameters
-    ----------
-    data, target : FloatArray
-        F (r, q) and g (r,).
-    strength : float
-        w.
-    exact : bool
-        Whether F x = g is met exactly instead of in the least-squares sense; see ``attainable``.
-    refuse : bool
-        Whether a solution short of the tolerance is refused: it will do for a message.
+    ``data`` is F (r, q), ``target`` g (r,), ``strength`` w. With ``exact`` F x = g is met instead
+    (see ``attainable``). Without ``refuse`` a solution short of the tolerance is returned: it will
+    do for a message.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 
 # f(M) and its slope (n, n).
 Criterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]

@@ -18,8 +18,7 @@ from time import monotonic
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, frozen
+from loopid.arguments import FloatArray, checked, frozen
 from loopid.errors import ExcitationWarning, OptionError, SingularityWarning, warn
 from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
 from loopid.excitation.limits import Bounds, Collisions, MotionLimits

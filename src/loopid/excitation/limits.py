@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import checked_fields
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked_fields
 from loopid.errors import ModelWarning, OptionError, warn
 from loopid.kinematics import (
     NEAR_SINGULARITY,

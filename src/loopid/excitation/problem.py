@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import AssemblyError, MissingExtraError
 from loopid.excitation.problem import Problem, Value, evaluate
 from loopid.kinematics import measured_coordinates, singularity_measure, try_assemble

@@ -10,8 +10,7 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, finite
+from loopid.arguments import FloatArray, checked, checked_fields, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import ForceModel
 from loopid.files import write_files

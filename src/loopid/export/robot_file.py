@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, finite
+from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError, FeasibilityError, OptionError, OutputError, RobotFileError
 from loopid.export.located_xml import LocatedXml, Tag, written
 from loopid.files import write_file

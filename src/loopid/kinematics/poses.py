@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
 from loopid.robot import Mechanism, scratch_data
 
@@ -157,6 +157,25 @@ def torque_regressors(
     if mechanism.tied:
         K = K @ mechanism.tie_matrix(len(model_kinds(model)))
     return K
+
+
+def tree_reactions(
+    tree: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Joint forces (N, nv) of the tree without closures, and what some joints transmit then.
+
+    Forces (N, J, 3) from each joint to what hangs on it, along the fixed axes, and the orientations
+    (N, J, 3, 3) of the joints.
+    """
+    data = scratch_data(tree)
+    tau, force = np.empty((len(q), tree.nv)), np.empty((len(q), len(joints), 3))
+    turn = np.empty((len(q), len(joints), 3, 3))
+    for k, state in enumerate(zip(q, v, a, strict=True)):
+        tau[k] = pin.rnea(tree, data, *state)
+        pin.forwardKinematics(tree, data, state[0])
+        turn[k] = [data.oMi[j].rotation for j in joints]
+        force[k] = [data.f[j].linear for j in joints]
+    return tau, np.einsum("njab,njb->nja", turn, force), turn
 
 
 def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArray) -> FloatArray:

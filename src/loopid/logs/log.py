@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, IntArray, finite, frozen, samples
+from loopid.arguments import FloatArray, IntArray, checked, checked_fields, finite, frozen, samples
 from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.base_parameters import expression
 from loopid.identification import FitResult
 from loopid.paper.reproduction import (

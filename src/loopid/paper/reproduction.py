@@ -15,8 +15,14 @@ from time import perf_counter
 
 import numpy as np
 
-from loopid.arguments import checked, derived_seed, random_generator
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    derived_seed,
+    random_generator,
+)
 from loopid.base_parameters import BaseParameters, find_base_parameters
 from loopid.errors import CorrelationWarning, ExcitationWarning, SearchError
 from loopid.experiment import (

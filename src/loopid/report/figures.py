@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rich.cells import cell_len
 
-from loopid.arrays import IntArray, spread_rows
+from loopid.arguments import IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
