@@ -198,22 +198,12 @@ def _kicked(block: Block, selection: IntArray, random: np.random.Generator) -> I
 
 @dataclass(frozen=True)
 class Barrier:
-    """Every swap of a selection, seen from a barrier on one side of its eigenvalues.
+    """Every swap of a selection, seen from a barrier on one side of its eigenvalues."""
 
-    Attributes
-    ----------
-    side : float
-        1 where the barrier is below the eigenvalues, -1 where it is above.
-    first, second : FloatArray
-        (n, n), P = X E Xᵀ and Q = X E² Xᵀ with E = (side (M - b I))⁻¹.
-    potential : float
-        tr E.
-    """
-
-    side: float
-    first: FloatArray
-    second: FloatArray
-    potential: float
+    side: float  # 1 where the barrier is below the eigenvalues, -1 where it is above
+    first: FloatArray  # P (n, n) = X E Xᵀ with E = (side (M - b I))⁻¹
+    second: FloatArray  # Q (n, n) = X E² Xᵀ
+    potential: float  # tr E
 
     @classmethod
     def at(cls, level: float, vectors: FloatArray, chosen: IntArray, side: float) -> Barrier:

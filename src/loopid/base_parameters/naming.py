@@ -41,19 +41,11 @@ Value = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Form:
-    """One way of making a number of two lengths, or of the first alone.
+    """One way of making a number of two lengths, or of the first alone."""
 
-    Attributes
-    ----------
-    text, negative : str
-        How it reads, and how its negative does, with ``{0}`` and ``{1}`` for the symbols.
-    value : callable
-        Of arrays of signed lengths in m.
-    """
-
-    text: str
-    negative: str
-    value: Value
+    text: str  # how it reads, with ``{0}`` and ``{1}`` for the symbols
+    negative: str  # how its negative does
+    value: Value  # of arrays of signed lengths in m
 
 
 def _product(text: str, value: Value) -> Form:
@@ -97,20 +89,11 @@ FORMS = {1: _ONE, 2: _TWO}
 
 @dataclass(frozen=True)
 class CoefficientName:
-    """What a coefficient is, in lengths of the robot.
-
-    Attributes
-    ----------
-    form : Form
-    lengths : tuple of NamedLength
-        Those in the form.
-    negated : bool
-        Whether the coefficient is the negative of the form.
-    """
+    """What a coefficient is, in lengths of the robot."""
 
     form: Form
-    lengths: tuple[NamedLength, ...]
-    negated: bool
+    lengths: tuple[NamedLength, ...]  # those in the form
+    negated: bool  # whether the coefficient is the negative of the form
 
     @property
     def text(self) -> str:

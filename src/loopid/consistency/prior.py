@@ -43,24 +43,14 @@ class _Defect(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where bodies and joint terms stand among p parameters.
-
-    Attributes
-    ----------
-    parameters : ParameterSet
-    bodies : tuple of str
-        Names of links, or of groups of tied links.
-    columns : IntArray
-        (bodies, 4) or (bodies, 10), places of each body's parameters in the order of ``KINDS``.
-    joint_columns, positive : IntArray
-        Places of the joint terms, and of those that cannot be negative.
-    """
+    """Where bodies and joint terms stand among p parameters."""
 
     parameters: ParameterSet
-    bodies: tuple[str, ...]
+    bodies: tuple[str, ...]  # names of links, or of groups of tied links
+    # (bodies, 4) or (bodies, 10), places of each body's parameters in the order of ``KINDS``
     columns: IntArray
-    joint_columns: IntArray
-    positive: IntArray
+    joint_columns: IntArray  # places of the joint terms
+    positive: IntArray  # places of those that cannot be negative
 
     @classmethod
     def of(cls, parameters: ParameterSet) -> Layout:
@@ -98,26 +88,13 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Values with a positive definite pseudo-inertia for every body that has a mass.
-
-    Attributes
-    ----------
-    layout : Layout
-    values : FloatArray
-        (p,).
-    bodies : tuple of str
-        Those that are not massless: a body of nothing but zeros stays one.
-    columns : IntArray
-        (bodies, 4) or (bodies, 10), places of their parameters.
-    factors : FloatArray
-        (bodies, 4, 4), upper triangular L of P0 = L Lᵀ.
-    """
+    """Values with a positive definite pseudo-inertia for every body that has a mass."""
 
     layout: Layout
-    values: FloatArray
-    bodies: tuple[str, ...]
-    columns: IntArray
-    factors: FloatArray
+    values: FloatArray  # (p,)
+    bodies: tuple[str, ...]  # those that are not massless: a body of nothing but zeros stays one
+    columns: IntArray  # (bodies, 4) or (bodies, 10), places of their parameters
+    factors: FloatArray  # (bodies, 4, 4), upper triangular L of P0 = L Lᵀ
 
 
 def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:

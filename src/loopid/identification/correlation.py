@@ -53,18 +53,10 @@ MOST_SHARE = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, ε independent.
+    """e_t = Σ c_k e_{t-k} + ε_t, ε independent."""
 
-    Attributes
-    ----------
-    coefficients : FloatArray
-        (p,), c_k.
-    variance : float
-        Of ε.
-    """
-
-    coefficients: FloatArray
-    variance: float
+    coefficients: FloatArray  # (p,), c_k
+    variance: float  # of ε
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
