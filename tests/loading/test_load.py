@@ -164,7 +164,7 @@ def test_locked_joints_leave_the_forces_of_the_others_unchanged(panda):
     motion = np.zeros((3, whole.nv))
     motion[:, :7] = generator.uniform(-1, 1, (3, 7))
     expected = pin.rnea(whole, whole.createData(), *motion)[:7]
-    Y = torque_regressors(locked, *motion[:, :7])[0]
+    Y = torque_regressors(locked, *motion[:, None, :7])[0]
     np.testing.assert_allclose(Y @ locked.standard_parameters(), expected, atol=1e-12)
 
 

@@ -260,16 +260,9 @@ def most_readable(choices: Iterable[Readability]) -> Readability:
 def readabilities(
     null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
 ) -> Iterator[Readability]:
-    """Readability of several choices, one after another.
+    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
 
-    Parameters
-    ----------
-    null_basis : FloatArray
-        (n, d), of all parameters or of one block.
-    choices : IntArray
-        (c, d), dependent rows of ``null_basis``.
-    columns : IntArray, optional
-        (n,), the columns that the rows belong to, if not 0 ... n - 1.
+    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
     """
     names = choices if columns is None else columns[choices]
     size = max(1, BATCH // null_basis.size)

@@ -148,17 +148,11 @@ class Block:
 
 
 def split(problem: ChoiceProblem) -> tuple[tuple[Block, ...], float]:
-    """The blocks of a problem, and how far they are from it.
+    """The blocks of a problem, and a bound on what they change of singular values of any choice.
 
     The null-space criterion falls apart into independent blocks; those without a null vector need
-    no choice. The regressor criterion is one block.
-
-    Returns
-    -------
-    tuple of Block
-    float
-        Bound on the change of every singular value of every choice: what was neglected between
-        blocks and among vectors that stand for each other.
+    no choice. The regressor criterion is one block. Neglected are entries between blocks and
+    distances among vectors that stand for each other.
     """
     V2 = problem.structure.null_basis
     if problem.criterion == "regressor":
@@ -274,29 +268,10 @@ def selections_between(
     left: IntArray = NONE,
     leaves: Leaves | None = None,
 ) -> Iterator[IntArray]:
-    """Yield the selections whose eigenvalues lie in a range, depth first.
+    """Yield the selections (k,), ascending, with all eigenvalues in a range, depth first.
 
-    Parameters
-    ----------
-    block : Block
-    above : float
-        Positive; every eigenvalue is larger than this.
-    below : float
-        Every eigenvalue is smaller than this; may be infinite.
-    budget : Budget
-    taken, left : IntArray
-        Rows that every selection contains, or does not.
-    leaves : list, optional
-        Takes the rows taken and left at each leaf without a selection.
-
-    Yields
-    ------
-    IntArray
-        (k,), ascending.
-
-    Raises
-    ------
-    OutOfBudgetError
+    Every selection contains the rows ``taken`` and none of those ``left``. ``leaves`` takes the
+    rows taken and left at each leaf without a selection. OutOfBudgetError ends the walk.
     """
     tree = _Tree(block, above, below, leaves)
     root = tree.root()

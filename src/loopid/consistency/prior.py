@@ -43,14 +43,17 @@ class _Defect(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where bodies and joint terms stand among p parameters."""
+    """Where bodies (links, or groups of tied links) and joint terms stand among p parameters.
+
+    ``columns`` (bodies, 4) or (bodies, 10) are the places of each body's parameters in the order
+    of ``KINDS``, ``positive`` those of the joint terms that cannot be negative.
+    """
 
     parameters: ParameterSet
-    bodies: tuple[str, ...]  # names of links, or of groups of tied links
-    # (bodies, 4) or (bodies, 10), places of each body's parameters in the order of ``KINDS``
+    bodies: tuple[str, ...]
     columns: IntArray
-    joint_columns: IntArray  # places of the joint terms
-    positive: IntArray  # places of those that cannot be negative
+    joint_columns: IntArray
+    positive: IntArray
 
     @classmethod
     def of(cls, parameters: ParameterSet) -> Layout:
@@ -88,13 +91,17 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Values with a positive definite pseudo-inertia for every body that has a mass."""
+    """Values (p,) with a positive definite pseudo-inertia for every body that has a mass.
+
+    ``bodies`` are those that are not massless, with the places of their parameters in ``columns``
+    (bodies, 4) or (bodies, 10), and ``factors`` (bodies, 4, 4), upper triangular L of P0 = L Lᵀ.
+    """
 
     layout: Layout
-    values: FloatArray  # (p,)
-    bodies: tuple[str, ...]  # those that are not massless: a body of nothing but zeros stays one
-    columns: IntArray  # (bodies, 4) or (bodies, 10), places of their parameters
-    factors: FloatArray  # (bodies, 4, 4), upper triangular L of P0 = L Lᵀ
+    values: FloatArray
+    bodies: tuple[str, ...]
+    columns: IntArray
+    factors: FloatArray
 
 
 def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:

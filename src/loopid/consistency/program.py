@@ -178,16 +178,9 @@ def minimise(
 ) -> FloatArray:
     """Unknowns x (q,) of least ½‖F x - g‖² + w distance, strictly inside all constraints.
 
-    Parameters
-    ----------
-    data, target : FloatArray
-        F (r, q) and g (r,).
-    strength : float
-        w.
-    exact : bool
-        Whether F x = g is met exactly instead of in the least-squares sense; see ``attainable``.
-    refuse : bool
-        Whether a solution short of the tolerance is refused: it will do for a message.
+    ``data`` is F (r, q), ``target`` g (r,), ``strength`` w. With ``exact`` F x = g is met instead
+    (see ``attainable``). Without ``refuse`` a solution short of the tolerance is returned: it will
+    do for a message.
 
     Raises
     ------

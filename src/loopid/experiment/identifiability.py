@@ -171,13 +171,9 @@ def fit_excited(
 ) -> FitResult:
     """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
 
-    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes.
-
-    Returns
-    -------
-    FitResult
-        Of all parameters. In unidentifiable directions the covariance is that of the robot file,
-        one size; parameters that have a part there are ``assumed``.
+    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
+    unidentifiable directions the covariance is that of the robot file, one size; parameters that
+    have a part there are ``assumed``.
     """
     found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
     B, U = excitation.excited, excitation.unidentifiable

@@ -573,10 +573,7 @@ def judged(
 ) -> Candidate:
     """Judge a number of fitted parameters, values (n,) and covariance beside baseline values (n,).
 
-    Parameters
-    ----------
-    data : tuple of FitSamples
-        For training and for validation.
+    ``data`` are the samples for training and for validation.
     """
     values, (training, validation) = fitted[1], data
     qualities = fit_quality(training.problem, values), fit_quality(validation.problem, values)

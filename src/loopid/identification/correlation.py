@@ -53,10 +53,10 @@ MOST_SHARE = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, ε independent."""
+    """e_t = Σ c_k e_{t-k} + ε_t, ε independent: ``coefficients`` c_k (p,), ``variance`` of ε."""
 
-    coefficients: FloatArray  # (p,), c_k
-    variance: float  # of ε
+    coefficients: FloatArray
+    variance: float
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
@@ -114,10 +114,8 @@ class Autoregression:
     def sum_variance(self, present: BoolArray, pieces: tuple[slice, ...]) -> float:
         """Variance of the sum of errors over the samples (N,) that are present.
 
-        Parameters
-        ----------
-        pieces : tuple of slice
-            Rows of each evenly sampled stretch; errors of different ones are independent.
+        ``pieces`` are the rows of evenly sampled stretches; errors of different ones are
+        independent.
         """
         ones = np.asarray(present, dtype=np.float64)[:, None]
         past = sum(float(np.vdot(ones[piece], self.past_part(ones[piece])[0])) for piece in pieces)
