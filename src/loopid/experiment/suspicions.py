@@ -21,8 +21,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, spread_rows
+from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import LogWarning, warn
 from loopid.experiment.force_model import body_sizes
 from loopid.kinematics import JointCoordinates, closed_motion, singularity_measure, try_assemble
