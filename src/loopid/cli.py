@@ -538,12 +538,8 @@ def predict(
     require_output(out)
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
-<<<<<<< HEAD
-    runs = prepared(mechanism, logs, mapping, cutoff)
-    warn_of_suspicions(mechanism, runs, saved.force_model.joint_terms)
-=======
     runs = prepared(mechanism, logs, mapping, cutoff, rows)
->>>>>>> main
+    warn_of_suspicions(mechanism, runs, saved.force_model.joint_terms)
     found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
@@ -585,14 +581,10 @@ def payload(
 
     mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
-<<<<<<< HEAD
-    light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
-    warn_of_suspicions(mechanism, light, force_model.joint_terms)
-=======
     light, heavy = (
         prepared(mechanism, each, mapping, cutoff, rows) for each in (unloaded, loaded_log)
     )
->>>>>>> main
+    warn_of_suspicions(mechanism, light, force_model.joint_terms)
     if known_mass is None:
         found = identify_payload(force_model, link, light, heavy, estimator)
         show(payload_record(found), payload_tables(found), as_json)
