@@ -376,8 +376,8 @@ def identify(
                 f"{run.name} is fitted and validates: its errors say nothing of new data",
                 LogWarning,
             )
-    runs = *training, *validation, *friction
-    suspected = warn_of_suspicions(force_model.mechanism, runs, force_model.joint_terms)
+    looked_at = *training, *validation, *friction
+    suspected = warn_of_suspicions(force_model.mechanism, looked_at, force_model.joint_terms)
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"

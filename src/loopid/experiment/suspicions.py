@@ -262,8 +262,9 @@ class _Model:
         if history is None:
             sign = np.sign(motion.velocities)
         else:  # friction as the forces are filtered
-            speeds = [history.of_joint(self.mechanism, name) for name in self.names]
-            sign = np.column_stack([history.lowpassed(speed, np.sign) for speed in speeds])
+            columns = [history.joints.index(name) for name in self.names]
+            signs = np.sign(history.velocity[:, columns])
+            sign = np.column_stack([history.lowpassed(signal) for signal in signs.T])
         rates = [picked(rate, rows) for rate in (sign, motion.velocities, motion.accelerations)]
         q, force, used = motion.configurations, recording.force, recording.used
         return [picked(q, rows), np.stack(rates, axis=2), picked(force, rows), picked(used, rows)]
