@@ -204,7 +204,8 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
-        K = motion_regressor(mechanism, whole, "full", terms)
+        bodies = values[: len(mechanism.parameters())]
+        K = motion_regressor(mechanism, whole, "full", terms, bodies)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:

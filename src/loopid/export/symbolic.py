@@ -135,6 +135,11 @@ def _joint_term(
         joint = mechanism.joint(parameter.link)
         position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = joint_term(parameter.kind), JointState(position, v[index], a[index])
+    if term.needs_load:
+        raise OptionError(
+            f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
+            f"identify without {parameter.kind} for it"
+        )
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 
 

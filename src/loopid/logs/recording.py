@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
-from loopid.kinematics import project, singularity_measure, try_assemble
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    project,
+    singularity_measure,
+    try_assemble,
+)
 from loopid.logs.log import Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
@@ -99,23 +105,28 @@ class RateHistory:
         """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
+        (index,) = mechanism.velocity_indices([joint])
+        return self.of_motion(mechanism, lambda motion: motion.velocities[:, index])
+
+    def of_motion(
+        self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
+    ) -> FloatArray:
+        """A signal (M,) of the whole motion, between assembled samples on a line."""
         assert self.whole is not None
-        (index,), (samples, motion) = mechanism.velocity_indices([joint]), self.whole
+        samples, motion = self.whole
 
-        def rates(rows: slice) -> FloatArray:
-            G = project(mechanism, motion.configurations[rows]).G[:, index]
-            return np.asarray((G * motion.velocities[rows]).sum(axis=1))
+        def values(rows: slice) -> FloatArray:
+            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
+            return signal(closed_motion(mechanism, *state))
 
-        sampled = mapped_rows(rates, len(samples))
+        sampled = mapped_rows(values, len(samples))
         return np.asarray(np.interp(np.arange(len(self.velocity)), samples, sampled))
 
-    def lowpassed(
-        self, velocity: FloatArray, signal: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """A signal of a velocity (M,), filtered, at the samples (N,) that were kept."""
-        filtered = np.empty(len(velocity))
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal (M,) filtered, at the samples (N,) that were kept."""
+        filtered = np.empty(len(signal))
         for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal(velocity[part]), rate)
+            filtered[part] = self.lowpass.apply(signal[part], rate)
         release_pages()
         return filtered[self.rows]
 

@@ -149,12 +149,14 @@ def motion_regressor(
     motion: ClosedMotion,
     model: str = "full",
     joint_terms: JointTerms | None = None,
+    standard_parameters: FloatArray | None = None,
 ) -> FloatArray:
     """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
     The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
     configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
-    columns.
+    columns. Loads of joints are those of the bodies of the robot file, or of other
+    ``standard_parameters`` (n,) of the full model.
     """
     q, G = motion.configurations, motion.projection.G
     if model_kinds(model) == model_kinds("full"):
@@ -164,7 +166,8 @@ def motion_regressor(
         bodies = torque_regressors(mechanism, q, model=model, G=G)
     if joint_terms is None:
         return bodies
-    return np.concatenate([bodies, joint_terms.columns(mechanism, motion)], axis=2)
+    columns = joint_terms.columns(mechanism, motion, standard_parameters)
+    return np.concatenate([bodies, columns], axis=2)
 
 
 @dataclass(frozen=True, repr=False)
