@@ -162,7 +162,7 @@ def test_what_cannot_be_met_is_named(gravity, limits, name):
 
 
 def test_advice_on_what_cannot_be_met_works(gravity):
-    with pytest.raises(AssemblyError, match="singularity measure .* misses it by") as refused:
+    with pytest.raises(AssemblyError, match=r"singularity measure .* misses it by") as refused:
         design_excitation(gravity, limits=MotionLimits(singularity=0.95), **QUICK)
     missing = float(str(refused.value).partition("misses it by ")[2].split(",")[0])
     limits = MotionLimits(singularity=0.95 - 1.2 * missing - 0.01)

@@ -21,7 +21,7 @@ CASES = {
 
 @pytest.fixture(scope="module", autouse=True)
 def nothing_suspected():
-    """Mistakes in logs take half the time of an identification: test_suspicions.py looks for them."""
+    """Half the time of an identification; test_suspicions.py looks for mistakes in logs."""
     with pytest.MonkeyPatch.context() as patch:
         module = import_module("loopid.experiment.identify")
         patch.setattr(module, "suspicions", lambda *_: Suspicions("run"))
