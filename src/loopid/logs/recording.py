@@ -76,29 +76,15 @@ class RateHistory:
 
     Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
     force model multiplies must be filtered alike, at the rate of the log.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    velocity : FloatArray
-        (M, m) in m/s or rad/s.
-    parts : tuple of slice
-        Rows of each stretch.
-    rates : tuple of float
-        Samples per second of each stretch.
-    lowpass : LowPass
-    rows : IntArray
-        (N,), which of the M samples were kept.
-    whole : tuple of IntArray and JointMotion, optional
-        Which were assembled (K,), and their motion; a part of a recording has those of all.
     """
 
     joints: tuple[str, ...]
-    velocity: FloatArray
-    parts: tuple[slice, ...]
-    rates: tuple[float, ...]
+    velocity: FloatArray  # (M, m) in m/s or rad/s
+    parts: tuple[slice, ...]  # rows of each stretch
+    rates: tuple[float, ...]  # samples per second of each stretch
     lowpass: LowPass
-    rows: IntArray
+    rows: IntArray  # (N,), which of the M samples were kept
+    # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion] | None = None
 
     def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
@@ -385,13 +371,7 @@ def prepare_recording(
 
 
 def clipped_from(log: Log) -> FloatArray:
-    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not.
-
-    Warns
-    -----
-    LogWarning
-        Naming the motor, the force and the number of samples.
-    """
+    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
     found = np.full(len(log.joints), np.inf)
     for k, joint in enumerate(log.joints):
         release_pages()
@@ -416,13 +396,7 @@ def clipped_from(log: Log) -> FloatArray:
 
 
 def without_frozen(log: Log) -> Log:
-    """The log without samples in which a position is frozen: all motions there are wrong.
-
-    Warns
-    -----
-    LogWarning
-        Naming the motor and the times.
-    """
+    """The log without samples in which a position is frozen: all motions there are wrong."""
     lost, dropped = np.zeros(len(log), dtype=bool), list(log.dropped)
     for k, joint in enumerate(log.joints):
         release_pages()

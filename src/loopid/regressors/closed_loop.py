@@ -20,50 +20,6 @@ from loopid.robot import Mechanism
 
 
 @checked
-def tree_regressor(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    velocities: FloatArray | None = None,
-    accelerations: FloatArray | None = None,
-    model: str = "full",
-) -> FloatArray:
-    """Regressor of the open tree's joint forces.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq).
-    velocities, accelerations : FloatArray, optional
-        (N, nv); zero by default.
-    model : str
-        ``"full"``, or ``"gravity"`` for the columns of masses and first moments only.
-
-    Returns
-    -------
-    FloatArray
-        (N, nv, n) in N or N m per unit of ``mechanism.parameters(model)``.
-
-    Raises
-    ------
-    DataError
-        When an array has another shape, or entries that are not finite.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.regressors.tree_regressor(robot, robot.reference).shape
-    (1, 13, 90)
-    """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    v, a = (
-        None if motion is None else samples(motion, mechanism.model.nv, name, len(q))
-        for motion, name in ((velocities, "velocities"), (accelerations, "accelerations"))
-    )
-    return torque_regressors(mechanism, q, v, a, model)
-
-
-@checked
 def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
     """Actuator forces at rest per unit of mass and first moment.
 
