@@ -177,12 +177,13 @@ def test_every_kind_of_closure(compiled, tmp_path, kind):
         (tmp_path / name).write_text(text)
     # Closures are the same in both models.
     found = all_columns(tmp_path / "robot.yaml", "gravity", ("Fv",))
-    assert_agrees(found, compiled(found), around_reference(found))
+    call = compiled(found)
+    assert_agrees(found, call, around_reference(found))
     # Open closures are measured in the same units.
     mechanism = found.mechanism
     q = mechanism.reference + np.random.default_rng(0).uniform(-0.2, 0.2, (5, mechanism.model.nq))
     gaps = np.abs(constraint_residual(mechanism, q) * mechanism.row_scales).max(axis=1)
-    np.testing.assert_allclose(residuals(compiled(found), q), gaps, rtol=1e-9)
+    np.testing.assert_allclose(residuals(call, q), gaps, rtol=1e-9)
 
 
 def test_loops_of_joints_with_several_coordinates(compiled, tmp_path):
