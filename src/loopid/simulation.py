@@ -25,9 +25,15 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
-from loopid.kinematics import ClosedMotion, Factorisation, JointCoordinates, closed_motion
+from loopid.kinematics import (
+    ClosedMotion,
+    Factorisation,
+    JointCoordinates,
+    closed_motion,
+    torque_regressors,
+)
 from loopid.parameters import KINDS
-from loopid.regressors import JointTerms, motion_regressor, standard_values, tree_regressor
+from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion
@@ -204,7 +210,8 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
-        K = motion_regressor(mechanism, whole, "full", terms)
+        bodies = values[: len(mechanism.parameters())]
+        K = motion_regressor(mechanism, whole, "full", terms, bodies)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:
@@ -281,10 +288,9 @@ def forward_dynamics(
 def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -> FloatArray:
     """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
     G, q = motion.projection.G, motion.configurations
-    still = np.zeros(G.shape[:2])
-    gravity = tree_regressor(mechanism, q) @ pi
+    gravity = torque_regressors(mechanism, q) @ pi
     columns = [
-        tree_regressor(mechanism, q, still, G[:, :, k]) @ pi - gravity for k in range(G.shape[2])
+        torque_regressors(mechanism, q, None, a) @ pi - gravity for a in np.moveaxis(G, 2, 0)
     ]
     return motion.projected(np.stack(columns, axis=2))
 

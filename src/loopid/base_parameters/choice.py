@@ -116,25 +116,15 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Exclusion:
-    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it.
+    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it."""
 
-    Attributes
-    ----------
-    block : int
-        Which block of the problem.
-    vectors : FloatArray
-        (m, k), k rows of which are to be selected.
-    above, below : float
-        No selection has all eigenvalues of X_S X_Sᵀ in this open range.
-    leaves : tuple
-        For each leaf the rows taken and the rows left out there. Every selection agrees with
-        exactly one leaf.
-    """
-
-    block: int
-    vectors: FloatArray
+    block: int  # which block of the problem
+    vectors: FloatArray  # (m, k), k rows of which are to be selected
+    # No selection has all eigenvalues of X_S X_Sᵀ in this open range
     above: float
     below: float
+    # For each leaf the rows taken and the rows left out there. Every selection agrees with exactly
+    # one leaf
     leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
 
 

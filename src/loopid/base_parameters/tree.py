@@ -75,25 +75,14 @@ class Block:
 
     Of vectors that agree up to their sign at most one can be selected, and it does not matter
     which: one stands for all.
-
-    Attributes
-    ----------
-    columns : IntArray
-        (n,), columns of the problem, ascending.
-    null_basis : FloatArray
-        (n, d), null vectors of these columns only.
-    vectors : FloatArray
-        (m, k), one row a representative, of rank k.
-    groups : tuple of IntArray
-        For each representative the positions in ``columns`` it stands for, ascending.
-    selects_dependent : bool
-        Whether a selection means dependent parameters (``nullspace``) or base ones.
     """
 
-    columns: IntArray
-    null_basis: FloatArray
-    vectors: FloatArray
+    columns: IntArray  # (n,), columns of the problem, ascending
+    null_basis: FloatArray  # (n, d), null vectors of these columns only
+    vectors: FloatArray  # (m, k), one row a representative, of rank k
+    # For each representative the positions in ``columns`` it stands for, ascending
     groups: tuple[IntArray, ...]
+    # Whether a selection means dependent parameters (``nullspace``) or base ones
     selects_dependent: bool
 
     @property

@@ -88,30 +88,16 @@ class Whitening:
     """Standard parameters Φ = Φ0 + T x of whitened unknowns x, and what x must obey.
 
     Unknowns are ten a body, then one a joint term.
-
-    Attributes
-    ----------
-    prior : Prior
-    margin : float
-    map : FloatArray
-        T (p, q).
-    positive : IntArray
-        Unknowns (k,) of the joint terms that cannot be negative.
-    levels : FloatArray
-        (k,), of these terms where the unknowns are zero: 0, or 1 for those with a prior.
-    positive_names : tuple of str
-        Labels of these terms.
-    pull : FloatArray
-        Weights of the joint terms in any regularisation.
     """
 
     prior: Prior
     margin: float
-    map: FloatArray
-    positive: IntArray
+    map: FloatArray  # T (p, q)
+    positive: IntArray  # unknowns (k,) of the joint terms that cannot be negative
+    # (k,), of these terms where the unknowns are zero: 0, or 1 for those with a prior
     levels: FloatArray
-    positive_names: tuple[str, ...]
-    pull: FloatArray
+    positive_names: tuple[str, ...]  # labels of these terms
+    pull: FloatArray  # weights of the joint terms in any regularisation
 
     @classmethod
     def about(cls, base: BaseParameters, prior: Prior, margin: float) -> Whitening:

@@ -74,15 +74,9 @@ def _norm(values: FloatArray, vectors: FloatArray, power: float) -> tuple[float,
 
 @dataclass(frozen=True, eq=False)
 class OfCombinations:
-    """D of some combinations S φ alone, whatever becomes of the others: log det S M⁻¹ Sᵀ.
+    """D of some combinations S φ alone, whatever becomes of the others: log det S M⁻¹ Sᵀ."""
 
-    Attributes
-    ----------
-    rows : FloatArray
-        S (s, n).
-    """
-
-    rows: FloatArray
+    rows: FloatArray  # S (s, n)
 
     def __call__(self, M: FloatArray) -> tuple[float, FloatArray]:
         """The criterion and its slope."""

@@ -69,17 +69,10 @@ UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ExpectedFit:
-    """Of a run of a motion, and what there was before.
+    """Of a run of a motion, and what there was before."""
 
-    Attributes
-    ----------
-    standard_errors : FloatArray
-        (z,), infinite where nothing tells a parameter.
-    spectrum : FloatArray
-        (z,), singular values of the weighted observation, its columns scaled to length 1.
-    """
-
-    standard_errors: FloatArray
+    standard_errors: FloatArray  # (z,), infinite where nothing tells a parameter
+    # (z,), singular values of the weighted observation, its columns scaled to length 1
     spectrum: FloatArray
 
     @classmethod

@@ -50,21 +50,11 @@ DISTANT, PATIENCE = 0.35, 4
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses in which all bounds hold, the one with most slack first.
+    """Poses in which all bounds hold, the one with most slack first."""
 
-    Attributes
-    ----------
-    positions : FloatArray
-        (P, c), of the coordinates of the design.
-    configurations : FloatArray
-        (P, nq).
-    reach : FloatArray
-        (c,), half the range of each coordinate.
-    """
-
-    positions: FloatArray
-    configurations: FloatArray
-    reach: FloatArray
+    positions: FloatArray  # (P, c), of the coordinates of the design
+    configurations: FloatArray  # (P, nq)
+    reach: FloatArray  # (c,), half the range of each coordinate
 
 
 def slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -87,13 +77,7 @@ def slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def find_poses(problem: Problem, configurations: FloatArray, seed: int) -> Poses:
-    """Poses that keep all bounds, from random configurations (N, nq) on.
-
-    Raises
-    ------
-    AssemblyError
-        Naming the bound that no pose keeps.
-    """
+    """Poses that keep all bounds, from random configurations (N, nq) on."""
     space, generator = problem.coordinates, np.random.default_rng([seed, 11])
     names = "platform" if space.on_platform else space.names
     measured = measured_coordinates(space.mechanism, names)

@@ -170,6 +170,25 @@ def torque_regressors(
     return K
 
 
+def tree_reactions(
+    tree: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Joint forces (N, nv) of the tree without closures, and what some joints transmit then.
+
+    Forces (N, J, 3) from each joint to what hangs on it, along the fixed axes, and the orientations
+    (N, J, 3, 3) of the joints.
+    """
+    data = scratch_data(tree)
+    tau, force = np.empty((len(q), tree.nv)), np.empty((len(q), len(joints), 3))
+    turn = np.empty((len(q), len(joints), 3, 3))
+    for k, state in enumerate(zip(q, v, a, strict=True)):
+        tau[k] = pin.rnea(tree, data, *state)
+        pin.forwardKinematics(tree, data, state[0])
+        turn[k] = [data.oMi[j].rotation for j in joints]
+        force[k] = [data.f[j].linear for j in joints]
+    return tau, np.einsum("njab,njb->nja", turn, force), turn
+
+
 def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArray) -> FloatArray:
     """Configurations (N, nq) moved by tangent steps (N, nv)."""
     model = mechanism.model

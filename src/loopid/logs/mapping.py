@@ -208,15 +208,7 @@ class LogMapping(Section):
 
 @checked
 def read_mapping(path: str | Path) -> LogMapping:
-    """Read and validate a mapping file.
-
-    Raises
-    ------
-    MissingFileError
-        When it is not there.
-    LogError
-        Naming the key, the value and what is valid.
-    """
+    """Read and validate a mapping file."""
     try:
         return read_yaml(Path(path), LogMapping, LogError)
     except FileNotFoundError as error:

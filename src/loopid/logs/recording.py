@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
-from loopid.kinematics import project, singularity_measure, try_assemble
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    project,
+    singularity_measure,
+    try_assemble,
+)
 from loopid.logs.log import Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
@@ -70,52 +76,43 @@ class RateHistory:
 
     Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
     force model multiplies must be filtered alike, at the rate of the log.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    velocity : FloatArray
-        (M, m) in m/s or rad/s.
-    parts : tuple of slice
-        Rows of each stretch.
-    rates : tuple of float
-        Samples per second of each stretch.
-    lowpass : LowPass
-    rows : IntArray
-        (N,), which of the M samples were kept.
-    whole : tuple of IntArray and JointMotion, optional
-        Which were assembled (K,), and their motion; a part of a recording has those of all.
     """
 
     joints: tuple[str, ...]
-    velocity: FloatArray
-    parts: tuple[slice, ...]
-    rates: tuple[float, ...]
+    velocity: FloatArray  # (M, m) in m/s or rad/s
+    parts: tuple[slice, ...]  # rows of each stretch
+    rates: tuple[float, ...]  # samples per second of each stretch
     lowpass: LowPass
-    rows: IntArray
+    rows: IntArray  # (N,), which of the M samples were kept
+    # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion] | None = None
 
     def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
         """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
+        (index,) = mechanism.velocity_indices([joint])
+        return self.of_motion(mechanism, lambda motion: motion.velocities[:, index])
+
+    def of_motion(
+        self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
+    ) -> FloatArray:
+        """A signal (M,) of the whole motion, between assembled samples on a line."""
         assert self.whole is not None
-        (index,), (samples, motion) = mechanism.velocity_indices([joint]), self.whole
+        samples, motion = self.whole
 
-        def rates(rows: slice) -> FloatArray:
-            G = project(mechanism, motion.configurations[rows]).G[:, index]
-            return np.asarray((G * motion.velocities[rows]).sum(axis=1))
+        def values(rows: slice) -> FloatArray:
+            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
+            return signal(closed_motion(mechanism, *state))
 
-        sampled = mapped_rows(rates, len(samples))
+        sampled = mapped_rows(values, len(samples))
         return np.asarray(np.interp(np.arange(len(self.velocity)), samples, sampled))
 
-    def lowpassed(
-        self, velocity: FloatArray, signal: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """A signal of a velocity (M,), filtered, at the samples (N,) that were kept."""
-        filtered = np.empty(len(velocity))
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal (M,) filtered, at the samples (N,) that were kept."""
+        filtered = np.empty(len(signal))
         for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal(velocity[part]), rate)
+            filtered[part] = self.lowpass.apply(signal[part], rate)
         release_pages()
         return filtered[self.rows]
 
@@ -374,13 +371,7 @@ def prepare_recording(
 
 
 def clipped_from(log: Log) -> FloatArray:
-    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not.
-
-    Warns
-    -----
-    LogWarning
-        Naming the motor, the force and the number of samples.
-    """
+    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
     found = np.full(len(log.joints), np.inf)
     for k, joint in enumerate(log.joints):
         release_pages()
@@ -405,13 +396,7 @@ def clipped_from(log: Log) -> FloatArray:
 
 
 def without_frozen(log: Log) -> Log:
-    """The log without samples in which a position is frozen: all motions there are wrong.
-
-    Warns
-    -----
-    LogWarning
-        Naming the motor and the times.
-    """
+    """The log without samples in which a position is frozen: all motions there are wrong."""
     lost, dropped = np.zeros(len(log), dtype=bool), list(log.dropped)
     for k, joint in enumerate(log.joints):
         release_pages()
