@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, affordable, checked, random_generator
+from loopid.arguments import FloatArray, affordable, checked, frozen, random_generator
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
@@ -29,6 +29,7 @@ NARROWER = 0.5  # ... by this factor ...
 MANY_LOOPS = 8  # from which on draws begin nearer
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
+MOST_KEPT = 512  # samples that a mechanism keeps: most work draws the same ones again
 PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
@@ -90,6 +91,22 @@ def configuration_batches(
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     margin = mechanism.margin if margin is None else margin
+    kept = mechanism.drawn.get((seed, margin), ())
+    enough = sum(map(len, kept)) >= count
+    batches, found = list[FloatArray](), 0
+    for batch in kept if enough else _drawn(mechanism, seed, margin):
+        if count <= MOST_KEPT:
+            batches.append(frozen(batch))
+        yield batch[: count - found]
+        found += len(batch)
+        if found >= count:
+            break
+    if batches and not enough:
+        mechanism.drawn[seed, margin] = tuple(batches)
+
+
+def _drawn(mechanism: Mechanism, seed: int, margin: float | None) -> Iterator[FloatArray]:
+    """Yield closed configurations without end."""
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
@@ -98,7 +115,7 @@ def configuration_batches(
     spread = min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
     least = DEFAULT_MARGIN if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
-    while found < count:
+    while True:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
         values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
@@ -112,7 +129,6 @@ def configuration_batches(
             spread = max(NARROWER * spread, LEAST_SPREAD)
         if len(regular) < FEW * len(q) and margin is None:  # accept less
             least = max(0.5 * least, LEAST_MARGIN)
-        regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
