@@ -58,7 +58,8 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # leaves no choice.
 NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
-ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
+# Of observations that only tell a rank: poses near by are reached in a step or two.
+ROWS_PER_COLUMN, SPREAD = 1.5, 0.1
 # Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
 TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
@@ -256,10 +257,10 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     if len(mechanism.parameters()) > LARGEST:
         return None
-    robot, _ = _closed_at(mechanism, mode.reference)
+    robot = replace(mechanism, reference=mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     try:
-        observed = structural_observation(robot, "full", samples)
+        observed = structural_observation(robot, "full", samples, spread=SPREAD)
         return analyse(replace(observed, geometry=None)).rank
     except LoopidError:
         return None
