@@ -30,7 +30,7 @@ NARROWER = 0.5  # ... by this factor ...
 MANY_LOOPS = 8  # from which on draws begin nearer
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
-# Another draw is cheaper than more steps; a shorter way needs fewer.
+# Another draw is cheaper than more steps; poses near by need fewer.
 SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
@@ -88,7 +88,7 @@ def configuration_batches(
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time.
 
-    Draws begin within a part ``spread`` of the limits around the reference.
+    They are from a part ``spread`` of the limits around the reference, or less.
     """
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
@@ -100,6 +100,9 @@ def configuration_batches(
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
+    paths = PathOptions(
+        shortest_step=SHORTEST_STEP, most_steps=max(MOST_STEPS * spread, LEAST_STEPS)
+    )
     # Of many loops that move on their own one fails in nearly every draw from anywhere.
     spread = min(spread, MANY_LOOPS / max(len(mechanism.loops), 1))
     # Where the reference hardly keeps the usual margin, poses around it do not.
@@ -110,9 +113,6 @@ def configuration_batches(
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
         values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
-        paths = PathOptions(
-            shortest_step=SHORTEST_STEP, most_steps=max(MOST_STEPS * spread, LEAST_STEPS)
-        )
         with one_blas_thread():
             outcome = follow_paths(measured, start, values, paths)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
