@@ -15,6 +15,7 @@ import ctypes
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
@@ -22,11 +23,11 @@ from typing import Any
 
 import numpy as np
 
+from compiled_c import NUMBERS, CompiledRegressor
 from example_robots import robots_folder
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.experiment import ForceModel
-from loopid.export import CompiledRegressor, compile_regressor, regressor_code
-from loopid.export.c_code import NUMBERS
+from loopid.export import regressor_code
 from loopid.kinematics import ClosedMotion, closed_motion
 from loopid.regressors import motion_regressor
 from loopid.workers import one_blas_thread
@@ -68,7 +69,7 @@ def figures(robot: str, model: str) -> dict[str, Any]:
     source = code.source + LOOP.replace("@", code.name).replace("%", f"{code.name.upper()}_")
     with TemporaryDirectory() as folder:
         start = perf_counter()
-        compiled = compile_regressor(found, replace(code, source=source), folder)
+        compiled = CompiledRegressor(found, replace(code, source=source), Path(folder))
         compilation = perf_counter() - start
         motion = moved(found)
         in_c = per_sample(c_loop(compiled, motion), SAMPLES * REPEATS)

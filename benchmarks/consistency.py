@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from loopid import JointTerms, find_force_model, joint_motion, load_mechanism
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency import REGULARISATIONS, ConsistentFit, consistent_fit, pseudo_inertia
 from loopid.identification import FitProblem, FitResult, FitSamples, WeightedLeastSquares

@@ -19,7 +19,7 @@ import numpy as np
 
 import loopid
 from example_robots import robots_folder
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import LoopidError
 from loopid.excitation import ExcitationDesign
 from loopid.identification import quiet_fit

@@ -17,9 +17,9 @@ from loopid import (
 )
 from loopid.base_parameters import BaseParameters
 from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.kinematics import torque_regressors
 from loopid.observation import triangular_factor
 from loopid.parameters import Parameter
-from loopid.regressors import tree_regressor
 from measuring import Phases, States, answer, peak_megabytes
 
 FORCE = ParameterSet((Parameter("measured", "force"),))
@@ -64,7 +64,7 @@ def chunks(mechanism: Mechanism, states: States, phases: Phases) -> Iterator[np.
     for first in range(0, states.samples, CHUNK):
         q, v, a, tau = states.read(first, CHUNK)
         with phases("regressor"):
-            Y = tree_regressor(mechanism, q, v, a)
+            Y = torque_regressors(mechanism, q, v, a)
         yield np.concatenate([Y, tau[:, :, None]], axis=2)
 
 

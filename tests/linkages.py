@@ -44,7 +44,9 @@ def four_bar(kind, bars=BARS, **more):
     else:
         parts.append(frame("end", "rocker", tip, TURN))
     axes = {"axes": [turned(axis) for axis in AXES[kind]]} if kind in AXES else {}
-    reference = {"crank_joint": 1.0, "coupler_joint": -0.5, "rocker_joint": -2.1}
+    reference = {"crank_joint": 1.0, "coupler_joint": -0.46, "rocker_joint": -2.1}
+    if kind == "6d":
+        reference["end_joint"] = 1.56
     closure = tie(kind, ("end", "pivot"), **axes)
     return parts, described([closure], CRANK, reference, **more)
 
@@ -74,7 +76,8 @@ def slider_crank(kind):
         frame("rail", "plate", (0, 0.05, 0), TURN),
     ]
     closure = tie(kind, ("rail", "shoe"), axes=[turned(X)] * 2)
-    return parts, described([closure], CRANK, {"crank_joint": 1.0})
+    reference = {"crank_joint": 1.0, "coupler_joint": -1.24, "block_joint": 0.24}
+    return parts, described([closure], CRANK, reference)
 
 
 def bennett():
@@ -113,7 +116,8 @@ def rssr(rod):
     parts += [body("rod"), joint("ball", "crank_tip", "rod"), frame("rod_end", "rod", (ROD, 0, 0))]
     more = {"joint_name": ["ball"], "joint_type": [rod]}
     closure = tie("3d", ("rod_end", "rocker_tip"))
-    return parts, described([closure], CRANK, {"crank_joint": 0.3}, **more)
+    cross = {"rocker_joint": -0.98, "ball_Y": -1.09, "ball_Z": 0.31} if rod == "UJOINT_YZ" else {}
+    return parts, described([closure], CRANK, {"crank_joint": 0.3} | cross, **more)
 
 
 def five_bar(motors=("left_joint", "right_joint"), geared=False):
@@ -131,7 +135,9 @@ def five_bar(motors=("left_joint", "right_joint"), geared=False):
         closures.append(
             {"type": "coupling", "joints": {"left_joint": 2.0, "right_joint": 1.0}, "offset": 5.0}
         )
+    elbows = {"left_elbow": -1.24, "right_elbow": 1.32}
     reference = {"left_joint": 2.0, "right_joint": 1.0}
+    reference |= {name: angle for name, angle in elbows.items() if name not in motors}
     return parts, described(closures, motors, reference)
 
 

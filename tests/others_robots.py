@@ -10,8 +10,9 @@ from loopid import load_mechanism, random_configurations
 
 COLUMNS = ("model", "coordinates", "closure rank", "freedoms", "left free", "full", "gravity")
 ROWS = {row["model"]: row for row in table(*COLUMNS)}
-LARGE = ("gepetto/digit_like/robot.yaml", "gepetto/disney_like/robot.yaml",
-         "gepetto/robot_delta/robot.yaml", "mjcf/cassie.xml")  # fmt: skip
+LARGE = ("gepetto/cassie_like/robot.yaml", "gepetto/digit_like/robot.yaml",
+         "gepetto/disney_like/robot.yaml", "gepetto/robot_delta/robot.yaml",
+         "mjcf/cassie.xml")  # fmt: skip
 FRESH = 6  # poses that no base parameters are found from
 
 

@@ -9,7 +9,6 @@ SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 STREET = (
     "errors",
     "scratch",
-    "arrays",
     "arguments",
     "workers",
     "files",
@@ -20,7 +19,6 @@ STREET = (
     "robot",
     "kinematics",
     "regressors",
-    "dynamics",
     "base_parameters",
     "loading",
     "trajectories",
@@ -38,7 +36,7 @@ STREET = (
     "cli",
 )
 # Beside the street: what a file may import at all, and a room never, whatever its place.
-ONLY = {"paper/symbolic.py": {"errors", "arrays", "parameters"}}  # it checks all other rooms
+ONLY = {"paper/symbolic.py": {"errors", "arguments", "parameters"}}  # it checks all other rooms
 MODEL = {"pinocchio", "robot", "kinematics", "loading", "regressors"}
 NEVER = dict.fromkeys(("base_parameters", "identification", "consistency"), MODEL)
 FILES = sorted(SOURCE.rglob("*.py"))
@@ -95,7 +93,7 @@ def test_rooms_import_only_rooms_to_their_left(file):
         ("base_parameters", "import pinocchio as pin", "pinocchio"),
         ("base_parameters", "from loopid.robot import Mechanism", "robot"),
         ("report", "from loopid.paper import reproduce_paper", "paper"),
-        ("arrays", "import loopid.paper.symbolic", "paper"),
+        ("arguments", "import loopid.paper.symbolic", "paper"),
         ("regressors", "from loopid import load_mechanism", "load_mechanism"),
     ],
 )
@@ -105,7 +103,7 @@ def test_a_step_to_the_right_is_seen(room, source, culprit):
 
 @pytest.mark.parametrize("culprit", ["workers", "paper", "robot"])
 def test_the_symbolic_model_is_independent(culprit):
-    source = f"from loopid.{culprit} import something\nfrom loopid.arrays import samples"
+    source = f"from loopid.{culprit} import something\nfrom loopid.arguments import samples"
     assert violations(SOURCE / "paper" / "symbolic.py", source) == {culprit}
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from loopid.arrays import LARGEST, finite
+from loopid.arguments import LARGEST, finite
 from loopid.errors import DataError
 
 SIZES = st.floats(-LARGEST, LARGEST)

@@ -13,7 +13,7 @@ from loopid.regressors import motion_regressor
 
 COLUMNS = ("full", "gravity", "full, alike", "gravity, alike")
 CLAIMS = [(robot, column) for robot in ROBOTS for column in COLUMNS if COUNTS[robot][column]]
-PLANAR = ("robot", "bodies", "grounded", "pins", "slides")
+PLANAR = ("robot", "bodies", "grounded", "pins", "slides", "hinged loops", "full", "gravity")
 PUBLISHED = [robot for robot in ROBOTS if block(robot, "published")]
 
 
@@ -84,21 +84,13 @@ def test_base_parameters_give_the_forces_of_newton_and_euler(robot, model):
     assert np.abs(found - forces).max() < 1e-8 * np.abs(forces).max()
 
 
-@pytest.mark.parametrize("line", table(*PLANAR, "full"), ids=lambda line: line["robot"])
-def test_counting_by_hand_in_motion(line):
-    bodies, grounded, pins, slides = (int(line[key]) for key in PLANAR[1:])
+@pytest.mark.parametrize("line", table(*PLANAR), ids=lambda line: line["robot"])
+def test_counting_by_hand(line):
+    bodies, grounded, pins, slides, loops, full, gravity = (int(line[key]) for key in PLANAR[1:])
     assert bodies == count(line["robot"], "bodies")
-    found = 4 * bodies - grounded - pins - slides
-    assert found == int(line["full"]) == count(line["robot"], "full")
-
-
-@pytest.mark.parametrize(
-    "line", table(*PLANAR, "hinged loops", "gravity"), ids=lambda line: line["robot"]
-)
-def test_counting_by_hand_at_rest(line):
-    bodies, grounded, pins, slides = (int(line[key]) for key in PLANAR[1:])
-    found = 3 * bodies - grounded - pins - 2 * slides - int(line["hinged loops"])
-    assert found == int(line["gravity"]) == count(line["robot"], "gravity")
+    assert 4 * bodies - grounded - pins - slides == full == count(line["robot"], "full")
+    at_rest = 3 * bodies - grounded - pins - 2 * slides - loops
+    assert at_rest == gravity == count(line["robot"], "gravity")
 
 
 def test_the_closures_the_document_counts():

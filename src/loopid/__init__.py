@@ -15,7 +15,7 @@ _ROOMS = {
     # what forces its motion takes,
     "gravity_regressor": "regressors",
     "dynamic_regressor": "regressors",
-    "forward_dynamics": "dynamics",
+    "forward_dynamics": "simulation",
     "JointTerms": "regressors",
     # what can be known,
     "structural_observation": "regressors",

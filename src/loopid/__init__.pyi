@@ -12,7 +12,6 @@ from loopid.consistency import (
 from loopid.consistency import (
     consistent_parameters as consistent_parameters,
 )
-from loopid.dynamics import forward_dynamics as forward_dynamics
 from loopid.errors import LoopidError as LoopidError
 from loopid.excitation import (
     MotionLimits as MotionLimits,
@@ -82,6 +81,7 @@ from loopid.robot import Mechanism as Mechanism
 from loopid.saved import read_fit as read_fit
 from loopid.saved import save_fit as save_fit
 from loopid.simulation import Noise as Noise
+from loopid.simulation import forward_dynamics as forward_dynamics
 from loopid.simulation import simulate_measurement as simulate_measurement
 from loopid.trajectories import (
     FourierSeries as FourierSeries,

@@ -1,24 +1,171 @@
-"""Arguments of public functions, checked by pydantic against their annotations; seeds."""
+"""Arguments that are checked: arrays and numbers, all those of public functions, seeds.
+
+Arguments of public functions are checked by pydantic against their annotations; arrays by the
+functions that take them, which know their shapes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from functools import cache, wraps
 from inspect import signature
-from typing import ParamSpec, TypeVar
+from numbers import Real
+from reprlib import Repr
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 import numpy as np
-from pydantic import ConfigDict, ValidationError, validate_call
+from numpy.typing import ArrayLike, NDArray
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SkipValidation,
+    ValidationError,
+    validate_call,
+)
 
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
+from loopid.scratch import in_file, row_blocks
 
 P = ParamSpec("P")
 R = TypeVar("R")
 Class = TypeVar("Class", bound=type)
+# Checked by the functions that take them.
+FloatArray = Annotated[NDArray[np.float64], SkipValidation]
+IntArray = Annotated[NDArray[np.int64], SkipValidation]
+BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
+# A field that need not be finite; null in files where it is not.
+Number = Annotated[
+    float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)
+]
+# What NumPy's kinds of other than real numbers are called.
+KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
+# Of any number that is taken: no product of a few such numbers overflows.
+LARGEST = 1e100
 
-
+_texts = Repr()  # how long the fields of a ``repr`` may be
+_texts.maxother, _texts.maxtuple = 70, 4
 # What one call may take, by an estimate before it begins.
 MOST_SECONDS, MOST_BYTES = 900.0, 2**32
+
+
+# Arrays and numbers.
+
+
+def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """A read-only copy, for the fields of frozen dataclasses; of arrays in files only a view."""
+    copy = np.asarray(array).view() if in_file(array, dtype) else np.array(array, dtype=dtype)
+    copy.setflags(write=False)
+    return copy
+
+
+def finite(array: ArrayLike, name: str) -> FloatArray:
+    """The array as floats, refused when it holds NaN, infinity or what is no real number.
+
+    Numbers beyond ``LARGEST`` are refused too, whose products overflow.
+    """
+    values = _real(array, name)
+    for rows in row_blocks(len(values)) if in_file(values) else (...,):
+        part = values[rows]
+        if part.size and not (part.max() <= LARGEST and part.min() >= -LARGEST):
+            first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
+            bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
+            raise DataError(f"{name} must be finite{bound}, but entry {first} is {values[first]}")
+    return values
+
+
+def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
+    """The array as it is, of whatever type, refused when its rows differ in length."""
+    try:
+        return np.asarray(array)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} must be an array: its rows differ in length") from error
+
+
+def _real(array: ArrayLike, name: str) -> FloatArray:
+    """The array as floats: NumPy would read text and dates, and drop masks and imaginary parts."""
+    given = rectangular(array, name)
+    if given.dtype.kind == "O":
+        strange = [x for x in given.flat if not isinstance(x, Real)]
+        kind = type(strange[0]).__name__ if strange else ""
+    else:
+        kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
+    if kind:
+        raise DataError(f"{name} must be numbers, not {kind}")
+    if np.ma.is_masked(array):
+        raise DataError(f"{name} must be whole, but some of its entries are masked")
+    try:
+        with np.errstate(over="ignore"):
+            return given.astype(np.float64, copy=False)
+    except OverflowError as error:
+        raise DataError(f"{name} must be finite: {error}") from error
+
+
+def number(text: str) -> float:
+    """The number that a text is, or NaN: Python's 1_6 and digits of other scripts are none."""
+    try:
+        return float(text) if text.isascii() and "_" not in text else np.nan
+    except ValueError:
+        return np.nan
+
+
+def spread_rows(count: int, most: int) -> IntArray:
+    """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
+    rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+    return np.asarray(np.unique(rows), dtype=np.int64)
+
+
+def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
+    """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
+    values = np.atleast_2d(finite(array, name))
+    if values.ndim != 2 or values.shape[1] != width:
+        raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")
+    if count is not None and len(values) != count:
+        raise DataError(f"{name} must have {count} rows, one a sample, not {len(values)}")
+    return values
+
+
+class ComparedByFields:
+    """Dataclasses of arrays: equal when all compared fields are, NaN included; a short ``repr``.
+
+    For dataclasses with ``eq=False, repr=False``.
+    """
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = [field.name for field in fields(self) if field.compare]  # type: ignore[arg-type]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    def __repr__(self) -> str:
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        parts = [f"{name}={_short(getattr(self, name))}" for name in names]
+        line = ", ".join(parts)
+        inside = line if len(line) < 80 else "\n  " + ",\n  ".join(parts)
+        return f"{type(self).__name__}({inside})"
+
+
+def _equal(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or (np.isnan(one) and np.isnan(other))
+    return one == other
+
+
+def _short(value: object) -> str:
+    """A field in one line; of large arrays only the shape."""
+    if not isinstance(value, np.ndarray):
+        return _texts.repr(value).replace("\n", " ")
+    if value.ndim == 1 and value.size <= 8:
+        return np.array2string(value, precision=4, separator=", ", max_line_width=1000)
+    return f"<array of shape {value.shape}>"
+
+
+# Arguments of public functions.
 
 
 def affordable(name: str, count: int, seconds_each: float = 0.0, bytes_each: float = 0.0) -> None:

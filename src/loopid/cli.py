@@ -69,6 +69,7 @@ TERMS = (
 FRICTION, AUTOMATIC, SPRINGS = "Fc,Fv,file", "auto", "Fc,Fv,Ks,file"
 MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
+ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
 JSON = Option(False, "--json", help="Print JSON instead of tables.")
 OUT = Option(None, metavar="DIR", help="Write report, figures and results to a folder.")
@@ -445,9 +446,7 @@ def identify(
     validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
     start: float = Option(0.0, "--from", metavar="S", help="Of each LOG, in s from its start."),
     end: float = Option(inf, "--to", metavar="S", help="Of each LOG, in s from its start."),
-    rows: str | None = Option(
-        None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1."
-    ),
+    rows: str | None = ROWS,
     friction_log: list[str] | None = Option(
         None, metavar="LOG", help="Identify the terms from this log first."
     ),
@@ -473,8 +472,7 @@ def identify(
     JointTerms.of(mechanism, FRICTION if terms == AUTOMATIC else terms)
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
-    chosen = None if rows is None else _row_range(rows)
-    runs = prepared(mechanism, logs, mapping, cutoff, chosen)
+    runs = prepared(mechanism, logs, mapping, cutoff, rows)
     training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
@@ -527,6 +525,7 @@ def predict(
     ),
     mapping: str | None = MAPPING,
     cutoff: float | None = CUTOFF,
+    rows: str | None = ROWS,
     out: str | None = OUT,
     as_json: bool = JSON,
 ) -> None:
@@ -538,7 +537,7 @@ def predict(
     require_output(out)
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
-    runs = prepared(mechanism, logs, mapping, cutoff)
+    runs = prepared(mechanism, logs, mapping, cutoff, rows)
     found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
@@ -563,6 +562,7 @@ def payload(
     terms: str = Option("Fc,Fv", help=TERMS),
     estimator: str = Option("wls", help="wls, ols or bisquare."),
     cutoff: float | None = CUTOFF,
+    rows: str | None = ROWS,
     as_json: bool = JSON,
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
@@ -574,7 +574,9 @@ def payload(
 
     mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
-    light, heavy = (prepared(mechanism, each, mapping, cutoff) for each in (unloaded, loaded_log))
+    light, heavy = (
+        prepared(mechanism, each, mapping, cutoff, rows) for each in (unloaded, loaded_log)
+    )
     if known_mass is None:
         found = identify_payload(force_model, link, light, heavy, estimator)
         show(payload_record(found), payload_tables(found), as_json)
@@ -690,16 +692,17 @@ def prepared(
     paths: Sequence[str] | None,
     mapping: str | None,
     cutoff: float | None = None,
-    rows: tuple[int, int | None] | None = None,
+    rows: str | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
     from loopid.logs import prepare_recording, read_log
     from loopid.trajectories import LowPass
 
     lowpass = None if cutoff is None else LowPass(cutoff)
+    chosen = None if rows is None else _row_range(rows)
     found = []
     for path in paths or ():
-        log = read_log(path, mechanism, mapping, rows)
+        log = read_log(path, mechanism, mapping, chosen)
         with progress_bar(f"assembling {log.name}") as report:
             found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
     return found

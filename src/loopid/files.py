@@ -40,13 +40,7 @@ def why_no_file(path: Path) -> str:
 
 
 def text_blocks(path: Path) -> Generator[bytes]:
-    """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end.
-
-    Raises
-    ------
-    LogError
-        When it cannot be read, or is no text of this world.
-    """
+    """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end."""
     reason, row, rest, unpacked = why_no_file(path), 1, b"", 0
     if reason:
         raise LogError(f"{path} {reason}")

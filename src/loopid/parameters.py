@@ -10,8 +10,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import checked_fields
-from loopid.arrays import IntArray
+from loopid.arguments import IntArray, checked_fields
 from loopid.errors import OptionError
 
 GRAVITY_KINDS = ("m", "mx", "my", "mz")

@@ -8,8 +8,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification import Quality

@@ -30,8 +30,7 @@ from pydantic import (
     model_validator,
 )
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, Number, finite, frozen
+from loopid.arguments import FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters import BaseParameters, SearchResult, analyse, expression
 from loopid.consistency import (
     ConsistentFit,
@@ -556,7 +555,9 @@ class SavedFit(_Record):
         apart = np.abs(self._forces(mechanism, q, v, a) - force).max(axis=0)
         k = int(apart.argmax())
         if apart[k] > SAME_ROBOT * np.abs(force).max():
-            yield f"the force along {self.force_model.rows[k]} differs by {apart[k]:.3g} there"
+            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+            row = self.force_model.rows[k]
+            yield f"the force along {row} differs by {apart[k]:.3g} there{why}"
 
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
         hashes = _hashes(mechanism).items()

@@ -1,16 +1,37 @@
-"""Measurements as a real robot would give them: friction, noise and encoder steps included."""
+"""How the robot moves under forces, and what its sensors would tell of a motion.
+
+Forward dynamics: the tree moves by M a + h = S τ + Aᵀ λ [Featherstone2008, ch. 8]. Projected by Gᵀ,
+which the constraint forces do no work on, and with a = G ü + γ,
+
+    (Gᵀ M G) ü = Gᵀ (S τ - h - M γ).
+
+Both sides are regressors times parameters, so that any values do, even those that no body has.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields, random_generator
-from loopid.arrays import FloatArray, finite, frozen
-from loopid.errors import DataError, OptionError
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+    random_generator,
+    samples,
+)
+from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
-from loopid.kinematics import JointCoordinates, closed_motion
+from loopid.kinematics import (
+    ClosedMotion,
+    Factorisation,
+    JointCoordinates,
+    closed_motion,
+    torque_regressors,
+)
 from loopid.parameters import KINDS
 from loopid.regressors import JointTerms, motion_regressor, standard_values
 from loopid.robot import Mechanism
@@ -19,8 +40,10 @@ from loopid.trajectories import JointMotion
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
-# Force on a free coordinate, as a part of the largest terms, that is but round-off.
+# Part of the forces that nothing balances, above which it is no round-off.
 UNBALANCED = 1e-6
+# Inertias below this fraction of the robot's largest are round-off.
+LEAST_INERTIA = 1e-14
 
 
 @checked_fields
@@ -187,7 +210,8 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
-        K = motion_regressor(mechanism, whole, "full", terms)
+        bodies = values[: len(mechanism.parameters())]
+        K = motion_regressor(mechanism, whole, "full", terms, bodies)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:
@@ -203,3 +227,89 @@ def _motor_forces(
             "for forces there: take accelerations from forward_dynamics"
         )
     return np.asarray(force, dtype=np.float64)
+
+
+@checked
+def forward_dynamics(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    forces: FloatArray,
+    standard_parameters: FloatArray | None = None,
+) -> ClosedMotion:
+    """Accelerations of all coordinates from the forces of the motors.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities : FloatArray
+        (N, dof) of the independent coordinates, as in ``closed_motion``.
+    forces : FloatArray
+        (N, m) of the motors in N or N m, in the order of ``mechanism.actuated``: also of those
+        beyond the degrees of freedom. Free coordinates have none.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Returns
+    -------
+    ClosedMotion
+        Coordinates that no mass resists, such as the spin of a rod without inertia, do not
+        accelerate.
+
+    Raises
+    ------
+    SingularityError
+        Where the motors do not determine the motion, or a force acts where no mass resists.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> K, masses = loopid.gravity_regressor(robot, robot.reference), robot.standard_parameters
+    >>> forces = K @ masses("gravity")  # that hold it
+    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces)
+    >>> bool(np.abs(motion.accelerations).max() < 1e-9)
+    True
+    """
+    pi = standard_values(mechanism, standard_parameters)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    rates = samples(velocities, len(mechanism.independent), "velocities", len(q))
+    motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    tau = samples(forces, len(motors), "forces", len(q))
+    driving = np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau)  # Gᵀ S τ
+    left = driving - motion_regressor(mechanism, motion) @ pi
+    accelerations = _balanced(mechanism, closed_inertia(mechanism, motion, pi), left)
+    steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
+    return replace(motion, accelerations=motion.gamma + steps)
+
+
+def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -> FloatArray:
+    """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
+    G, q = motion.projection.G, motion.configurations
+    gravity = torque_regressors(mechanism, q) @ pi
+    columns = [
+        torque_regressors(mechanism, q, None, a) @ pi - gravity for a in np.moveaxis(G, 2, 0)
+    ]
+    return motion.projected(np.stack(columns, axis=2))
+
+
+def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
+    """Independent accelerations (N, dof), solved with inertias of comparable size."""
+    own = np.abs(np.einsum("nii->ni", inertia))
+    most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
+    scales = 1.0 / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
+    matrix = scales[:, :, None] * inertia * scales[:, None, :]
+    target = scales * forces
+    solution = Factorisation.of(matrix).solve(target[:, :, None])
+    left = np.abs(target - (matrix @ solution)[:, :, 0])
+    most = left.max(axis=1, initial=0.0)
+    lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
+    if len(lost):
+        name = mechanism.independent[int(left[lost[0]].argmax())]
+        raise SingularityError(
+            f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
+            f"({len(lost)} such samples)"
+        )
+    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)

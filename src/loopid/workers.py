@@ -35,12 +35,7 @@ _function: Callable[[Any], Any]
 
 
 def require_processes(count: int, name: str) -> None:
-    """Refuse what is no number of processes, or more than a machine with such cores can use.
-
-    Raises
-    ------
-    OptionError
-    """
+    """Refuse what is no number of processes, or more than a machine with such cores can use."""
     most = max(LEAST_MOST, 4 * (os.cpu_count() or 1))
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
         raise OptionError(f"{name} must be a number of processes from 1 to {most}, not {count!r}")

@@ -49,13 +49,7 @@ Content = TypeVar("Content", bound=BaseModel)
 def read_yaml(
     path: Path, model: type[Content], failure: type[LoopidError] = RobotFileError
 ) -> Content:
-    """Read a YAML file of keys and values as a model; an empty file leaves all keys out.
-
-    Raises
-    ------
-    LoopidError
-        Of the kind asked for, naming the place in the file, the value and what is valid.
-    """
+    """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
     content = load_yaml(path, failure)
     content = {} if content is None else content
     if not isinstance(content, dict):
@@ -76,11 +70,6 @@ def load_yaml(
     """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
 
     Texts must be printable and on one line, unless any will do.
-
-    Raises
-    ------
-    LoopidError
-        Of the kind asked for, in one sentence.
     """
     problem = why_no_file(path)
     if problem:

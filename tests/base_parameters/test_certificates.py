@@ -85,14 +85,12 @@ def test_proofs_of_random_problems_hold_in_ball_arithmetic(kind, runs):
             assert_proven(small_problem(kind, seed, criterion), certified=False)
 
 
-QUICK = ("five_bar", "delta", "6ups_crosses")
+QUICK = ("five_bar", "delta")
 PROVEN = [
     pytest.param(
         *case,
         id="-".join(case),
-        marks=[pytest.mark.validate]
-        if case[0] not in QUICK or case == ("6ups_crosses", "full", "regressor")
-        else [],
+        marks=[] if case[0] in QUICK else [pytest.mark.validate],
     )
     for case in product(bundled_robots(), ("gravity", "full"), CRITERIA)
 ]
@@ -149,7 +147,7 @@ def test_the_answer_does_not_depend_on_where_the_search_starts(monkeypatch):
     """A certified choice is a property of the problem: other guesses and efforts end there too."""
     problems = [
         ChoiceProblem(analyse(structural_observation(load_mechanism(robot), model)), criterion)
-        for robot, model in (("delta", "full"), ("3rpr", "full"), ("3ups_rpu", "gravity"))
+        for robot, model in (("delta", "full"), ("3ups_rpu", "gravity"))
         for criterion in CRITERIA
     ]
     expected = [ExactSearch().search(problem) for problem in problems]

@@ -15,7 +15,7 @@ from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
-    exhaustive,
+    choice,
 )
 from loopid.errors import SearchError
 
@@ -26,7 +26,7 @@ def agree(problem, chunk):
     """Small chunks, so that the determinant screens against an incumbent from the start."""
     brute = brute_force(problem)
     assume(brute.clear)
-    with patch.object(exhaustive, "CHUNK", chunk):
+    with patch.object(choice, "CHUNK", chunk):
         found = ONE.search(problem)
     assert found.condition_number == pytest.approx(brute.least, rel=1e-9)
     assert found.ties == len(brute.tied)
@@ -50,21 +50,21 @@ def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
 def test_the_screen_spares_most_singular_values(monkeypatch):
     """Five null vectors of three entries each: all but 3**5 of C(15, 5) choices are singular."""
     problem, seen = ChoiceProblem(structure(np.kron(np.eye(5), np.ones((3, 1))))), []
-    whole = exhaustive.condition_numbers
+    whole = choice.condition_numbers
 
     def counted(matrices):
         seen.append(len(matrices))
         return whole(matrices)
 
-    monkeypatch.setattr(exhaustive, "CHUNK", 64)
-    monkeypatch.setattr(exhaustive, "condition_numbers", counted)
+    monkeypatch.setattr(choice, "CHUNK", 64)
+    monkeypatch.setattr(choice, "condition_numbers", counted)
     assert ONE.search(problem).ties == 3**5
     assert 3**5 <= sum(seen) < problem.candidates / 3
 
 
 def test_huge_condition_numbers_do_not_overflow(monkeypatch):
     """Columns 0 and 1 act alike, so whole chunks of 24 rows are singular but for round-off."""
-    monkeypatch.setattr(exhaustive, "CHUNK", 50)
+    monkeypatch.setattr(choice, "CHUNK", 50)
     rng = np.random.default_rng(0)
     Z = rng.normal(size=(26, 24))
     Z[1] = Z[0] * (1 + 1e-13)
@@ -76,8 +76,8 @@ def test_huge_condition_numbers_do_not_overflow(monkeypatch):
 
 def test_ties_beyond_those_listed_are_still_counted(monkeypatch):
     problem = ChoiceProblem(structure(np.ones((12, 1))))
-    monkeypatch.setattr(exhaustive, "MOST_TIES", 3)
-    monkeypatch.setattr(exhaustive, "CHUNK", 2)
+    monkeypatch.setattr(choice, "MOST_TIES", 3)
+    monkeypatch.setattr(choice, "CHUNK", 2)
     assert ONE.search(problem).ties == 12
 
 
@@ -98,7 +98,7 @@ def test_few_of_many_parameters_are_no_problem():
 
 
 def test_progress_counts_up_to_the_total(monkeypatch):
-    monkeypatch.setattr(exhaustive, "CHUNK", 40)
+    monkeypatch.setattr(choice, "CHUNK", 40)
     calls = []
     search = ExhaustiveSearch(progress=lambda done, total: calls.append((done, total)))
     problem = ChoiceProblem(random_structure(12, 4))

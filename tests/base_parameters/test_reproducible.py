@@ -10,30 +10,32 @@ import pytest
 from closure_robots import Y, Z, body, files, frame, joint
 from loopid import bundled_robots
 
-PROGRAM = """
+CHOICES = """
 import json, sys
 from loopid.base_parameters import PivotedQR, SubgroupSearch
 from loopid import ExactSearch, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
 from loopid.errors import SearchError
-found = {}
-for robot in sys.argv[2:]:
-    for model in ("gravity", "full"):
-        structure = analyse(structural_observation(load_mechanism(robot), model))
-        for criterion in CRITERIA:
-            problem = ChoiceProblem(structure, criterion)
-            exact = ExactSearch(float(sys.argv[1])).search(problem)
-            assert exact.certified, (robot, model, criterion, exact)
-            key = f"{robot} {model} {criterion}"
-            found[key] = [exact.dependent, exact.ties]
-            found[key + " qr"] = PivotedQR().search(problem).dependent
-    if robot in ("five_bar", "3ups_rpu"):
-        problem = ChoiceProblem(analyse(structural_observation(load_mechanism(robot))))
-        try:
-            found[robot + " subgroup"] = SubgroupSearch().search(problem).dependent
-        except SearchError as error:
-            found[robot + " subgroup"] = str(error)
-print(json.dumps(found))
+
+def choices(time_limit, *robots):
+    found = {}
+    for robot in robots:
+        for model in ("gravity", "full"):
+            structure = analyse(structural_observation(load_mechanism(robot), model))
+            for criterion in CRITERIA:
+                problem = ChoiceProblem(structure, criterion)
+                exact = ExactSearch(float(time_limit)).search(problem)
+                assert exact.certified, (robot, model, criterion, exact)
+                key = f"{robot} {model} {criterion}"
+                found[key] = [exact.dependent, exact.ties]
+                found[key + " qr"] = PivotedQR().search(problem).dependent
+        if robot in ("five_bar", "3ups_rpu"):
+            problem = ChoiceProblem(analyse(structural_observation(load_mechanism(robot))))
+            try:
+                found[robot + " subgroup"] = SubgroupSearch().search(problem).dependent
+            except SearchError as error:
+                found[robot + " subgroup"] = str(error)
+    return json.dumps(found)
 """
 
 
@@ -85,7 +87,13 @@ def chosen(robots, kernel=None, threads=1, time_limit=60):
     if kernel:
         environment["OPENBLAS_CORETYPE"] = kernel
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(time_limit), *map(str, robots)],
+        [
+            sys.executable,
+            "-c",
+            f"{CHOICES}\nprint(choices(*sys.argv[1:]))",
+            str(time_limit),
+            *robots,
+        ],
         env=environment,
         capture_output=True,
         text=True,
@@ -96,8 +104,10 @@ def chosen(robots, kernel=None, threads=1, time_limit=60):
 
 
 def test_processors_threads_and_time_limits_do_not_change_the_choice(palletizer):
-    robots = ["five_bar", palletizer]
-    assert chosen(robots, "Nehalem", threads=2, time_limit=20) == chosen(robots)
+    robots, here = ["five_bar", str(palletizer)], {}
+    exec(CHOICES, here)
+    found = json.loads(here["choices"](60, *robots))
+    assert chosen(robots, "Nehalem", threads=2, time_limit=20) == found
 
 
 @pytest.mark.validate

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from loopid import JointTerms, load_mechanism
 from loopid.report.identify import identification_record
 from loopid.saved import read_fit
-from made_runs import friction, logged, one_joint, wander
+from made_runs import logged, one_joint, wander
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
@@ -146,14 +146,15 @@ def test_a_validation_log_takes_the_place_of_the_split(arm, arm_files):
     assert found["training"][0]["samples"] == whole
 
 
-def test_friction_comes_from_its_own_log(run_json, knee, logs, friction_values, tmp_path):
-    terms, values = friction(knee)
+def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
+    robot = load_mechanism(arm_files[0])
+    terms = JointTerms(robot.actuated), 1.5 * np.array([3.0, 1.0, 2.0, 0.5])
     path = tmp_path / "warm_up.csv"
-    motion = wander(knee, 3, seconds=30.0, rate=50.0)
-    path.write_text(logged(knee, motion, (terms, 1.5 * values), seed=5))
-    found = fitted(run_json("identify", "3ups_rpu", logs["run.csv"], "--friction-log", path))
-    for name, value in friction_values.items():
-        assert found[name] == pytest.approx(1.5 * value, rel=0.15)
+    motion = wander(robot, 3, seconds=15.0, rate=50.0, size=(1.0, 1.2))
+    path.write_text(logged(robot, motion, terms, noise=0.1, seed=5))
+    found = fitted(arm("--friction-log", path))
+    assert found["shoulder.Fc"] == pytest.approx(4.5, rel=0.15)
+    assert found["elbow.Fc"] == pytest.approx(3.0, rel=0.15)
 
 
 def test_without_terms_only_bodies_are_fitted(arm):

@@ -18,7 +18,7 @@ def legs(tmp_path_factory):
     """A log of the 3RRR, which has no friction in it."""
     robot = load_mechanism("3rrr")
     path = tmp_path_factory.mktemp("3rrr") / "run.csv"
-    motion = wander(robot, 1, seconds=20.0, rate=50.0, size=[0.3] * 3)
+    motion = wander(robot, 1, seconds=20.0, rate=20.0, size=[0.3] * 3)
     path.write_text(logged(robot, motion, noise=0.2, seed=2))
     return path
 

@@ -98,6 +98,10 @@ def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
     assert min(record["moving"]["r_squared"]) > 0.9  # bodies 20 % off, no friction
     names = {"prediction.json", *(f"prediction_five_bar.{kind}" for kind in ("csv", "svg", "png"))}
     assert {file.name for file in out.iterdir()} == names
+    (part,) = json.loads(run("predict", str(saved), str(LOG), "--rows=1:300", "--json").out)[
+        "recordings"
+    ]
+    assert sum(part["moving"]["samples"]) < sum(record["moving"]["samples"])
 
 
 def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
@@ -131,6 +135,7 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
     known = ["--known-mass=1.5", "--centre=0.1,0,0"]
     gains = run_json("payload", "five_bar", "left_coupler", *logs, *options, *known)["gains"]
     np.testing.assert_allclose(gains, 1.0, atol=0.02)
+    assert "--rows must be M:N" in run("payload", "five_bar", "left_coupler", *logs, "--rows=7").err
     refused = run("payload", "five_bar", "arm", *logs)
     assert refused.code == 2
     assert "left_coupler" in refused.err

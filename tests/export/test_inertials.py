@@ -5,7 +5,7 @@ from feasible_changes import pseudo, solid, standard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from loopid.export.inertials import shared, shared_at_rest
+from loopid.export.robot_file import shared, shared_at_rest
 from loopid.pseudo_inertia import body_defect
 
 SEEDS = st.integers(0, 10_000)

@@ -104,14 +104,15 @@ def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
 def test_of_open_drawings_the_nearest_mode_is_used(load_files):
     parts, description = five_bar()
     wide = [part.replace('"-3"', '"-9"').replace('"3"', '"9"') for part in parts]
-    robot = load_files(wide, description)  # motors alone are given
+    given = [2.0, 1.0]  # of the motors alone
+    reference = dict(zip(description["name_mot"], given, strict=True))
+    robot = load_files(wide, description | {"reference": reference})
     motors, passive = (robot.velocity_indices(some) for some in (robot.actuated, robot.passive))
     assert len(robot.modes) == 2
     assert len({mode.rank for mode in robot.modes}) == 1
     away = [np.linalg.norm(mode.reference[passive]) for mode in robot.modes]
     np.testing.assert_allclose(away, [mode.distance for mode in robot.modes], rtol=1e-9)
     assert away[0] < away[1]
-    given = list(description["reference"].values())
     for mode in robot.modes:
         np.testing.assert_array_equal(mode.reference[motors], given)
 

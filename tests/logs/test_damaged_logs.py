@@ -146,7 +146,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
 @example(spoil=[(lose, 0.0, 1)])

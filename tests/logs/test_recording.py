@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid.errors import AssemblyError, LogError, LogWarning, OptionError
+from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError
 from loopid.kinematics import constraint_residual, platform_coordinates
 from loopid.logs import Log, LogMapping, prepare_recording, read_log
 from loopid.logs import recording as preparation
@@ -151,25 +151,21 @@ def standing(recording, speed):
     return found[history.rows]
 
 
-def test_idle_speeds_come_from_the_call_the_mapping_or_the_motion(knee, log, recording):
+def test_idle_speeds_come_from_the_mapping_or_the_motion(knee, log, recording):
     own = 0.05 * np.percentile(np.abs(recording.motion.velocities), 99, axis=0)
     np.testing.assert_array_equal(recording.used, ~standing(recording, own))
-    mapped = Log(
-        "run", log.joints, log.time, log.position, log.force, log.stretches, idle_speed=0.004
-    )
-    for given, expected in ((None, 0.004), (0.002, 0.002), (np.full(4, 0.001), 0.001)):
-        found = prepared(knee, mapped, idle_speed=given)
-        idle = standing(recording, expected)
-        np.testing.assert_array_equal(found.used, ~idle)
-        counts = {part.reason: part.count for part in found.dropped}
-        for k, joint in enumerate(knee.actuated):
-            assert counts.get(f"{joint} stands still", 0) == idle[:, k].sum()
+    found = prepared(knee, replace(log, idle_speed=0.004))
+    idle = standing(recording, 0.004)
+    np.testing.assert_array_equal(found.used, ~idle)
+    counts = {part.reason: part.count for part in found.dropped}
+    for k, joint in enumerate(knee.actuated):
+        assert counts.get(f"{joint} stands still", 0) == idle[:, k].sum()
 
 
 def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):
     limit = 80.0
     clipped = altered(log, force=np.clip(truth.force, -limit, limit))
-    recording = prepared(knee, clipped, decimate=False, saturation=limit)
+    recording = prepared(knee, replace(clipped, saturation=np.full(4, limit)), decimate=False)
     rows = at_times(truth, recording)
     clean = np.abs(truth.force) < 0.99 * limit
     for k, joint in enumerate(knee.actuated):
@@ -191,7 +187,8 @@ def test_clipped_forces_are_masked_and_named(knee, log, truth):
     force[:, 0] = np.clip(force[:, 0], -limit, limit)
     with pytest.warns(LogWarning, match=r"force of leg1_stroke stays at .* clipped"):
         found = prepared(knee, altered(log, force=force))
-    told = prepared(knee, altered(log, force=force), saturation=[limit, 1e9, 1e9, 1e9])
+    told = replace(altered(log, force=force), saturation=np.array([limit, 1e9, 1e9, 1e9]))
+    told = prepared(knee, told)
     np.testing.assert_array_equal(found.used, told.used)
     assert not found.used[:, 0].all()
 
@@ -282,23 +279,20 @@ def test_progress_ends_complete(knee, log, monkeypatch):
 def test_with_an_idle_speed_of_zero_standing_motors_count(knee, log):
     still = altered(log, position=np.broadcast_to(log.position[:1], log.position.shape))
     with pytest.raises(LogError, match="all motors stand"):
-        prepared(knee, still, idle_speed=1e-6)
-    assert prepared(knee, still, idle_speed=0.0).used.all()
+        prepared(knee, replace(still, idle_speed=1e-6))
+    assert prepared(knee, replace(still, idle_speed=0.0)).used.all()
 
 
 def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
     with pytest.raises(OptionError, match=r"log run is of leg1_stroke, .* of small are crank"):
         prepared(four_bars["3d"], log)
-    for name in ("idle_speed", "saturation"):
-        for value in (-1.0, np.ones(3)):
-            with pytest.raises(
-                OptionError, match=f"{name} must be .*a positive number, or one for"
-            ):
-                prepared(knee, log, **{name: value})
-    with pytest.raises(OptionError, match="saturation must be a positive number"):
-        prepared(knee, log, saturation=0.0)
+    with pytest.raises(DataError, match="idle_speed must be a number from 0 on"):
+        replace(log, idle_speed=-1.0)
+    for wrong in (np.zeros(4), np.ones(3)):
+        with pytest.raises(DataError, match="saturation must"):
+            replace(log, saturation=wrong)
     with pytest.raises(LogError, match="no force can be used, as all motors stand or are saturat"):
-        prepared(knee, log, idle_speed=1.0)
+        prepared(knee, replace(log, idle_speed=1.0))
     with pytest.raises(LogError, match="too short to filter, the longest has 50 samples"):
         prepared(knee, altered(log, slice(50)))
     with pytest.raises(OptionError, match="cut-off frequency must be below half"):

@@ -1,5 +1,7 @@
 """Logs of more motors than degrees of freedom: their forces add up on the independent ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,7 +76,8 @@ def test_power_is_that_of_all_motors(pair, run):
 def test_a_saturated_third_motor_spoils_both_coordinates(pair, run):
     _, three = pair
     log, limit = logs(pair, run)[1], 0.3
-    recording = prepare_recording(three, log, None, 1e-9, np.array([1e9, 1e9, limit]))
+    limits = np.array([1e9, 1e9, limit])
+    recording = prepare_recording(three, replace(log, saturation=limits, idle_speed=1e-9), None)
     within = np.abs(log.force[:, 2]) < 0.99 * limit
     kept = within[np.isin(log.time, recording.motion.time)]
     np.testing.assert_array_equal(recording.used, np.stack([kept, kept], axis=1))

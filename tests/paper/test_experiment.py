@@ -9,6 +9,7 @@ from loopid import dynamic_regressor
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
+    FORCE_NOISE,
     FRICTION,
     MAIN,
     SHOWN,
@@ -20,7 +21,6 @@ from loopid.paper.reproduction import (
     simulate_stand_in,
     with_noise,
 )
-from loopid.paper.structure import FORCE_NOISE
 
 PARTS = ("inertial", "coriolis", "gravity")
 # Of the robot file, in the order of Table II (kg, kg m).

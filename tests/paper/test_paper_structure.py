@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from loopid.errors import SearchError
-from loopid.paper import structure
+from loopid.paper import reproduction as structure
 from loopid.paper.page import transfer_table
-from loopid.paper.structure import (
+from loopid.paper.reproduction import (
     TABLE_I,
     TABLE_II,
     compare_base_parameters,

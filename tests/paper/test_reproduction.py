@@ -12,13 +12,13 @@ from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
     FRICTION,
+    TABLE_IV,
     fit_actual,
     fit_simulated,
     identify_in_two_steps,
     run_experiment,
     simulate_stand_in,
 )
-from loopid.paper.structure import TABLE_IV
 from made_runs import quietly
 
 SEEDS = range(1, 4)

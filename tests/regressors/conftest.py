@@ -1,11 +1,19 @@
 """Motions that the loops allow, for the laws of dynamics to be checked on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from loopid import random_configurations
-from loopid.kinematics import project, random_motions
+from loopid.kinematics import (
+    constraint_jacobian,
+    constraint_residual,
+    partition,
+    project,
+    random_motions,
+)
 
 NAMES = ("3ups_rpu", "pinned bar", "welded bar", "welded knee")
 
@@ -49,12 +57,49 @@ def joint_positions():
     return positions
 
 
+def bearing_forces(robot, motion):
+    """Forces (N, nv) across the motion of joints with one coordinate, by displacing them."""
+    q, step, data = motion.configurations, 1e-6, robot.model.createData()
+    _, dependent = partition(robot)
+    state = zip(q, motion.velocities, motion.accelerations, strict=True)
+    tau, force, axes = [], [], []
+    for one in state:
+        tau.append(pin.rnea(robot.model, data, *one) * robot.coordinate_scales)
+        joints = range(1, robot.model.njoints)  # along the axes of their parents
+        force.append([data.liMi[j].rotation @ data.f[j].linear for j in joints])
+        before = [data.liMi[j].translation.copy() for j in joints]
+        pin.forwardKinematics(
+            robot.model, data, pin.integrate(robot.model, one[0], np.ones(robot.model.nv))
+        )
+        axes.append([data.liMi[j].translation - before[j - 1] for j in joints])
+    A = constraint_jacobian(robot, q) * robot.row_scales[:, None] * robot.coordinate_scales
+    pressed = np.array(
+        [
+            np.linalg.lstsq(one[:, dependent].T, needed[dependent], rcond=1e-9)[0]
+            for one, needed in zip(A, tau, strict=True)
+        ]
+    )
+    force, axes = np.array(force), np.array(axes)  # axes are zero for hinges
+    for j in range(1, robot.model.njoints):
+        for k in range(3):
+            ends = []
+            for way in (step, -step):
+                model = robot.model.copy()
+                model.jointPlacements[j].translation[k] += way
+                ends.append(constraint_residual(replace(robot, model=model), q))
+            rates = (ends[0] - ends[1]) / (2 * step) * robot.row_scales
+            force[:, j - 1, k] -= (rates * pressed).sum(axis=1)
+    along = (force * axes).sum(axis=2, keepdims=True) * axes
+    return np.linalg.norm(force - along, axis=2)
+
+
 @pytest.fixture(scope="session")
 def joint_signals(joint_positions):
     """What each kind of term multiplies at every joint, by definition; kinds to (N, nv)."""
 
     def signals(robot, motion):
         v, q = motion.velocities, joint_positions(robot, motion.configurations)
+        load = bearing_forces(robot, motion)
         return {
             "Ia": motion.accelerations,
             "Fc": np.sign(v),
@@ -62,6 +107,8 @@ def joint_signals(joint_positions):
             "Fc-": np.where(v < 0, -1.0, 0.0),
             "Fc~0.7": np.tanh(v / 0.7),
             "Fs~0.7": np.exp(-v * v / 0.49) * np.sign(v),
+            "Fl": load * np.sign(v),
+            "Fl~0.7": load * np.tanh(v / 0.7),
             "Fv": v,
             "Fo": np.ones_like(v),
             "Ks": q,

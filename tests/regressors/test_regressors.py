@@ -17,8 +17,14 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import closed_motion, measured_coordinates, project, random_motions
-from loopid.regressors import force_parts, motion_parameters, motion_regressor, tree_regressor
+from loopid.kinematics import (
+    closed_motion,
+    measured_coordinates,
+    project,
+    random_motions,
+    torque_regressors,
+)
+from loopid.regressors import force_parts, motion_parameters, motion_regressor
 
 TREES = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", ()),
@@ -40,7 +46,7 @@ def random_states(robot, count, seed):
 
 def assert_inverse_dynamics(robot, inverse_dynamics):
     q, v, a = random_states(robot, 5, seed=2)
-    Y = tree_regressor(robot, q, v, a)
+    Y = torque_regressors(robot, q, v, a)
     assert Y.shape == (5, robot.model.nv, len(robot.parameters()))
     expected = inverse_dynamics(robot, q, v, a)
     scale = np.abs(expected).max()
@@ -59,24 +65,26 @@ def test_serial_robots_move_by_inverse_dynamics(name, robot_data, inverse_dynami
 
 
 @pytest.mark.parametrize(
-    ("name", "motions"),
+    ("name", "wrong"),
     [
-        ("configurations", (np.zeros((2, 5)),)),
-        ("configurations", (np.full((2, 13), np.nan),)),
-        ("velocities", (np.zeros((2, 13)), np.zeros((2, 4)))),
-        ("velocities", (np.zeros((2, 13)), np.zeros((3, 13)))),
-        ("accelerations", (np.zeros((2, 13)), np.zeros((2, 13)), np.full((2, 13), np.inf))),
-        ("accelerations", (np.zeros((2, 13)), np.zeros((2, 13)), np.zeros((1, 13)))),
+        ("configurations", np.zeros((1, 5))),
+        ("configurations", np.full((1, 13), np.nan)),
+        ("velocities", np.zeros((1, 13))),
+        ("velocities", np.zeros((2, 4))),
+        ("accelerations", np.full((1, 4), np.inf)),
+        ("accelerations", np.zeros((2, 4))),
     ],
 )
-def test_bad_states_are_refused_by_name(knee, name, motions):
-    with pytest.raises(DataError, match=f"^{name} must"):
-        tree_regressor(knee, *motions)
+def test_bad_states_are_refused_by_name(knee, name, wrong):
+    states = dict.fromkeys(("velocities", "accelerations"), np.zeros((1, 4)))
+    states = {"configurations": knee.reference[None]} | states | {name: wrong}
+    with pytest.raises(DataError, match=f"{name} must"):
+        dynamic_regressor(knee, **states)
 
 
 def test_an_unknown_model_is_refused(knee):
     with pytest.raises(OptionError, match=r"'static'.*gravity, full"):
-        tree_regressor(knee, knee.reference, model="static")
+        structural_observation(knee, "static")
 
 
 def actuator_forces(moving):
@@ -182,7 +190,7 @@ def test_without_loops_it_is_the_trees_regressor(knee):
     tree = replace(knee, closures=(), actuated=knee.joints)
     q = random_configurations(tree, 4, seed=1)
     v, a = random_motions(tree, 4, seed=1)
-    Y = tree_regressor(tree, q, v, a)
+    Y = torque_regressors(tree, q, v, a)
     scale = np.abs(Y).max()
     np.testing.assert_allclose(dynamic_regressor(tree, q, v, a), Y, atol=1e-14 * scale)
 

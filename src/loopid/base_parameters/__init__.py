@@ -11,11 +11,11 @@ from loopid.base_parameters.choice import (
     TIE_TOLERANCE,
     ChoiceProblem,
     Exclusion,
+    ExhaustiveSearch,
     SearchResult,
     SearchStrategy,
 )
 from loopid.base_parameters.exact import TIME_LIMIT, ExactSearch
-from loopid.base_parameters.exhaustive import ExhaustiveSearch
 from loopid.base_parameters.guess import PivotedQR
 from loopid.base_parameters.naming import (
     CoefficientName,

@@ -10,10 +10,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray, finite, frozen
-from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
+from loopid.arguments import FloatArray, IntArray, finite, frozen
+from loopid.base_parameters.choice import (
+    ChoiceProblem,
+    ExhaustiveSearch,
+    SearchResult,
+    SearchStrategy,
+)
 from loopid.base_parameters.exact import ExactSearch
-from loopid.base_parameters.exhaustive import ExhaustiveSearch
 from loopid.base_parameters.guess import PivotedQR
 from loopid.base_parameters.naming import expression
 from loopid.base_parameters.structure import (

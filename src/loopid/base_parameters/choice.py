@@ -1,4 +1,4 @@
-"""The choice of the dependent parameters, the interface of all searches, and their answer.
+"""The choice of the dependent parameters, what all searches share, and the one that tries all.
 
 Ties are broken alike by all that list them: fewest terms first, then the smallest coefficients,
 then the dependent columns that come first. So the answer is unique.
@@ -9,17 +9,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain, combinations, islice
 from math import comb, inf
 from time import perf_counter
 from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import checked_fields
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, checked, checked_fields
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
-from loopid.errors import OptionError
-from loopid.workers import one_blas_thread
+from loopid.errors import OptionError, SearchError
+from loopid.workers import Progress, one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
@@ -30,6 +30,11 @@ EQUAL_COEFFICIENTS = 1e-6
 BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 # Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
+# Of the search that tries all: combinations, and those whose matrices are in memory together.
+MOST_CANDIDATES, CHUNK = 2_000_000_000, 1 << 14
+# Round-off of a determinant, relative, for matrices that could be the best.
+DETERMINANT_SLACK = 1e-6
+MOST_TIES = 20_000  # selections among which the most readable is chosen; the others are counted
 
 
 @checked_fields
@@ -111,25 +116,15 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Exclusion:
-    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it.
+    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it."""
 
-    Attributes
-    ----------
-    block : int
-        Which block of the problem.
-    vectors : FloatArray
-        (m, k), k rows of which are to be selected.
-    above, below : float
-        No selection has all eigenvalues of X_S X_Sᵀ in this open range.
-    leaves : tuple
-        For each leaf the rows taken and the rows left out there. Every selection agrees with
-        exactly one leaf.
-    """
-
-    block: int
-    vectors: FloatArray
+    block: int  # which block of the problem
+    vectors: FloatArray  # (m, k), k rows of which are to be selected
+    # No selection has all eigenvalues of X_S X_Sᵀ in this open range
     above: float
     below: float
+    # For each leaf the rows taken and the rows left out there. Every selection agrees with exactly
+    # one leaf
     leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
 
 
@@ -265,16 +260,9 @@ def most_readable(choices: Iterable[Readability]) -> Readability:
 def readabilities(
     null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
 ) -> Iterator[Readability]:
-    """Readability of several choices, one after another.
+    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
 
-    Parameters
-    ----------
-    null_basis : FloatArray
-        (n, d), of all parameters or of one block.
-    choices : IntArray
-        (c, d), dependent rows of ``null_basis``.
-    columns : IntArray, optional
-        (n,), the columns that the rows belong to, if not 0 ... n - 1.
+    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
     """
     names = choices if columns is None else columns[choices]
     size = max(1, BATCH // null_basis.size)
@@ -284,3 +272,72 @@ def readabilities(
         terms, totals = (beta > 0).sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
         for count, total, own in zip(terms, totals, names[part].tolist(), strict=True):
             yield Readability(count, total, tuple(sorted(own)))
+
+
+class ExhaustiveSearch(SearchStrategy):
+    """Gautier's search: evaluate every one of the C(n, d) combinations [Gautier1991].
+
+    Each is judged by a determinant, which costs a fifth of its singular values. With all singular
+    values between σ_max / κ and σ_max, |det| >= σ_max^k / κ^(k-1), and σ_max is at least the root
+    mean square of the singular values, ‖X_S‖_F / sqrt(k). A combination whose determinant is
+    smaller cannot have a condition number κ; only the others get their singular values computed.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with the numbers of combinations done and in all.
+    """
+
+    name = "exhaustive"
+
+    @checked
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.progress = progress
+
+    def _search(self, problem: ChoiceProblem) -> SearchResult:
+        total, vectors = problem.candidates, problem.vectors
+        if total > MOST_CANDIDATES:
+            raise SearchError(
+                f"exhaustive search would evaluate C({problem.size}, {problem.dependent_count}) = "
+                f"{total:,} combinations (bound {MOST_CANDIDATES:,}): use search='exact'"
+            )
+        size, count = vectors.shape
+        best, least, ties = np.empty((0, count), dtype=np.int64), np.inf, 0
+        every = combinations(range(size), count)
+        for done in range(0, total, CHUNK):
+            numbers = chain.from_iterable(islice(every, CHUNK))
+            selections = np.fromiter(numbers, np.int64).reshape(-1, count)
+            kept, found = promising(vectors, selections, least)
+            lowest = float(found.min(initial=np.inf))
+            if least > lowest * (1 + TIE_TOLERANCE):
+                best, ties = best[:0], 0
+            least = min(least, lowest)
+            tied = kept[(found <= least * (1 + TIE_TOLERANCE)) & (found < np.inf)]
+            best, ties = np.concatenate([best, selections[tied]])[:MOST_TIES], ties + len(tied)
+            if self.progress is not None:
+                self.progress(min(done + CHUNK, total), total)
+        chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
+        return SearchResult(
+            name=self.name,
+            criterion=problem.criterion,
+            dependent=chosen.dependent,
+            condition_number=problem.condition_number(np.array(chosen.dependent)),
+            certified=True,
+            gap=1.0,
+            candidates=total,
+            evaluated=total,
+            ties=ties,
+        )
+
+
+def promising(
+    vectors: FloatArray, selections: IntArray, least: float
+) -> tuple[IntArray, FloatArray]:
+    """Which of some selections (c, k) may reach a condition number, and theirs."""
+    matrices, count = vectors[selections], selections.shape[1]
+    mean = np.sqrt((vectors**2).sum(axis=1)[selections].sum(axis=1) / count)
+    # One power of a quotient: a power of the condition number alone could overflow.
+    quotient = mean / (least * (1 + TIE_TOLERANCE))
+    enough = mean * quotient ** (count - 1) * (1 - DETERMINANT_SLACK)
+    kept = np.flatnonzero(np.abs(np.linalg.det(matrices)) >= enough)
+    return kept, condition_numbers(matrices[kept])

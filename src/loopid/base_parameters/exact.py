@@ -17,8 +17,7 @@ from time import perf_counter
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import IntArray
+from loopid.arguments import IntArray, checked
 from loopid.base_parameters.choice import (
     NOTHING,
     TIE_TOLERANCE,
@@ -117,14 +116,7 @@ class ExactSearch(SearchStrategy):
 class _Interval:
     """What is known of better joint selections: floor <= largest < ceiling, smallest <= highest.
 
-    Parameters
-    ----------
-    blocks : sequence of Block
-    apart : float
-        How far singular values of the blocks may be from those of the problem.
-    budget : Budget
-    keep : bool
-        Whether to record the proof.
+    ``apart`` is how far singular values of the blocks may be from those of the problem.
     """
 
     def __init__(self, blocks: Sequence[Block], apart: float, budget: Budget, keep: bool) -> None:
@@ -173,13 +165,7 @@ class _Interval:
         return max(1.0, sqrt(self.levels.ratio * self.highest / self.floor))
 
     def close(self) -> None:
-        """Shrink the interval until it is empty.
-
-        Raises
-        ------
-        OutOfBudgetError
-            When time runs out before.
-        """
+        """Shrink the interval until it is empty; OutOfBudgetError when time runs out before."""
         for effort in count():
             self.budget.check()
             self._raise_floor(effort)
@@ -243,13 +229,7 @@ class _Interval:
                 step = sqrt(self.highest / asked)
 
     def _ask(self, above: float, below: float, effort: int) -> Selections | None:
-        """Joint selections in a box, or None where some block has none.
-
-        Raises
-        ------
-        OutOfBudgetError
-            Where the effort does not decide.
-        """
+        """Joint selections in a box, None if a block has none; OutOfBudgetError if undecided."""
         found, undecided = [], False
         most = FIRST_NODES * MORE_NODES**effort
         for b in sorted(range(len(self.blocks)), key=lambda b: self._known[b][-1][1].smallest):

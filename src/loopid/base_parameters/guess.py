@@ -16,8 +16,7 @@ from math import comb
 
 import numpy as np
 
-from loopid.arguments import random_generator
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, random_generator
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
 from loopid.base_parameters.structure import base_columns
 from loopid.base_parameters.tree import Block, Budget, Levels, OutOfBudgetError
@@ -85,20 +84,10 @@ def pivots(vectors: FloatArray, count: int) -> IntArray:
 
 
 def good_selection(block: Block, budget: Budget, least_largest: float = 0.0) -> IntArray:
-    """A selection with a low ratio of largest to smallest eigenvalue, often the lowest.
+    """A selection (k,) with a low ratio of largest to smallest eigenvalue, often the lowest.
 
-    Parameters
-    ----------
-    block : Block
-    budget : Budget
-        Its deadline ends the walks, not the first guess.
-    least_largest : float
-        Largest eigenvalues below this are no better than this one.
-
-    Returns
-    -------
-    IntArray
-        (k,), ascending.
+    The deadline of the budget ends the walks, not the first guess. Largest eigenvalues below
+    ``least_largest`` are no better than this one.
     """
     if block.size == block.count:
         return np.arange(block.size)
@@ -135,15 +124,8 @@ def walked(
 ) -> IntArray:
     """Swap until the potential is at rest, close in with the barriers, and so on.
 
-    Returns
-    -------
-    IntArray
-        (k,), ascending: of the selections at rest the one with the highest smallest eigenvalue,
-        or with barriers on both sides the one with the lowest ratio; the given one if that is it.
-
-    Raises
-    ------
-    OutOfBudgetError
+    Of the selections (k,) at rest the one with the highest smallest eigenvalue, or with barriers
+    on both sides the one with the lowest ratio; the given one if that is it.
     """
     chosen, best, least = selection, selection, np.inf
     for _ in range(MOST_STAGES):
@@ -199,16 +181,10 @@ def _kicked(block: Block, selection: IntArray, random: np.random.Generator) -> I
 
 @dataclass(frozen=True)
 class Barrier:
-    """Every swap of a selection, seen from a barrier on one side of its eigenvalues.
+    """Every swap of a selection, seen from a barrier b on one side of its eigenvalues.
 
-    Attributes
-    ----------
-    side : float
-        1 where the barrier is below the eigenvalues, -1 where it is above.
-    first, second : FloatArray
-        (n, n), P = X E Xᵀ and Q = X E² Xᵀ with E = (side (M - b I))⁻¹.
-    potential : float
-        tr E.
+    ``side`` is 1 where the barrier is below them, -1 above. With E = (side (M - b I))⁻¹, ``first``
+    is P = X E Xᵀ (n, n), ``second`` Q = X E² Xᵀ, and ``potential`` tr E.
     """
 
     side: float

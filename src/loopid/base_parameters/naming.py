@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, NamedLength, Parameter
 
@@ -42,14 +41,10 @@ Value = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Form:
-    """One way of making a number of two lengths, or of the first alone.
+    """One way of making a number of two signed lengths in m, or of the first alone.
 
-    Attributes
-    ----------
-    text, negative : str
-        How it reads, and how its negative does, with ``{0}`` and ``{1}`` for the symbols.
-    value : callable
-        Of arrays of signed lengths in m.
+    ``text`` and ``negative`` are how it reads, and how its negative does, with ``{0}`` and ``{1}``
+    for the symbols.
     """
 
     text: str
@@ -306,15 +301,9 @@ class _Namer:
 
 
 class Candidates:
-    """The numbers that forms make of lengths, in the order of their size.
+    """The numbers that forms make of one length, or of two ``together``, by size.
 
-    Parameters
-    ----------
-    forms : sequence of Form
-    lengths : sequence of NamedLength
-        (n,), in order of preference.
-    together : int
-        1 for forms of one length, 2 for forms of two different ones.
+    Lengths are in order of preference.
     """
 
     def __init__(
@@ -341,15 +330,9 @@ class Candidates:
     ) -> CoefficientName | None:
         """Name a value by what has its size and reads shortest.
 
-        Parameters
-        ----------
-        value : float
-        shared : IntArray
-            (n,), of how many of the term's links each length is a part: many are preferred.
-        used : BoolArray
-            (n,), lengths that are preferred where nothing else decides.
-        least : int
-            Lengths that are part of fewer links are left out.
+        ``shared`` (n,) is of how many of the term's links each length is a part: many are
+        preferred, and fewer than ``least`` left out. ``used`` (n,) lengths are preferred where
+        nothing else decides.
         """
         size = abs(value)
         at = slice(*np.searchsorted(self.sizes, (size * (1 - EQUAL), size * (1 + EQUAL))))

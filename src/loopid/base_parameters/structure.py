@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import AccuracyWarning, DataError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
@@ -292,13 +291,7 @@ def _scales(observation: Observation) -> FloatArray:
 
 
 def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
-    """Rank and gap from descending singular values.
-
-    Raises
-    ------
-    RankError
-        When no gap reaches ``MINIMUM_RANK_GAP``, or two do.
-    """
+    """Rank and gap of descending singular values; RankError unless just one gap is wide."""
     values = np.asarray(singular_values, dtype=np.float64) / singular_values[0]
     # Round-off leaves about this much of an exact zero: how far below a value is means nothing.
     floor = len(values) * np.finfo(float).eps

@@ -16,8 +16,7 @@ from math import ceil, comb
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchResult,
@@ -76,13 +75,7 @@ class SubgroupSearch(SearchStrategy):
         self.variant = variant
 
     def group_size(self, problem: ChoiceProblem) -> int:
-        """Rows n* of one group.
-
-        Raises
-        ------
-        SearchError
-            Where a group holds no combination at all, or too many for the memory bound.
-        """
+        """Rows n* of a group; SearchError if that makes no combination, or too many."""
         d, r = problem.dependent_count, problem.structure.rank
         # Rounded first: 1.1 * 50 is a little more than 55 in binary.
         size = min(ceil(round((1 + self.alpha) * r, 9)), problem.size)

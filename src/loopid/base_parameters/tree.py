@@ -33,7 +33,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.choice import ChoiceProblem
 from loopid.base_parameters.structure import base_columns, independent_blocks
 
@@ -75,25 +75,14 @@ class Block:
 
     Of vectors that agree up to their sign at most one can be selected, and it does not matter
     which: one stands for all.
-
-    Attributes
-    ----------
-    columns : IntArray
-        (n,), columns of the problem, ascending.
-    null_basis : FloatArray
-        (n, d), null vectors of these columns only.
-    vectors : FloatArray
-        (m, k), one row a representative, of rank k.
-    groups : tuple of IntArray
-        For each representative the positions in ``columns`` it stands for, ascending.
-    selects_dependent : bool
-        Whether a selection means dependent parameters (``nullspace``) or base ones.
     """
 
-    columns: IntArray
-    null_basis: FloatArray
-    vectors: FloatArray
+    columns: IntArray  # (n,), columns of the problem, ascending
+    null_basis: FloatArray  # (n, d), null vectors of these columns only
+    vectors: FloatArray  # (m, k), one row a representative, of rank k
+    # For each representative the positions in ``columns`` it stands for, ascending
     groups: tuple[IntArray, ...]
+    # Whether a selection means dependent parameters (``nullspace``) or base ones
     selects_dependent: bool
 
     @property
@@ -159,17 +148,11 @@ class Block:
 
 
 def split(problem: ChoiceProblem) -> tuple[tuple[Block, ...], float]:
-    """The blocks of a problem, and how far they are from it.
+    """The blocks of a problem, and a bound on what they change of singular values of any choice.
 
     The null-space criterion falls apart into independent blocks; those without a null vector need
-    no choice. The regressor criterion is one block.
-
-    Returns
-    -------
-    tuple of Block
-    float
-        Bound on the change of every singular value of every choice: what was neglected between
-        blocks and among vectors that stand for each other.
+    no choice. The regressor criterion is one block. Neglected are entries between blocks and
+    distances among vectors that stand for each other.
     """
     V2 = problem.structure.null_basis
     if problem.criterion == "regressor":
@@ -285,29 +268,10 @@ def selections_between(
     left: IntArray = NONE,
     leaves: Leaves | None = None,
 ) -> Iterator[IntArray]:
-    """Yield the selections whose eigenvalues lie in a range, depth first.
+    """Yield the selections (k,), ascending, with all eigenvalues in a range, depth first.
 
-    Parameters
-    ----------
-    block : Block
-    above : float
-        Positive; every eigenvalue is larger than this.
-    below : float
-        Every eigenvalue is smaller than this; may be infinite.
-    budget : Budget
-    taken, left : IntArray
-        Rows that every selection contains, or does not.
-    leaves : list, optional
-        Takes the rows taken and left at each leaf without a selection.
-
-    Yields
-    ------
-    IntArray
-        (k,), ascending.
-
-    Raises
-    ------
-    OutOfBudgetError
+    Every selection contains the rows ``taken`` and none of those ``left``. ``leaves`` takes the
+    rows taken and left at each leaf without a selection. OutOfBudgetError ends the walk.
     """
     tree = _Tree(block, above, below, leaves)
     root = tree.root()

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import ComparedByFields, FloatArray, Number, finite, frozen
+from loopid.arguments import ComparedByFields, FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior, repaired_prior, sound_prior
 from loopid.consistency.program import Whitening, attainable, minimise

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import DataError, FeasibilityError
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 from loopid.pseudo_inertia import (
@@ -44,17 +43,10 @@ class _Defect(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where bodies and joint terms stand among p parameters.
+    """Where bodies (links, or groups of tied links) and joint terms stand among p parameters.
 
-    Attributes
-    ----------
-    parameters : ParameterSet
-    bodies : tuple of str
-        Names of links, or of groups of tied links.
-    columns : IntArray
-        (bodies, 4) or (bodies, 10), places of each body's parameters in the order of ``KINDS``.
-    joint_columns, positive : IntArray
-        Places of the joint terms, and of those that cannot be negative.
+    ``columns`` (bodies, 4) or (bodies, 10) are the places of each body's parameters in the order
+    of ``KINDS``, ``positive`` those of the joint terms that cannot be negative.
     """
 
     parameters: ParameterSet
@@ -99,19 +91,10 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Values with a positive definite pseudo-inertia for every body that has a mass.
+    """Values (p,) with a positive definite pseudo-inertia for every body that has a mass.
 
-    Attributes
-    ----------
-    layout : Layout
-    values : FloatArray
-        (p,).
-    bodies : tuple of str
-        Those that are not massless: a body of nothing but zeros stays one.
-    columns : IntArray
-        (bodies, 4) or (bodies, 10), places of their parameters.
-    factors : FloatArray
-        (bodies, 4, 4), upper triangular L of P0 = L Lᵀ.
+    ``bodies`` are those that are not massless, with the places of their parameters in ``columns``
+    (bodies, 4) or (bodies, 10), and ``factors`` (bodies, 4, 4), upper triangular L of P0 = L Lᵀ.
     """
 
     layout: Layout

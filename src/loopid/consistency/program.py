@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters import BaseParameters
 from loopid.consistency.prior import Prior
 from loopid.errors import FeasibilityError, MissingExtraError, OptionError
@@ -88,30 +88,16 @@ class Whitening:
     """Standard parameters Φ = Φ0 + T x of whitened unknowns x, and what x must obey.
 
     Unknowns are ten a body, then one a joint term.
-
-    Attributes
-    ----------
-    prior : Prior
-    margin : float
-    map : FloatArray
-        T (p, q).
-    positive : IntArray
-        Unknowns (k,) of the joint terms that cannot be negative.
-    levels : FloatArray
-        (k,), of these terms where the unknowns are zero: 0, or 1 for those with a prior.
-    positive_names : tuple of str
-        Labels of these terms.
-    pull : FloatArray
-        Weights of the joint terms in any regularisation.
     """
 
     prior: Prior
     margin: float
-    map: FloatArray
-    positive: IntArray
+    map: FloatArray  # T (p, q)
+    positive: IntArray  # unknowns (k,) of the joint terms that cannot be negative
+    # (k,), of these terms where the unknowns are zero: 0, or 1 for those with a prior
     levels: FloatArray
-    positive_names: tuple[str, ...]
-    pull: FloatArray
+    positive_names: tuple[str, ...]  # labels of these terms
+    pull: FloatArray  # weights of the joint terms in any regularisation
 
     @classmethod
     def about(cls, base: BaseParameters, prior: Prior, margin: float) -> Whitening:
@@ -192,16 +178,9 @@ def minimise(
 ) -> FloatArray:
     """Unknowns x (q,) of least ½‖F x - g‖² + w distance, strictly inside all constraints.
 
-    Parameters
-    ----------
-    data, target : FloatArray
-        F (r, q) and g (r,).
-    strength : float
-        w.
-    exact : bool
-        Whether F x = g is met exactly instead of in the least-squares sense; see ``attainable``.
-    refuse : bool
-        Whether a solution short of the tolerance is refused: it will do for a message.
+    ``data`` is F (r, q), ``target`` g (r,), ``strength`` w. With ``exact`` F x = g is met instead
+    (see ``attainable``). Without ``refuse`` a solution short of the tolerance is returned: it will
+    do for a message.
 
     Raises
     ------

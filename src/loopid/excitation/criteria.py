@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 
 # f(M) and its slope (n, n).
 Criterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]
@@ -74,15 +74,9 @@ def _norm(values: FloatArray, vectors: FloatArray, power: float) -> tuple[float,
 
 @dataclass(frozen=True, eq=False)
 class OfCombinations:
-    """D of some combinations S φ alone, whatever becomes of the others: log det S M⁻¹ Sᵀ.
+    """D of some combinations S φ alone, whatever becomes of the others: log det S M⁻¹ Sᵀ."""
 
-    Attributes
-    ----------
-    rows : FloatArray
-        S (s, n).
-    """
-
-    rows: FloatArray
+    rows: FloatArray  # S (s, n)
 
     def __call__(self, M: FloatArray) -> tuple[float, FloatArray]:
         """The criterion and its slope."""

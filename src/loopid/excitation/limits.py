@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import checked_fields
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked_fields
 from loopid.errors import ModelWarning, OptionError, warn
 from loopid.kinematics import (
     NEAR_SINGULARITY,
@@ -102,23 +101,14 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class Bound:
-    """One quantity that must stay in a range all the time.
-
-    Attributes
-    ----------
-    kind, name, unit : str
-    lower, upper : float
-        Infinite where there is none.
-    size : float, optional
-        What counts as 1.
-    """
+    """One quantity that must stay in a range all the time."""
 
     kind: str
     name: str
     unit: str
-    lower: float
+    lower: float  # both infinite where there is none
     upper: float
-    size: float | None = None
+    size: float | None = None  # what counts as 1
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
@@ -129,31 +129,18 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Variables y (m c,) of a motion, in units; the criterion, and bounds on a grid of times.
-
-    Attributes
-    ----------
-    noise : FloatArray
-        (motors,), standard deviations of the motors' forces.
-    basis : FloatArray
-        (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all.
-    prior : FloatArray
-        (z, z), information that there is already.
-    samples : int
-        How many samples a run of the motion gives.
-    inset : float
-        Part of each bound's scale that is kept free for what happens between the samples.
-    """
+    """Variables y (m c,) of a motion, in units; the criterion, and bounds on a grid of times."""
 
     force_model: ForceModel
     coordinates: Coordinates
     shape: Shape
     bounds: Bounds
     criterion: Criterion
-    noise: FloatArray
-    basis: FloatArray
-    prior: FloatArray
-    samples: int
+    noise: FloatArray  # (motors,), standard deviations of the motors' forces
+    basis: FloatArray  # (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all
+    prior: FloatArray  # (z, z), information that there is already
+    samples: int  # how many samples a run of the motion gives
+    # Part of each bound's scale that is kept free for what happens between the samples
     inset: float = 0.01
 
     @cached_property

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.trajectories import FourierCurve, Motion, SplineCurve, Waypoint, point_to_point
 

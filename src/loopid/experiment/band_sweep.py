@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, frozen
+from loopid.arguments import BoolArray, FloatArray, frozen
 from loopid.errors import LogWarning, warn
 from loopid.identification import FitResult, FitSamples
 from loopid.logs import Recording

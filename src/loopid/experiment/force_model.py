@@ -10,17 +10,21 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite
+from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.base_parameters import BaseParameters, SearchStrategy, find_base_parameters
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification import FitProblem, FitSamples, Prior
-from loopid.kinematics import closed_motion, project, random_configurations, random_motions
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    project,
+    random_configurations,
+    random_motions,
+)
 from loopid.logs import Recording
 from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.regressors import (
     JointState,
-    JointTerm,
     JointTerms,
     joint_term,
     motion_regressor,
@@ -44,6 +48,7 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+FEW = 5  # states that tell whether closures are redundant
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
 # Standard deviation of the robot file as a prior, in sizes of the parameters.
@@ -197,12 +202,14 @@ class ForceModel:
             joint, law = parameter.link, joint_term(parameter.kind)
             if history and law.jumps:
 
-                def signal(rate: FloatArray, law: JointTerm = law) -> FloatArray:
-                    return np.asarray(law.signal(JointState(None, rate, None), terms, np))
+                def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
+                    return terms.loads(self.mechanism, motion)[0][joint]
 
                 (index,) = self.mechanism.velocity_indices([joint])
                 rate = history.of_joint(self.mechanism, joint)
-                steps[j] = int(index), history.lowpassed(rate, signal)
+                loads = history.of_motion(self.mechanism, load) if law.needs_load else None
+                signal = law.signal(JointState(None, rate, None, loads), terms, np)
+                steps[j] = int(index), history.lowpassed(np.asarray(signal))
 
         def stepped(rows: slice) -> FloatArray:
             block = np.array(W[rows])
@@ -237,7 +244,8 @@ def find_force_model(
     Warns
     -----
     ModelWarning
-        Of forces of the robot file that are left out, and of joint terms that no motor feels.
+        Of forces of the robot file that are left out, of joint terms that no motor feels, and of
+        loads that redundant closures leave open.
 
     Examples
     --------
@@ -260,6 +268,15 @@ def find_force_model(
             "without them",
             ModelWarning,
         )
+    if joint_terms is not None and joint_terms.loaded:
+        states = random_configurations(mechanism, FEW), *random_motions(mechanism, FEW)
+        _, left_open = joint_terms.loads(mechanism, closed_motion(mechanism, *states))
+        if left_open:
+            warn(
+                f"redundant closures of {mechanism.name} leave open what {', '.join(left_open)} "
+                "carry: their load-dependent friction is that of the least forces in closures",
+                ModelWarning,
+            )
     return ForceModel(mechanism, model, joint_terms, base)
 
 

@@ -18,8 +18,7 @@ from shlex import quote
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, frozen
+from loopid.arguments import FloatArray, IntArray, checked, frozen
 from loopid.base_parameters import expression
 from loopid.errors import DataError, RankError
 from loopid.experiment.force_model import ForceModel, body_sizes
@@ -172,13 +171,9 @@ def fit_excited(
 ) -> FitResult:
     """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
 
-    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes.
-
-    Returns
-    -------
-    FitResult
-        Of all parameters. In unidentifiable directions the covariance is that of the robot file,
-        one size; parameters that have a part there are ``assumed``.
+    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
+    unidentifiable directions the covariance is that of the robot file, one size; parameters that
+    have a part there are ``assumed``.
     """
     found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
     B, U = excitation.excited, excitation.unidentifiable

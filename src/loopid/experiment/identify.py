@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, finite
+from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.errors import (
     DataError,
     ExcitationWarning,
@@ -574,10 +573,7 @@ def judged(
 ) -> Candidate:
     """Judge a number of fitted parameters, values (n,) and covariance beside baseline values (n,).
 
-    Parameters
-    ----------
-    data : tuple of FitSamples
-        For training and for validation.
+    ``data`` are the samples for training and for validation.
     """
     values, (training, validation) = fitted[1], data
     qualities = fit_quality(training.problem, values), fit_quality(validation.problem, values)

@@ -9,8 +9,7 @@ from html import escape
 import numpy as np
 from scipy.special import stdtrit
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arguments import FloatArray, checked, finite, frozen
 from loopid.base_parameters import BaseParameters, find_base_parameters
 from loopid.errors import DataError, OptionError, RankError
 from loopid.experiment.force_model import ForceModel

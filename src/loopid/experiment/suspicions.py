@@ -18,8 +18,7 @@ from math import sqrt
 import numpy as np
 from scipy.linalg import block_diag
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, spread_rows
+from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.experiment.force_model import body_sizes
 from loopid.kinematics import (
     ClosedMotion,

@@ -9,8 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked
 from loopid.experiment.force_model import ForceModel, body_sizes, find_force_model
 from loopid.identification import FitSamples, NoiseModel, PredictionError, prediction_errors
 from loopid.logs import Recording

@@ -1,27 +1,17 @@
-"""The regressor as a C file and its header, from templates and CasADi's functions.
-
-Compiled and called from Python it is verified and measured.
-"""
+"""The regressor as a C file and its header, from templates and CasADi's functions."""
 
 from __future__ import annotations
 
-import ctypes
 import re
-import shutil
-import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, IntArray, finite, samples
-from loopid.errors import DataError, MissingExtraError, OptionError, OutputError
+from loopid.arguments import FloatArray, checked, checked_fields, finite
+from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.experiment import ForceModel
 from loopid.files import write_files
 from loopid.kinematics import partition
@@ -29,8 +19,6 @@ from loopid.kinematics import partition
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
 SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
-COMPILERS = ("cc", "gcc", "clang")
-NUMBERS = ctypes.POINTER(ctypes.c_double)
 LONGEST_NAME = 60  # of files and functions that are named after the robot
 LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
 ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
@@ -157,81 +145,6 @@ def export_regressor(
     ['five_bar.h', 'five_bar.c']
     """
     return regressor_code(model, name, values).save(folder)
-
-
-@checked_fields
-@dataclass(frozen=True)
-class CompiledRegressor:
-    """The functions of generated C, on arrays.
-
-    Attributes
-    ----------
-    model : ForceModel
-        That the code was generated from.
-    name : str
-    library : Path
-    """
-
-    model: ForceModel
-    name: str
-    library: Path
-
-    def __call__(
-        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
-    ) -> tuple[FloatArray, IntArray]:
-        """Regressors (N, dof, n) and statuses (N,), 0 where all is well.
-
-        Parameters
-        ----------
-        configurations, velocities, accelerations : FloatArray
-            (N, nq), (N, nv), (N, nv), of all joints.
-        """
-        model = self.model.mechanism.model
-        q = samples(configurations, model.nq, "configurations")
-        v = samples(velocities, model.nv, "velocities", len(q))
-        a = samples(accelerations, model.nv, "accelerations", len(q))
-        shape = len(q), len(self.model.mechanism.independent), len(self.model.parameters)
-        K, status = np.empty(shape), np.empty(len(q), dtype=np.int64)
-        call = self.function("regressor", ctypes.c_int, 4)
-        states = (np.ascontiguousarray(part) for part in (q, v, a))
-        for k, state in enumerate(zip(*states, K, strict=True)):
-            status[k] = call(*(row.ctypes.data_as(NUMBERS) for row in state))
-        return K, status
-
-    def function(self, ending: str, result: Any, arguments: int) -> Any:
-        """A C function of arrays of numbers."""
-        call = getattr(ctypes.CDLL(str(self.library)), f"{self.name}_{ending}")
-        call.restype, call.argtypes = result, [NUMBERS] * arguments
-        return call
-
-
-@checked
-def compile_regressor(
-    model: ForceModel,
-    code: RegressorCode,
-    folder: str | Path,
-    flags: Sequence[str] = ("-O2",),
-) -> CompiledRegressor:
-    """Write generated C to a folder and make a shared library of it.
-
-    Raises
-    ------
-    OptionError
-        When there is no C compiler.
-    OutputError
-        When the compiler fails.
-    """
-    compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
-    if compiler is None:
-        raise OptionError(f"there is no C compiler: install one of {', '.join(COMPILERS)}")
-    code.save(folder)
-    library = Path(folder, f"{code.name}.so").absolute()
-    source = str(Path(folder, f"{code.name}.c"))
-    command = [compiler, *flags, "-shared", "-fPIC", source, "-lm", "-o", str(library)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise OutputError(f"{compiler} refuses {source}: {done.stderr.strip()}")
-    return CompiledRegressor(model, code.name, library)
 
 
 def _filled(template: str, fields: dict[str, str]) -> str:

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.errors import OptionError
 from loopid.experiment import ForceModel
 from loopid.kinematics import partition
@@ -135,6 +135,11 @@ def _joint_term(
         joint = mechanism.joint(parameter.link)
         position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = joint_term(parameter.kind), JointState(position, v[index], a[index])
+    if term.needs_load:
+        raise OptionError(
+            f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
+            f"identify without {parameter.kind} for it"
+        )
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 
 
@@ -166,24 +171,17 @@ def _pose(model: pin.Model, frames: Sequence[Frame], index: int) -> SymbolicPose
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame in symbols, along its own axes but for its pose.
+    """A frame in symbols, along its own axes but for its pose."""
 
-    Attributes
-    ----------
-    rotation, origin : casadi.SX
-        (3, 3) and (3,), of the pose in the fixed frame.
-    omega, velocity, alpha, acceleration : casadi.SX
-        (3,), twist and its spatial rate; the ground accelerates against gravity.
-    turn, shift : casadi.SX
-        (3, dof), angular and linear velocity per unit of each independent coordinate.
-    """
-
+    # Pose in the fixed frame, (3, 3) and (3,)
     rotation: Any
     origin: Any
+    # Twist and its spatial rate, (3,) each; the ground accelerates against gravity
     omega: Any
     velocity: Any
     alpha: Any
     acceleration: Any
+    # Angular and linear velocity per unit of each independent coordinate, (3, dof)
     turn: Any
     shift: Any
 
@@ -238,26 +236,14 @@ def _carried(frame: Frame, mount: pin.SE3, joint: Any, v: Any, a: Any, G: Any) -
 
 @dataclass(frozen=True)
 class ElementaryJoint:
-    """A joint in symbols.
+    """A joint in symbols."""
 
-    Attributes
-    ----------
-    before : pinocchio.SE3
-        Where it is mounted.
-    rotation, translation : casadi.SX
-        (3, 3) and (3,), its motion from there.
-    angular, linear : casadi.DM
-        (3, nv), velocity along its own frame per unit of each coordinate.
-    rates : casadi.SX
-        (nq, nv), derivative of its position by its velocity.
-    """
-
-    before: pin.SE3
-    rotation: Any
-    translation: Any
-    angular: Any
-    linear: Any
-    rates: Any
+    before: pin.SE3  # where it is mounted
+    rotation: Any  # (3, 3), its motion from there
+    translation: Any  # (3,)
+    angular: Any  # (3, nv), velocity along its own frame per unit of each coordinate
+    linear: Any  # (3, nv)
+    rates: Any  # (nq, nv), derivative of its position by its velocity
 
 
 def elementary_joints(name: str, joint: pin.JointModel, q: Any) -> list[ElementaryJoint]:

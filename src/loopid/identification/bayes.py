@@ -17,8 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import ComparedByFields, FloatArray, finite, frozen, rectangular
+from loopid.arguments import (
+    ComparedByFields,
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+    rectangular,
+)
 from loopid.errors import DataError, OptionError
 from loopid.identification.correlation import with_correlated_errors
 from loopid.identification.least_squares import (

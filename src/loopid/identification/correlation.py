@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import CorrelationWarning, warn
 from loopid.identification.least_squares import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
@@ -53,15 +53,7 @@ MOST_SHARE = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, ε independent.
-
-    Attributes
-    ----------
-    coefficients : FloatArray
-        (p,), c_k.
-    variance : float
-        Of ε.
-    """
+    """e_t = Σ c_k e_{t-k} + ε_t, ε independent: ``coefficients`` c_k (p,), ``variance`` of ε."""
 
     coefficients: FloatArray
     variance: float
@@ -122,10 +114,8 @@ class Autoregression:
     def sum_variance(self, present: BoolArray, pieces: tuple[slice, ...]) -> float:
         """Variance of the sum of errors over the samples (N,) that are present.
 
-        Parameters
-        ----------
-        pieces : tuple of slice
-            Rows of each evenly sampled stretch; errors of different ones are independent.
+        ``pieces`` are the rows of evenly sampled stretches; errors of different ones are
+        independent.
         """
         ones = np.asarray(present, dtype=np.float64)[:, None]
         past = sum(float(np.vdot(ones[piece], self.past_part(ones[piece])[0])) for piece in pieces)

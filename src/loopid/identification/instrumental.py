@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RankError
 from loopid.identification.least_squares import (
     Estimator,

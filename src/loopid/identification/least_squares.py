@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
-from loopid.arrays import ComparedByFields, FloatArray
+from loopid.arguments import ComparedByFields, FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import FitResult, fit_quality
@@ -34,20 +34,13 @@ WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF = 1e-10, 1e-13
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WorkingFit(ComparedByFields):
-    """A fit, and the least squares that it amounts to.
-
-    Attributes
-    ----------
-    result : FitResult
-    samples : FitSamples
-        Working samples: with the weights of the result, and the rows of the prior, their least
-        squares are the values of the result.
-    prior : FloatArray or None
-        (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance.
-    """
+    """A fit, and the least squares that it amounts to."""
 
     result: FitResult
+    # Working samples: with the weights of the result, and the rows of the prior, their least
+    # squares are the values of the result
     samples: FitSamples
+    # (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance
     prior: FloatArray | None = None
 
     @property

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import checked
-from loopid.arrays import (
+from loopid.arguments import (
     BoolArray,
     ComparedByFields,
     FloatArray,
     IntArray,
+    checked,
     finite,
     frozen,
     rectangular,

@@ -6,8 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import ComparedByFields, FloatArray, IntArray, finite, frozen
+from loopid.arguments import ComparedByFields, FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked_fields
-from loopid.arrays import BoolArray, FloatArray, frozen
+from loopid.arguments import BoolArray, FloatArray, checked_fields, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.least_squares import (
     Estimator,

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import checked
-from loopid.arrays import ComparedByFields, FloatArray, finite, frozen
+from loopid.arguments import ComparedByFields, FloatArray, checked, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.fitting import quiet_fit, working_fit

@@ -46,6 +46,7 @@ from loopid.kinematics.projection import (
     project,
     singularity_measure,
 )
+from loopid.kinematics.reactions import bearing_forces
 from loopid.kinematics.rounding import (
     ROUND_OFF,
     SIX_DIGITS,

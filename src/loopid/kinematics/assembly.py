@@ -23,8 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, samples
 from loopid.errors import AssemblyError, MobilityError, OptionError
 from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import (

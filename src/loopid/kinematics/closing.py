@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import random_generator
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, null_space, partition, velocity_map

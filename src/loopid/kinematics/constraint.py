@@ -15,8 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, samples
+from loopid.arguments import BoolArray, FloatArray, checked, samples
 from loopid.kinematics.poses import blocks, frame_motions, frame_poses
 from loopid.robot import FramePair, Mechanism, PairRates
 
@@ -80,6 +79,17 @@ class Constraint:
             second += np.concatenate(curvatures, axis=1)
             drift[:, : second.shape[1]] = second[:, :, 0]
         return drift
+
+    def translation_rates(self, moved: BoolArray) -> FloatArray:
+        """(N, closure rows, 3 k) per unit translation along the fixed axes of k sets of frames."""
+        count, width = len(self.q), 3 * moved.shape[1]
+        rates = np.zeros((count, self.mechanism.rows, width))
+        if self.pairs:
+            linear = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
+            shape = (count, *linear.shape)
+            found = self._rates(np.broadcast_to(linear, shape), np.zeros(shape))
+            rates[:, : found.shape[1]] = found
+        return rates
 
     def scaled(self) -> tuple[FloatArray, FloatArray]:
         """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""

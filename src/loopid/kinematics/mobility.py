@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, samples
+from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import DataError, MobilityError
 from loopid.kinematics.closing import nearby_configurations
 from loopid.kinematics.constraint import Constraint

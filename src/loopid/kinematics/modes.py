@@ -13,8 +13,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import random_generator
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, random_generator
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
     JointCoordinates,

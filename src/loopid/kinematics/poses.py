@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
 from loopid.robot import Mechanism, scratch_data
 
@@ -82,18 +82,20 @@ def frame_poses(
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
     model, data = mechanism.model, scratch_data(mechanism.model)
-    frames = [data.oMf[k] for k in frame_ids]
-    placements = np.empty((len(q), len(frames), 4, 4))
+    # Views of Pinocchio's memory, so that no Python object is made at every sample.
+    placed = [(data.oMf[k].translation, data.oMf[k].rotation) for k in frame_ids]
+    origins, rotations, J = [p for p, _ in placed], [R for _, R in placed], data.J
+    origin, rotation = np.empty((len(q), len(placed), 3)), np.empty((len(q), len(placed), 3, 3))
     jacobian = np.empty((len(q), 6 if jacobians else 0, model.nv))
     ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
     for k, configuration in enumerate(q):
         ask(model, data, configuration)
         pin.updateFramePlacements(model, data)
-        placements[k] = [frame.homogeneous for frame in frames]
+        origin[k], rotation[k] = origins, rotations
         if jacobians:
-            jacobian[k] = data.J
+            jacobian[k] = J
     moved = mechanism.supports(frame_ids) if supports is None else supports
-    return FramePoses(placements[:, :, :3, 3], placements[:, :, :3, :3], moved, jacobian)
+    return FramePoses(origin, rotation, moved, jacobian)
 
 
 def frame_motions(
@@ -105,10 +107,10 @@ def frame_motions(
         k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE
     ]
     rates = np.empty((len(q), 6, model.nv))
-    changes = np.zeros_like(rates) if varying else np.zeros(())
+    changes, dJ = np.zeros_like(rates) if varying else np.zeros(()), data.dJ
     for k, state in enumerate(zip(q, v, strict=True)):
         pin.computeJointJacobiansTimeVariation(model, data, *state)
-        rates[k] = data.dJ
+        rates[k] = dJ
         for joint in varying:
             change = data.oMi[joint].act(pin.Motion(np.ravel(data.joints[joint].c)))
             changes[k, :, model.joints[joint].idx_v] = change.vector
@@ -155,6 +157,25 @@ def torque_regressors(
     if mechanism.tied:
         K = K @ mechanism.tie_matrix(len(model_kinds(model)))
     return K
+
+
+def tree_reactions(
+    tree: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Joint forces (N, nv) of the tree without closures, and what some joints transmit then.
+
+    Forces (N, J, 3) from each joint to what hangs on it, along the fixed axes, and the orientations
+    (N, J, 3, 3) of the joints.
+    """
+    data = scratch_data(tree)
+    tau, force = np.empty((len(q), tree.nv)), np.empty((len(q), len(joints), 3))
+    turn = np.empty((len(q), len(joints), 3, 3))
+    for k, state in enumerate(zip(q, v, a, strict=True)):
+        tau[k] = pin.rnea(tree, data, *state)
+        pin.forwardKinematics(tree, data, state[0])
+        turn[k] = [data.oMi[j].rotation for j in joints]
+        force[k] = [data.f[j].linear for j in joints]
+    return tau, np.einsum("njab,njb->nja", turn, force), turn
 
 
 def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArray) -> FloatArray:

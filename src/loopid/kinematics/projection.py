@@ -16,8 +16,7 @@ import numpy as np
 from scipy.sparse import block_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, IntArray, samples
+from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import MobilityError, SingularityError, SingularityWarning, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import affordable, checked, random_generator
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, affordable, checked, random_generator
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,

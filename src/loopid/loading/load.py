@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked
 from loopid.errors import (
     ClosureWarning,
     InertiaWarning,

@@ -16,7 +16,7 @@ import pinocchio as pin
 from lxml import etree
 from numpy.polynomial import Polynomial
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.description import ClosureDescription, Description

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import random_generator
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, random_generator
 from loopid.base_parameters import analyse
 from loopid.errors import (
     ClosureWarning,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.robot import LeftOut

@@ -26,7 +26,7 @@ import pinocchio as pin
 from lxml import etree
 from pydantic import ValidationError
 
-from loopid.arrays import number
+from loopid.arguments import number
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.tree import TreeSource, add_frame

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arrays import IntArray
+from loopid.arguments import IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.files import why_no_file
 from loopid.logs.formats import (

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, IntArray, finite, frozen, samples
+from loopid.arguments import FloatArray, IntArray, checked, checked_fields, finite, frozen, samples
 from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.bags import BagFormat
@@ -73,9 +72,11 @@ class Log:
     dropped : tuple of Dropped
         What was left out while reading.
     saturation : FloatArray or None
-        (m,), force from which each drive saturates; None where nothing is known.
+        (m,), force from which each drive saturates; by default the effort limit of the robot file
+        unless a tenth of the forces exceeds it, or the force that they are clipped at.
     idle_speed : float or None
-        Speed in m/s or rad/s at or below which a motor counts as standing.
+        Speed in m/s or rad/s at or below which a motor counts as standing, 0 if none ever does; by
+        default a twentieth of the motor's own usual top speed.
     velocity, acceleration : FloatArray or None
         (N, m) in units of the positions and s, where they were measured.
     """
@@ -108,7 +109,12 @@ class Log:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, frozen(values))
         if self.saturation is not None:
-            object.__setattr__(self, "saturation", frozen(self.saturation))
+            limits = frozen(samples(self.saturation, len(self.joints), "saturation", 1)[0])
+            if not limits.min() > 0:
+                raise DataError(f"saturation must be positive numbers, not {limits.tolist()}")
+            object.__setattr__(self, "saturation", limits)
+        if self.idle_speed is not None and not 0 <= self.idle_speed < inf:
+            raise DataError(f"idle_speed must be a number from 0 on, not {self.idle_speed}")
 
     def __len__(self) -> int:
         return len(self.time)

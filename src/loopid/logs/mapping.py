@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from loopid.arguments import checked
-from loopid.arrays import IntArray
+from loopid.arguments import IntArray, checked
 from loopid.errors import LogError, MissingFileError, OptionError
 from loopid.logs.formats import MOST_LISTED, NO_STAMP, UNITS, LogFormat, stamps_in
 from loopid.yaml_files import Section, first_problem, read_yaml
@@ -209,15 +208,7 @@ class LogMapping(Section):
 
 @checked
 def read_mapping(path: str | Path) -> LogMapping:
-    """Read and validate a mapping file.
-
-    Raises
-    ------
-    MissingFileError
-        When it is not there.
-    LogError
-        Naming the key, the value and what is valid.
-    """
+    """Read and validate a mapping file."""
     try:
         return read_yaml(Path(path), LogMapping, LogError)
     except FileNotFoundError as error:

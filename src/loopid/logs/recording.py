@@ -11,14 +11,18 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
-from loopid.kinematics import project, singularity_measure, try_assemble
+from loopid.kinematics import (
+    ClosedMotion,
+    closed_motion,
+    project,
+    singularity_measure,
+    try_assemble,
+)
 from loopid.logs.log import Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
 from loopid.logs.streams import Dropped
-from loopid.logs.stuck import clipped_from, renumbered, without_frozen
 from loopid.parameters import html_table
 from loopid.robot import Mechanism
 from loopid.scratch import (
@@ -56,6 +60,14 @@ MOST_UNASSEMBLED = 0.5
 BLOCK = 8192
 # Part of a motor's largest share below which it is round-off: the motor does not act there.
 NO_SHARE = 1e-9
+# Equal positions in a row that may be a frozen encoder: a motor comes to rest and leaves it slowly,
+# not with this part of its fastest way in a single sample, several steps of its encoder.
+LEAST_RUN, JUMP, ENCODER_STEPS = 20, 0.5, 5
+# More runs than that are what a slow encoder makes of each of its samples.
+MOST_RUNS = 20
+# A clipped force has its largest size, to this relative accuracy, in so many samples and so large
+# a part of those in motion, and so many times as often as it is nearly as large.
+EQUAL, LEAST_CLIPPED, LEAST_PART, NEARLY, PILE = 1e-6, 20, 0.005, 0.02, 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,52 +76,43 @@ class RateHistory:
 
     Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
     force model multiplies must be filtered alike, at the rate of the log.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    velocity : FloatArray
-        (M, m) in m/s or rad/s.
-    parts : tuple of slice
-        Rows of each stretch.
-    rates : tuple of float
-        Samples per second of each stretch.
-    lowpass : LowPass
-    rows : IntArray
-        (N,), which of the M samples were kept.
-    whole : tuple of IntArray and JointMotion, optional
-        Which were assembled (K,), and their motion; a part of a recording has those of all.
     """
 
     joints: tuple[str, ...]
-    velocity: FloatArray
-    parts: tuple[slice, ...]
-    rates: tuple[float, ...]
+    velocity: FloatArray  # (M, m) in m/s or rad/s
+    parts: tuple[slice, ...]  # rows of each stretch
+    rates: tuple[float, ...]  # samples per second of each stretch
     lowpass: LowPass
-    rows: IntArray
+    rows: IntArray  # (N,), which of the M samples were kept
+    # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion] | None = None
 
     def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
         """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
+        (index,) = mechanism.velocity_indices([joint])
+        return self.of_motion(mechanism, lambda motion: motion.velocities[:, index])
+
+    def of_motion(
+        self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
+    ) -> FloatArray:
+        """A signal (M,) of the whole motion, between assembled samples on a line."""
         assert self.whole is not None
-        (index,), (samples, motion) = mechanism.velocity_indices([joint]), self.whole
+        samples, motion = self.whole
 
-        def rates(rows: slice) -> FloatArray:
-            G = project(mechanism, motion.configurations[rows]).G[:, index]
-            return np.asarray((G * motion.velocities[rows]).sum(axis=1))
+        def values(rows: slice) -> FloatArray:
+            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
+            return signal(closed_motion(mechanism, *state))
 
-        sampled = mapped_rows(rates, len(samples))
+        sampled = mapped_rows(values, len(samples))
         return np.asarray(np.interp(np.arange(len(self.velocity)), samples, sampled))
 
-    def lowpassed(
-        self, velocity: FloatArray, signal: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """A signal of a velocity (M,), filtered, at the samples (N,) that were kept."""
-        filtered = np.empty(len(velocity))
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal (M,) filtered, at the samples (N,) that were kept."""
+        filtered = np.empty(len(signal))
         for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal(velocity[part]), rate)
+            filtered[part] = self.lowpass.apply(signal[part], rate)
         release_pages()
         return filtered[self.rows]
 
@@ -258,8 +261,6 @@ def prepare_recording(
     mechanism: Mechanism,
     log: Log,
     lowpass: LowPass | Literal["default"] | None = "default",
-    idle_speed: float | FloatArray | None = None,
-    saturation: float | FloatArray | None = None,
     decimate: bool = True,
     progress: Progress | None = None,
 ) -> Recording:
@@ -269,13 +270,6 @@ def prepare_recording(
     ----------
     lowpass : LowPass, None or "default"
         Of positions and forces alike; None for none, by default as ``motion_spectrum`` says.
-    idle_speed : float or FloatArray, optional
-        Speed in m/s or rad/s, or (m,), at or below which a motor counts as standing, 0 if none
-        ever does; by default that of the log's mapping, otherwise a twentieth of the motor's own
-        usual top speed.
-    saturation : float or FloatArray, optional
-        Force in N or N m, or (m,), from which a drive saturates; by default that of the mapping,
-        otherwise the effort limit of the robot file unless a tenth of the forces exceeds it.
     decimate : bool
         Whether to keep only as many samples as the cut-off frequency calls for.
     progress : callable, optional
@@ -289,8 +283,7 @@ def prepare_recording(
     Raises
     ------
     OptionError
-        When the robot has other motors than the log, or they do not tell where it is, or an
-        argument is not positive.
+        When the robot has other motors than the log, or they do not tell where it is.
     LogError
         When no stretch is long enough, or no force can be used.
     AssemblyError
@@ -327,11 +320,8 @@ def prepare_recording(
     log = without_frozen(log)
     spectrum = motion_spectrum(log)
     chosen = LowPass(spectrum.cutoff) if lowpass == "default" else lowpass
-    if saturation is not None:
-        limits = _per_motor(log, "saturation", saturation)
-    elif log.saturation is not None:
-        limits = log.saturation
-    else:
+    limits = log.saturation
+    if limits is None:
         limits = np.minimum(saturation_of(mechanism, log.force), clipped_from(log))
     signals, history, ends = filter_log(log, chosen, limits, decimate)
     columns = [log.joints.index(name) for name in mechanism.independent]
@@ -346,12 +336,10 @@ def prepare_recording(
     signals = signals.select(good)
     if history is not None:
         history = replace(history, rows=history.rows[good])
-    known = log.idle_speed if idle_speed is None else idle_speed
-    if known is None:
+    if log.idle_speed is None:
         speeds = idle_speeds(mechanism, signals.velocity)
-    else:
-        speeds = _per_motor(log, "idle_speed", known, zero=True)
-        speeds = np.where(speeds > 0, speeds, -np.inf)
+    else:  # at a speed of zero no motor counts as standing
+        speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
     idle = np.abs(signals.velocity) <= speeds if history is None else history.standing(speeds)
     used = ~(idle | signals.saturated)
     if not used.any():
@@ -377,6 +365,80 @@ def prepare_recording(
         history=history,
         spectrum=spectrum,
     )
+
+
+# ---- signals that stay where they are ---------------------------------------------------------
+
+
+def clipped_from(log: Log) -> FloatArray:
+    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
+    found = np.full(len(log.joints), np.inf)
+    for k, joint in enumerate(log.joints):
+        release_pages()
+        moving = np.append(np.diff(log.position[:, k]) != 0, False)
+        size = np.abs(log.force[moving, k])
+        if len(size) < LEAST_CLIPPED:
+            continue
+        largest = size.max()
+        below = size < (1 - EQUAL) * largest
+        # Nearly as large, or by one step of a coarse converter less.
+        next_level = min((1 - NEARLY) * largest, size[below].max(initial=0.0))
+        count, near = int((~below).sum()), int((size[below] >= next_level).sum())
+        if count > max(LEAST_CLIPPED, LEAST_PART * len(size), PILE * near) and largest > 0:
+            found[k] = largest
+            warn(
+                f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
+                f"in {count} samples of its motion: clipped, so it counts as saturated there "
+                "('saturation' in a mapping overrides this)",
+                LogWarning,
+            )
+    return found
+
+
+def without_frozen(log: Log) -> Log:
+    """The log without samples in which a position is frozen: all motions there are wrong."""
+    lost, dropped = np.zeros(len(log), dtype=bool), list(log.dropped)
+    for k, joint in enumerate(log.joints):
+        release_pages()
+        flags = np.zeros(len(log), dtype=bool)
+        for part in log.parts():
+            flags[part] = _frozen(log.position[part, k])
+        if flags.any():
+            dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
+            warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", LogWarning)
+            lost |= flags
+    if not lost.any() or lost.all():
+        return log
+    good = ~lost
+
+    names = ("time", "position", "force", "velocity", "acceleration")
+    left: dict[str, Any] = {
+        name: signal[good] for name in names if (signal := getattr(log, name)) is not None
+    }
+    stretches = renumbered(log.stretches, good)
+    return replace(log, **left, stretches=stretches, dropped=tuple(dropped))
+
+
+def _frozen(position: FloatArray) -> BoolArray:
+    """Samples (N,) in runs of equal positions that a jump begins or ends."""
+    flags = np.zeros(len(position), dtype=bool)
+    steps = np.abs(np.diff(position))
+    if len(position) < LEAST_RUN or not steps.any():
+        return flags
+    bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
+    runs = [(a, b) for a, b in bounds.reshape(-1, 2).tolist() if b - a >= LEAST_RUN]
+    way = steps[steps > 0]
+    least = max(JUMP * float(np.percentile(way, 99)), ENCODER_STEPS * float(way.min()))
+    for a, b in runs if len(runs) <= MOST_RUNS else ():
+        flags[a : b + 1] = steps[max(a - 1, 0)] > least or steps[min(b, len(steps) - 1)] > least
+    return flags
+
+
+def renumbered(numbers: IntArray, good: BoolArray) -> IntArray:
+    """Numbers from 0 (K,) of the stretches (N,) that samples which are left out divide further."""
+    new = np.append(True, np.diff(numbers) > 0) | np.append(True, ~good[:-1])
+    # A stretch begins with the first good sample after a change: a bad one begins none.
+    return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
 
 
 # ---- filtering -------------------------------------------------------------------------------
@@ -596,15 +658,3 @@ def on_independent(
 
     projected = mapped_rows(lambda rows: np.einsum("nmi,nm->ni", shares[rows], force[rows]), count)
     return projected, mapped_rows(unspoilt, count)
-
-
-def _per_motor(log: Log, what: str, given: float | FloatArray, zero: bool = False) -> FloatArray:
-    """One positive number a motor (m,), or perhaps zero."""
-    values = finite(given, what)
-    wrong = values < 0 if zero else values <= 0
-    if values.shape not in ((), (len(log.joints),)) or wrong.any():
-        kind = "0 or a positive number" if zero else "a positive number"
-        raise OptionError(
-            f"{what} must be {kind}, or one for each of {', '.join(log.joints)}, not {given}"
-        )
-    return np.asarray(np.broadcast_to(values, (len(log.joints),)), dtype=np.float64)

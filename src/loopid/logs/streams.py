@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arrays import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import LogError, LogWarning, warn
 from loopid.logs.formats import NO_STAMP, Batch, numbers_in
 from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn

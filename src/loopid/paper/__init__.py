@@ -1,7 +1,7 @@
 """The knee-rehabilitation paper's tables and figures, computed anew.
 
-*Gravitational Base Parameters Identification for a Knee Rehabilitation Parallel Robot*: what it
-prints is data in ``structure``; everything else comes from the same functions that any robot uses.
+*Gravitational Base Parameters Identification for a Knee Rehabilitation Parallel Robot*: all but
+what it prints comes from the same functions that any robot uses.
 """
 
 from loopid.paper.page import paper_files, paper_tables

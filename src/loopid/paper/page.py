@@ -11,27 +11,25 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.base_parameters import expression
 from loopid.identification import FitResult
 from loopid.paper.reproduction import (
+    CONDITION_NUMBERS,
     EIGHT,
     LEVEL,
     LIMBS,
-    ActualFit,
-    ForceShares,
-    PaperReproduction,
-    SimulatedFit,
-    TwoSteps,
-)
-from loopid.paper.structure import (
-    CONDITION_NUMBERS,
     TABLE_I,
     TABLE_II,
     TABLE_IV,
     TABLE_V,
     TIMES,
+    ActualFit,
     BaseComparison,
+    ForceShares,
+    PaperReproduction,
+    SimulatedFit,
+    TwoSteps,
 )
 from loopid.report.figures import BLUE, GREY, ORANGE, RED, drawing, rendered, thinned
 from loopid.report.structure import motions_record, motions_tables

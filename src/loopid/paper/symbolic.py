@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from ruamel.yaml import YAML
 
-from loopid.arrays import FloatArray, samples
+from loopid.arguments import FloatArray, samples
 from loopid.errors import (
     MissingExtraError,
     SingularityError,

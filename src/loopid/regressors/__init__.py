@@ -1,4 +1,4 @@
-"""What the motion weighs: tree and closed-loop regressors, stacked observations."""
+"""What the motion weighs: closed-loop regressors, stacked observations."""
 
 from loopid.observation import Observation
 from loopid.regressors.closed_loop import (
@@ -9,7 +9,6 @@ from loopid.regressors.closed_loop import (
     motion_parameters,
     motion_regressor,
     standard_values,
-    tree_regressor,
 )
 from loopid.regressors.joint_terms import (
     JOINT_TERMS,

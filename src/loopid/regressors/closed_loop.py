@@ -11,57 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, finite, samples
+from loopid.arguments import FloatArray, checked, finite, samples
 from loopid.errors import DataError
 from loopid.kinematics import ClosedMotion, closed_motion, project, torque_regressors
 from loopid.parameters import ParameterSet, model_kinds
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot import Mechanism
-
-
-@checked
-def tree_regressor(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    velocities: FloatArray | None = None,
-    accelerations: FloatArray | None = None,
-    model: str = "full",
-) -> FloatArray:
-    """Regressor of the open tree's joint forces.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq).
-    velocities, accelerations : FloatArray, optional
-        (N, nv); zero by default.
-    model : str
-        ``"full"``, or ``"gravity"`` for the columns of masses and first moments only.
-
-    Returns
-    -------
-    FloatArray
-        (N, nv, n) in N or N m per unit of ``mechanism.parameters(model)``.
-
-    Raises
-    ------
-    DataError
-        When an array has another shape, or entries that are not finite.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.regressors.tree_regressor(robot, robot.reference).shape
-    (1, 13, 90)
-    """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    v, a = (
-        None if motion is None else samples(motion, mechanism.model.nv, name, len(q))
-        for motion, name in ((velocities, "velocities"), (accelerations, "accelerations"))
-    )
-    return torque_regressors(mechanism, q, v, a, model)
 
 
 @checked
@@ -150,12 +105,14 @@ def motion_regressor(
     motion: ClosedMotion,
     model: str = "full",
     joint_terms: JointTerms | None = None,
+    standard_parameters: FloatArray | None = None,
 ) -> FloatArray:
     """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
     The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
     configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
-    columns.
+    columns. Loads of joints are those of the bodies of the robot file, or of other
+    ``standard_parameters`` (n,) of the full model.
     """
     q, G = motion.configurations, motion.projection.G
     if model_kinds(model) == model_kinds("full"):
@@ -165,7 +122,8 @@ def motion_regressor(
         bodies = torque_regressors(mechanism, q, model=model, G=G)
     if joint_terms is None:
         return bodies
-    return np.concatenate([bodies, joint_terms.columns(mechanism, motion)], axis=2)
+    columns = joint_terms.columns(mechanism, motion, standard_parameters)
+    return np.concatenate([bodies, columns], axis=2)
 
 
 @dataclass(frozen=True, repr=False)

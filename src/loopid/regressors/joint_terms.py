@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked, checked_fields
 from loopid.errors import AssemblyError, ModelWarning, OptionError, SingularityError, warn
 from loopid.kinematics import (
     ClosedMotion,
+    bearing_forces,
     closed_motion,
     random_configurations,
     random_motions,
@@ -43,6 +43,7 @@ class JointState(NamedTuple):
     position: Any
     rate: Any
     acceleration: Any
+    load: Any = None  # force in N that the bearing carries, for terms that need it
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class JointTerm:
     jumps: bool = False  # whether it follows the sign of the rate
     # Whether a coordinate of a joint with several, which has a rate only, cannot have it
     needs_position: bool = False
+    needs_load: bool = False
     # The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
     # in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     at: float = 0.0
@@ -76,6 +78,15 @@ def _sign(joint: JointState, terms: JointTerms, math: Any, at: float) -> Any:
 
 def _friction(name: str, law: Callable[..., Any] = _sign) -> JointTerm:
     return JointTerm(name, ("N", "N m"), law, jumps=True)
+
+
+def _load_friction(name: str) -> JointTerm:
+    """Friction by Coulomb's law; in a hinge the coefficient holds the radius of the pin."""
+
+    def law(joint: JointState, terms: JointTerms, math: Any, at: float) -> Any:
+        return joint.load * _sign(joint, terms, math, at)
+
+    return JointTerm(name, ("N/N", "N m/N"), law, jumps=True, needs_load=True)
 
 
 def _spring(name: str, power: str, beside: tuple[str, ...], law: Callable[..., Any]) -> JointTerm:
@@ -99,6 +110,8 @@ JOINT_TERMS = {
             math.exp(-((joint.rate / at) ** 2)) * _sign(joint, terms, math, 0.0)
         ),
     ),
+    "Fl": _load_friction("load-dependent friction"),
+    "Fl~RATE": _load_friction("smooth load-dependent friction"),
     "Fv": JointTerm("viscous friction", ("N s/m", "N m s/rad"), lambda joint, *_: joint.rate),
     "Fo": JointTerm("constant force", ("N", "N m"), lambda *_: 1.0),
     "Ks": _spring("spring", "", ("Fo",), lambda joint, *_: joint.position),
@@ -301,6 +314,15 @@ class JointTerms:
             for joint, own in zip(self.joints, self._own_kinds, strict=True)
         }
 
+    @property
+    def loaded(self) -> tuple[str, ...]:
+        """Joints with load-dependent friction."""
+        return tuple(
+            joint
+            for joint, kinds in self.of_joints.items()
+            if any(joint_term(kind).needs_load for kind in kinds)
+        )
+
     def parameters(self, mechanism: Mechanism) -> ParameterSet:
         """Labels ``<joint>.<kind>``, joint by joint; the names of ``columns``."""
         return ParameterSet(
@@ -319,16 +341,43 @@ class JointTerms:
             [given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(mechanism)]
         )
 
-    def columns(self, mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
-        """Actuator forces (N, dof, k) per unit of each of ``parameters``."""
+    def columns(
+        self,
+        mechanism: Mechanism,
+        motion: ClosedMotion,
+        standard_parameters: FloatArray | None = None,
+    ) -> FloatArray:
+        """Actuator forces (N, dof, k) per unit of each of ``parameters``.
+
+        Loads of joints are those of the bodies of the robot file, or of other
+        ``standard_parameters`` (n,).
+        """
         G, columns = motion.projection.G, [np.zeros((*motion.projection.G.shape[::2], 0))]
+        loads, _ = self.loads(mechanism, motion, standard_parameters)
         for name, kinds in self.of_joints.items():
             index = _index(mechanism, name, kinds)
-            state = joint_state(mechanism, motion, name)
+            state = joint_state(mechanism, motion, name)._replace(load=loads.get(name))
             for kind in kinds:
                 signal = np.broadcast_to(joint_term(kind).signal(state, self, np), len(G))
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)
+
+    def loads(
+        self,
+        mechanism: Mechanism,
+        motion: ClosedMotion,
+        standard_parameters: FloatArray | None = None,
+    ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+        """Forces (N,) that the bearings of joints with load-dependent friction carry, in N.
+
+        And which of these joints redundant closures leave open.
+        """
+        if not (names := self.loaded):
+            return {}, ()
+        ids = [mechanism.joint_ids[k] for k in mechanism.velocity_indices(names)]
+        forces, undetermined = bearing_forces(mechanism, motion, ids, standard_parameters)
+        left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
+        return dict(zip(names, forces.T, strict=True)), left_open
 
 
 def _clauses(

@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import checked, random_generator
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked, random_generator
 from loopid.kinematics import (
     Accuracy,
     closed_motion,

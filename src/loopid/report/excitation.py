@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.excitation import ExcitationDesign
 from loopid.files import csv_text
 from loopid.report.figures import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rich.cells import cell_len
 
-from loopid.arrays import IntArray, spread_rows
+from loopid.arguments import IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line
 
 if TYPE_CHECKING:
@@ -45,13 +45,7 @@ LONGEST = 50  # characters of a name that is drawn
 
 
 def require_matplotlib() -> None:
-    """Refuse figures where they cannot be drawn.
-
-    Raises
-    ------
-    MissingExtraError
-        When matplotlib is not installed.
-    """
+    """Refuse figures where they cannot be drawn."""
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:

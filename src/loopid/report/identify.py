@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arrays import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.consistency import ConsistentFit
 from loopid.experiment import (
     BandSweep,

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 
 Axis = tuple[float, float, float]

@@ -12,8 +12,7 @@ from itertools import combinations
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray
+from loopid.arguments import FloatArray, checked
 from loopid.parameters import NamedLength
 from loopid.robot.mechanism import Mechanism
 

@@ -16,8 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from loopid.arguments import checked
-from loopid.arrays import BoolArray, FloatArray, IntArray, frozen, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.pseudo_inertia import body_defect, pseudo_inertia
@@ -34,6 +33,7 @@ COMPONENTS = {
     "JointModelPlanar": ("vx", "vy", "wz"),
     "JointModelTranslation": LINEAR,
 }
+OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
 TRANSLATIONS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
 # Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
@@ -41,6 +41,7 @@ ROUNDED = 1e-6
 ALIKE = 1e-4
 # Masses that only keep a simulator running: part of the heaviest body, and in kg.
 PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
+LISTED = 8  # names in a sentence
 
 
 @dataclass(frozen=True)
@@ -333,8 +334,7 @@ class Mechanism:
     @cached_property
     def first_positions(self) -> IntArray:
         """Where in a configuration the joint of each velocity coordinate begins; shape (nv,)."""
-        joints = [self.joint(name) for name in self.joints]
-        return np.repeat([joint.idx_q for joint in joints], [joint.nv for joint in joints])
+        return np.array(self.model.idx_qs)[self.joint_ids]
 
     @cached_property
     def prismatic(self) -> IntArray:
@@ -349,16 +349,9 @@ class Mechanism:
         return np.flatnonzero(sliding)
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Lower and upper limit of a joint with one coordinate, infinite where there is none.
-
-        Limits that are both zero are a placeholder of the file, not limits.
-        """
-        joint = self.joint(name)
-        low, high = (
-            float(limit[joint.idx_q])
-            for limit in (self.model.lowerPositionLimit, self.model.upperPositionLimit)
-        )
-        return (-np.inf, np.inf) if joint.nq != 1 or low == high == 0 else (low, high)
+        """Lower and upper limit of a joint with one coordinate, infinite where there is none."""
+        low, high = (float(limits[self.joint(name).idx_q]) for limits in self.position_limits)
+        return low, high
 
     def reference_values(self, q: FloatArray) -> dict[str, float | list[float]]:
         """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
@@ -374,18 +367,20 @@ class Mechanism:
 
     @cached_property
     def position_limits(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper limits (nq,) of all joints, infinite where there are none."""
-        lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
-        for name in self.joints:
-            if self.joint(name).nq == 1:
-                q = self.joint(name).idx_q
-                lower[q], upper[q] = self.limits(name)
+        """Lower and upper limits (nq,) of joints with one coordinate, infinite where there is none.
+
+        Limits that are both zero are a placeholder of the file, not limits.
+        """
+        lower, upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
+        several = np.repeat(np.array(self.model.nqs) != 1, self.model.nqs)
+        none = several | ((lower == 0) & (upper == 0))
+        lower[none], upper[none] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
-    def outside(self, q: FloatArray, slack: float = 1e-9) -> BoolArray:
-        """Which positions (N, nq) are outside the limits by more than a slack."""
+    def outside(self, q: FloatArray) -> BoolArray:
+        """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
         lower, upper = self.position_limits
-        outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
+        outside: BoolArray = np.asarray((q < lower - OUTSIDE) | (q > upper + OUTSIDE), dtype=bool)
         # Files often give a mimicking joint limits that its leader does not let it keep.
         following = {name for coupling in self.couplings for name in coupling.joints}
         for name in following - {*self.independent}:
@@ -439,17 +434,14 @@ class Mechanism:
 
     def supports(self, frame_ids: Iterable[int]) -> BoolArray:
         """Which coordinates move each of some frames; shape (frames, nv)."""
-        moved = []
-        for frame_id in frame_ids:
-            path = set(self.model.supports[self.model.frames[frame_id].parentJoint])
-            moved.append([joint in path for joint in self.joint_ids])
+        joints = [self.model.frames[k].parentJoint for k in frame_ids]
+        moved = [np.isin(self.joint_ids, list(self.model.supports[joint])) for joint in joints]
         return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
 
     @cached_property
     def joint_ids(self) -> list[int]:
         """Index of the joint that each velocity coordinate belongs to."""
-        joints = list(self.model.joints)[1:]
-        return [k for k, joint in enumerate(joints, start=1) for _ in range(joint.nv)]
+        return [k for k, nv in enumerate(self.model.nvs) for _ in range(nv)]
 
     @cached_property
     def closure_frames(self) -> tuple[tuple[int, ...], BoolArray]:
@@ -626,10 +618,10 @@ def lock_options(mechanism: Mechanism) -> str:
     return " ".join(f"--lock {name}" for name in found)
 
 
-def shortened(names: Sequence[str], most: int = 8) -> str:
+def shortened(names: Sequence[str]) -> str:
     """The first names with commas between, and how many there are where that is not all."""
-    more = f", ... ({len(names)} in all)" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 @dataclass(frozen=True)

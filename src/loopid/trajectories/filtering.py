@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, finite
+from loopid.arguments import FloatArray, checked, checked_fields, finite
 from loopid.errors import DataError, OptionError
 
 # Periods of the cut-off frequency for which the ends are continued, per order, lest they ring: the

@@ -7,8 +7,15 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import BoolArray, FloatArray, IntArray, finite, frozen
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+)
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     DEFAULT_MARGIN,

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import checked, checked_fields
-from loopid.arrays import FloatArray, finite, frozen
+from loopid.arguments import FloatArray, checked, checked_fields, finite, frozen
 from loopid.errors import DataError
 
 # Of a sampled motion: a slip of the pen should not fill the memory.

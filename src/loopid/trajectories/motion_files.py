@@ -14,8 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import checked
-from loopid.arrays import FloatArray, frozen, number
+from loopid.arguments import FloatArray, checked, frozen, number
 from loopid.errors import DataError, LogError, MissingFileError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading import find_motion_file

@@ -1,0 +1,110 @@
+"""Forces that the bearings of joints carry: reactions of the tree, and of the closures through it.
+
+Cut at joint j, what hangs on it needs the force f_j of the Newton-Euler recursion, of which the
+closures give A_jᵀ λ: A_j are the rates of the closures per unit of its translation along the fixed
+axes, and λ what the joints without motors ask for, A_dᵀ λ = τ_d. So the bearing carries
+f_j - A_jᵀ λ = f_j - (A_d⁺ A_j)ᵀ τ_d [Featherstone2008, ch. 8]. Where closures are redundant, λ is
+that of the least norm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arguments import BoolArray, FloatArray
+from loopid.errors import DataError, OptionError
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.poses import blocks, tree_reactions
+from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
+from loopid.parameters import KINDS
+from loopid.robot import Mechanism
+
+UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
+
+
+def bearing_forces(
+    mechanism: Mechanism,
+    motion: ClosedMotion,
+    joints: Sequence[int],
+    standard_parameters: FloatArray | None = None,
+) -> tuple[FloatArray, BoolArray]:
+    """Forces (N, J) in N across the free motion of joints, by Pinocchio's indices.
+
+    All of the force in a hinge, what is across its axis in a slide; no moments. Friction and
+    springs do not count in it.
+
+    Parameters
+    ----------
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default the bodies of the robot file.
+
+    Returns
+    -------
+    forces : FloatArray
+    undetermined : BoolArray
+        (J,), whether redundant closures leave them open.
+
+    Raises
+    ------
+    OptionError
+        When the robot has redundant motors: how they work against each other is not known.
+    """
+    if mechanism.redundant:
+        raise OptionError(
+            f"what the joints of {mechanism.name} carry is not known, as its motors "
+            f"{', '.join(mechanism.redundant)} are redundant: leave out load-dependent friction"
+        )
+    tree = mechanism.model
+    if standard_parameters is not None:
+        tree = _with_bodies(mechanism, standard_parameters)
+    _, dependent = partition(mechanism)
+    units = mechanism.coordinate_scales[dependent]
+    supports = mechanism.closure_frames[1]
+    moved = supports[:, [tree.joints[j].idx_v for j in joints]]
+    slides = [_slides(tree, j) for j in joints]
+    forces = np.empty((len(motion.configurations), len(joints)))
+    undetermined = np.zeros(len(joints), dtype=bool)
+    for rows in blocks(len(forces)):
+        q = motion.configurations[rows]
+        tau, force, turn = tree_reactions(
+            tree, q, motion.velocities[rows], motion.accelerations[rows], joints
+        )
+        A = mechanism.row_scales[:, None] * Constraint(mechanism, q).translation_rates(moved)
+        columns = motion.projection.dependent_columns[rows]
+        X = Solver.of(columns, NEAR_SINGULARITY).solve(A)
+        force -= np.einsum("ndk,nd->nk", X, units * tau[:, dependent]).reshape(force.shape)
+        open_rates = (A - columns @ X).reshape(*A.shape[:2], len(joints), 3)
+        gap = np.abs(np.einsum("nrjk,njk->nrj", open_rates, force)).max(axis=(0, 1), initial=0.0)
+        undetermined |= gap > UNDETERMINED * np.abs(force).max(axis=(0, 2), initial=0.0)
+        for k, axes in enumerate(slides):
+            along = turn[:, k] @ axes
+            force[:, k] -= np.einsum("nia,nja,nj->ni", along, along, force[:, k])
+        forces[rows] = np.linalg.norm(force, axis=2)
+    return forces, undetermined
+
+
+def _slides(tree: pin.Model, joint: int) -> FloatArray:
+    """Directions (3, k) along which a joint slides, in its own frame."""
+    own, data = tree.joints[joint], tree.joints[joint].createData()
+    own.calc(data, pin.neutral(tree)[own.idx_q : own.idx_q + own.nq])
+    S = np.asarray(data.S).reshape(6, -1)
+    return S[:3, ~S[3:].any(axis=0)]
+
+
+def _with_bodies(mechanism: Mechanism, standard_parameters: FloatArray) -> pin.Model:
+    """Pinocchio's tree with other bodies."""
+    tree, values = mechanism.model.copy(), np.asarray(standard_parameters)
+    if mechanism.tied:
+        values = mechanism.tie_matrix(len(KINDS)) @ values
+    for body, own in zip(mechanism.bodies, values.reshape(-1, len(KINDS)), strict=True):
+        if not own[0] and own[1:4].any():
+            raise DataError(f"{body.link} has first moments but no mass: what it weighs is open")
+        if own[0]:
+            tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
+        else:
+            inertia = own[[4, 5, 7, 5, 6, 8, 7, 8, 9]].reshape(3, 3)
+            tree.inertias[body.joint_id] = pin.Inertia(0.0, np.zeros(3), inertia)
+    return tree
