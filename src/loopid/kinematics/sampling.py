@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, affordable, checked, random_generator
+from loopid.arguments import FloatArray, affordable, checked, frozen, random_generator
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
@@ -31,6 +31,7 @@ LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
 # Another draw is cheaper than more steps; poses near by need fewer.
 SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
+MOST_KEPT = 512  # samples that a mechanism keeps: most work draws the same ones again
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
@@ -95,6 +96,24 @@ def configuration_batches(
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     margin = mechanism.margin if margin is None else margin
+    kept = mechanism.drawn.get((seed, margin, spread), ())
+    enough = sum(map(len, kept)) >= count
+    batches, found = list[FloatArray](), 0
+    for batch in kept if enough else _drawn(mechanism, seed, margin, spread):
+        if count <= MOST_KEPT:
+            batches.append(frozen(batch))
+        yield batch[: count - found]
+        found += len(batch)
+        if found >= count:
+            break
+    if batches and not enough:
+        mechanism.drawn[seed, margin, spread] = tuple(batches)
+
+
+def _drawn(
+    mechanism: Mechanism, seed: int, margin: float | None, spread: float
+) -> Iterator[FloatArray]:
+    """Yield closed configurations without end."""
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
@@ -108,7 +127,7 @@ def configuration_batches(
     own = float(singularity_measure(mechanism, mechanism.reference[None])[0])
     least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own)) if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
-    while found < count:
+    while True:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
         values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
@@ -122,7 +141,6 @@ def configuration_batches(
             spread = max(NARROWER * spread, LEAST_SPREAD)
         if len(regular) < FEW * len(q) and margin is None:  # accept less
             least = max(0.5 * least, LEAST_MARGIN)
-        regular = regular[: count - found]
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
