@@ -12,6 +12,19 @@ TERM = re.compile(r"([+-]?) *([\d.]*) *(?P<link>[A-Za-z]\w*)(?:\.(?P<kind>\w+)|\
 WILD = {".*": KINDS, ".I*": [kind for kind in KINDS if kind.startswith("I")]}
 # The certificate of a robot that extends another's.
 EXTENDS = {"6ups_crosses": "6ups"}
+# Sets of base parameters that were published, in our frames; of the five-bar only their number was.
+PUBLISHED = {
+    "four_bar": "crank.Izz + 0.0324 coupler.m, crank.mx + 0.18 coupler.m, crank.my, coupler.Izz, "
+    "coupler.mx, coupler.my, rocker.Izz, rocker.mx, rocker.my",
+    "3rpr": "cylinder.Izz + rod.Izz, cylinder.mx, cylinder.my, rod.mx, rod.my, rod.m, "
+    "platform.Izz, platform.mx, platform.my, platform.m",
+    "3rrr": "upper.Izz + 0.0841 lower.m, upper.mx + 0.29 lower.m, upper.my, lower.Izz, lower.mx, "
+    "lower.my, platform.Izz, platform.mx, platform.my, platform.m",
+    "6ups_crosses": "cross.Ixx + cylinder.Izz + rod.Izz, cylinder.Ixy + rod.Ixy, "
+    "cylinder.Ixx + rod.Ixx - cylinder.Izz - rod.Izz, cylinder.Ixz + rod.Ixz, "
+    "cylinder.Iyz + rod.Iyz, cylinder.Iyy + rod.Iyy, cross.mz, cross.my + cylinder.my, "
+    "cylinder.mx, cylinder.mz, rod.mx, rod.my, rod.mz, rod.m, platform.*",
+}
 
 
 def table(*columns):
@@ -41,9 +54,10 @@ def certificate(robot, column, labels):
     return np.array([_difference(line, labels) for line in _expanded(lines, labels)])
 
 
-def combinations(robot, what, labels):
-    """Sums of parameters (s, n), a line each."""
-    return np.array([_weights(line, labels) for line in _expanded(block(robot, what), labels)])
+def published(robot, labels):
+    """Sums of parameters (s, n) of the published set."""
+    lines = PUBLISHED[robot].split(", ")
+    return np.array([_weights(line, labels) for line in _expanded(lines, labels)])
 
 
 def _expanded(lines, labels):

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bank_doc import block, certificate, combinations, table
+from bank_doc import PUBLISHED, certificate, published, table
 from bank_robots import COUNTS, GAP, MODELS, ROBOTS, count, load, moved, observed, poses
 from loopid import find_base_parameters, structural_observation
 from loopid.base_parameters import analyse
@@ -14,7 +14,6 @@ from loopid.regressors import motion_regressor
 COLUMNS = ("full", "gravity", "full, alike", "gravity, alike")
 CLAIMS = [(robot, column) for robot in ROBOTS for column in COLUMNS if COUNTS[robot][column]]
 PLANAR = ("robot", "bodies", "grounded", "pins", "slides", "hinged loops", "full", "gravity")
-PUBLISHED = [robot for robot in ROBOTS if block(robot, "published")]
 
 
 def fresh(robot, column):
@@ -104,7 +103,7 @@ def test_the_published_set_suffices_and_has_one_too_many(robot):
     number, _, column = COUNTS[robot]["published"].partition(" ")
     column = column.strip("()")
     observation, structure = observed(robot, column)
-    P = combinations(robot, "published", observation.parameters.labels)[:, structure.columns]
+    P = published(robot, observation.parameters.labels)[:, structure.columns]
     W = fresh(robot, column)[:, structure.columns]
     W_P = W @ np.linalg.pinv(P)
     assert np.abs(W_P @ P - W).max() < 1e-11 * np.abs(W).max()

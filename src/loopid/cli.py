@@ -720,8 +720,8 @@ def _row_range(text: str) -> tuple[int, int | None]:
 def require_output(out: str | None, *inputs: str | None) -> None:
     """Refuse, before the work is done, a report that could not be drawn, or written safely."""
     if out is not None:
-        from loopid.report.figures import require_matplotlib
         from loopid.report.identify import RESULTS
+        from loopid.report.look import require_matplotlib
 
         require_folder(out)
         require_matplotlib()
@@ -732,7 +732,7 @@ def require_output(out: str | None, *inputs: str | None) -> None:
 def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
     """Print tables, or the record as JSON."""
     if as_json:
-        from loopid.report.tables import json_text
+        from loopid.report.look import json_text
 
         typer.echo(json_text(record))
         return

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from loopid.errors import LogError
 from loopid.logs import read_log
+from loopid.logs.log import GAP_PERIODS, Stream
+from loopid.logs.log import align as align_joints
 from loopid.logs.mapping import Channel
-from loopid.logs.streams import GAP_PERIODS, Stream
-from loopid.logs.streams import align as align_joints
 
 EPOCH = 1_608_291_576 * 10**9
 PERIOD = 10**7  # ns

@@ -13,7 +13,7 @@ from rich.console import Console
 from loopid.paper import page as figures
 from loopid.paper import paper_files, paper_tables
 from loopid.paper.page import actual_table, base_table, simulated_table
-from loopid.report.figures import COLUMN, RESOLUTION, rendered, thinned
+from loopid.report.look import COLUMN, RESOLUTION, rendered, thinned
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 

@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.lib.stride_tricks import as_strided
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.parameters import model_kinds
@@ -83,30 +82,20 @@ def frame_poses(
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
     model, data = mechanism.model, scratch_data(mechanism.model)
-    frames, J = _all_placements(data), data.J
-    placements = np.empty((len(q), len(frame_ids), frames.shape[1]))
+    # Views of Pinocchio's memory, so that no Python object is made at every sample.
+    placed = [(data.oMf[k].translation, data.oMf[k].rotation) for k in frame_ids]
+    origins, rotations, J = [p for p, _ in placed], [R for _, R in placed], data.J
+    origin, rotation = np.empty((len(q), len(placed), 3)), np.empty((len(q), len(placed), 3, 3))
     jacobian = np.empty((len(q), 6 if jacobians else 0, model.nv))
     ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
     for k, configuration in enumerate(q):
         ask(model, data, configuration)
         pin.updateFramePlacements(model, data)
-        frames.take(frame_ids, 0, placements[k], "clip")
+        origin[k], rotation[k] = origins, rotations
         if jacobians:
             jacobian[k] = J
     moved = mechanism.supports(frame_ids) if supports is None else supports
-    columns = placements[:, :, :9].reshape(len(q), len(frame_ids), 3, 3)
-    return FramePoses(placements[:, :, 9:12], np.swapaxes(columns, 2, 3), moved, jacobian)
-
-
-def _all_placements(data: pin.Data) -> FloatArray:
-    """Axes and origin (F, 12) of all frames in Pinocchio's memory, a vector of C++.
-
-    Asking it for the frames one by one takes longer than it takes to place them.
-    """
-    placements = data.oMf
-    first, last = (placements[k].rotation.T for k in (0, len(placements) - 1))
-    step = (last.ctypes.data - first.ctypes.data) // max(len(placements) - 1, 1)
-    return as_strided(first, (len(placements), 12), (step, 8))
+    return FramePoses(origin, rotation, moved, jacobian)
 
 
 def frame_motions(

@@ -20,9 +20,8 @@ from loopid.kinematics import (
     singularity_measure,
     try_assemble,
 )
-from loopid.logs.log import Log, require_known_motion
+from loopid.logs.log import Dropped, Log, require_known_motion
 from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
-from loopid.logs.streams import Dropped
 from loopid.parameters import html_table
 from loopid.robot import Mechanism
 from loopid.scratch import (

@@ -31,9 +31,18 @@ from loopid.paper.reproduction import (
     SimulatedFit,
     TwoSteps,
 )
-from loopid.report.figures import BLUE, GREY, ORANGE, RED, drawing, rendered, thinned
+from loopid.report.look import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    drawing,
+    markdown_table,
+    plain_table,
+    rendered,
+    thinned,
+)
 from loopid.report.structure import motions_record, motions_tables
-from loopid.report.tables import markdown_table, plain_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 

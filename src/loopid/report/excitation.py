@@ -11,18 +11,22 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.excitation import ExcitationDesign
 from loopid.files import csv_text
-from loopid.report.figures import (
+from loopid.report.look import (
     BLUE,
     GREY,
     ORANGE,
     RED,
     drawing,
     drawn,
+    json_fields,
+    json_text,
+    json_value,
+    markdown_page,
     plain_log_labels,
+    plain_table,
     rendered,
     thinned,
 )
-from loopid.report.tables import json_fields, json_text, json_value, markdown_page, plain_table
 from loopid.trajectories import FourierCurve, SplineCurve, Waypoint
 from loopid.yaml_files import yaml_writer
 

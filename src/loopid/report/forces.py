@@ -12,8 +12,18 @@ from loopid.errors import RankError
 from loopid.experiment import GainFit, PayloadFit
 from loopid.identification import Quality
 from loopid.prediction import Prediction
-from loopid.report.figures import BLUE, GREY, RED, drawing, rendered, thinned
-from loopid.report.tables import json_fields, json_text, json_value, plain_table
+from loopid.report.look import (
+    BLUE,
+    GREY,
+    RED,
+    drawing,
+    json_fields,
+    json_text,
+    json_value,
+    plain_table,
+    rendered,
+    thinned,
+)
 from loopid.robot import Mechanism
 
 

@@ -23,18 +23,22 @@ from loopid.experiment import (
 from loopid.identification import FitResult, PredictionError
 from loopid.logs import Recording
 from loopid.regressors import NO_TERMS
-from loopid.report.figures import (
+from loopid.report.look import (
     BLUE,
     GREY,
     ORANGE,
     RED,
     drawing,
     drawn,
+    json_fields,
+    json_text,
+    json_value,
+    markdown_page,
     plain_log_labels,
+    plain_table,
     rendered,
     thinned,
 )
-from loopid.report.tables import json_fields, json_text, json_value, markdown_page, plain_table
 from loopid.saved import SavedFit
 
 CAPTIONS = {

@@ -25,7 +25,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.regressors import OF_FILE, FileForce, file_forces
-from loopid.report.tables import facts, json_fields, json_value, plain_table
+from loopid.report.look import facts, json_fields, json_value, plain_table
 from loopid.robot import (
     JointCoupling,
     LoopClosure,
