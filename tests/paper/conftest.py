@@ -16,12 +16,12 @@ def experiment(paper):
 
 
 @pytest.fixture(scope="session")
-def coarse(knee):
+def coarse(knee, once):
     """A tenth of the samples of the small experiment."""
-    return run_experiment(knee, 0.2)
+    return once("coarse", lambda: run_experiment(knee, 0.2))
 
 
 @pytest.fixture(scope="session")
-def short(knee):
+def short(knee, once):
     """Two short trajectories at the rate of the paper's reproduction."""
-    return run_experiment(knee, 10.0, names=("3", "9"))
+    return once("short", lambda: run_experiment(knee, 10.0, names=("3", "9")))
