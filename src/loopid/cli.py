@@ -530,6 +530,7 @@ def predict(
     as_json: bool = JSON,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
+    from loopid.experiment import warn_of_suspicions
     from loopid.prediction import predict as predicted
     from loopid.report.forces import prediction_files, prediction_record, prediction_tables
     from loopid.saved import read_fit
@@ -538,6 +539,7 @@ def predict(
     saved = read_fit(fit)
     mechanism = _robot_of(saved, robot)
     runs = prepared(mechanism, logs, mapping, cutoff, rows)
+    warn_of_suspicions(mechanism, runs, saved.force_model.joint_terms)
     found = [predicted(saved, mechanism, run) for run in runs]
     if out is not None:
         write_files(out, prediction_files(mechanism, found))
@@ -568,7 +570,12 @@ def payload(
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     import numpy as np
 
-    from loopid.experiment import drive_gains, find_force_model, identify_payload
+    from loopid.experiment import (
+        drive_gains,
+        find_force_model,
+        identify_payload,
+        warn_of_suspicions,
+    )
     from loopid.regressors import JointTerms
     from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
 
@@ -577,6 +584,7 @@ def payload(
     light, heavy = (
         prepared(mechanism, each, mapping, cutoff, rows) for each in (unloaded, loaded_log)
     )
+    warn_of_suspicions(mechanism, light, force_model.joint_terms)
     if known_mass is None:
         found = identify_payload(force_model, link, light, heavy, estimator)
         show(payload_record(found), payload_tables(found), as_json)

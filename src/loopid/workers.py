@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from itertools import islice
 from multiprocessing import get_context, parent_process
@@ -32,6 +32,9 @@ WAITING = 2
 LEAST_MOST = 16  # processes that any machine may be asked for
 
 _function: Callable[[Any], Any]
+# Who holds linear algebra at one thread, and what was before.
+_lock, _inside = Lock(), 0
+_limit: Any = None
 
 
 def require_processes(count: int, name: str) -> None:
@@ -120,36 +123,28 @@ def _work(item: Any) -> Any:
     return _on_one_thread(_function, item)
 
 
-class _OneBlasThread:
-    """Holds linear algebra at one thread while anybody, in any thread of Python, is inside."""
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Context in which linear algebra runs on one thread, in any thread of Python.
 
-    def __init__(self) -> None:
-        self._lock, self._inside = Lock(), 0
-        self._limit: Any = None
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if not self._inside:
+    The last one out restores the threads: limits that overlap would each restore what the one
+    before had set.
+    """
+    global _inside, _limit
+    with _lock:
+        if not _inside:
+            _take_control()
+            _limit = _blas().limit(limits=1)
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _inside -= 1
+            if not _inside:
                 _take_control()
-                self._limit = _blas().limit(limits=1)
-            self._inside += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            # The last one out: limits that overlap would each restore what the one before had set.
-            if not self._inside:
+                _limit.restore_original_limits()
                 _take_control()
-                self._limit.restore_original_limits()
-                _take_control()
-
-
-_ONE_BLAS_THREAD = _OneBlasThread()
-
-
-def one_blas_thread() -> AbstractContextManager[None]:
-    """Context in which linear algebra runs on one thread; the last one out restores them."""
-    return _ONE_BLAS_THREAD
 
 
 @cache

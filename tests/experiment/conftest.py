@@ -24,7 +24,7 @@ def nothing_suspected():
     """Half the time of an identification; test_suspicions.py looks for mistakes in logs."""
     with pytest.MonkeyPatch.context() as patch:
         module = import_module("loopid.experiment.identify")
-        patch.setattr(module, "suspicions", lambda *_: Suspicions("run"))
+        patch.setattr(module, "warn_of_suspicions", lambda *_: (Suspicions("run"),))
         yield
 
 

@@ -82,10 +82,11 @@ CASES = [
     ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
     ("five_bar", moved(1.0, 0.1, 0), "positions of {0} look shifted", "position_offset"),
-    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look 1.0", "scale"),
+    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted by", "or 1.06 ± 0.0"),
     ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
-    ("3ups_rpu", moved(1.0, 0.05), "positions of {0}, {1}, {2}, {3} look shifted", "0.05"),
+    ("3ups_rpu", moved(1.0, 0.05, 1), "positions of {1} look shifted by 0.04", "position_offset"),
+    ("3ups_rpu", moved(1.1, 0.0), "positions of {0}, {1}, {2}, {3} look", "position_scale"),
 ]
 
 

@@ -153,7 +153,7 @@ def test_other_yaml_is_refused(write_mapping, text):
 
 
 def test_missing_mappings_are_named(tmp_path):
-    with pytest.raises(MissingFileError, match=r"no mapping .*nowhere\.yaml"):
+    with pytest.raises(MissingFileError, match=r"nowhere\.yaml does not exist"):
         read_mapping(tmp_path / "nowhere.yaml")
     with pytest.raises(LogError, match="is a folder"):
         read_mapping(tmp_path)

@@ -26,5 +26,5 @@ from loopid.experiment.identify import (
     split_recordings,
 )
 from loopid.experiment.payload import GainFit, PayloadFit, drive_gains, identify_payload
-from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions
+from loopid.experiment.suspicions import MotorGain, Suspicions, suspicions, warn_of_suspicions
 from loopid.experiment.term_sets import TermComparison, TermSet, compare_terms

@@ -33,7 +33,7 @@ from loopid.experiment.identifiability import (
     fit_excited,
     identifiability,
 )
-from loopid.experiment.suspicions import Suspicions, suspicions
+from loopid.experiment.suspicions import Suspicions, warn_of_suspicions
 from loopid.experiment.term_sets import TermComparison, compare_terms
 from loopid.identification import (
     BayesianRidge,
@@ -376,7 +376,8 @@ def identify(
                 f"{run.name} is fitted and validates: its errors say nothing of new data",
                 LogWarning,
             )
-    suspected = _suspected(force_model, (*training, *validation, *friction))
+    looked_at = *training, *validation, *friction
+    suspected = warn_of_suspicions(force_model.mechanism, looked_at, force_model.joint_terms)
     samples = _gathered(force_model, training, n_jobs, references)
     data = samples, _gathered(force_model, validation, n_jobs)
     found, keep = identifiability(force_model, training, samples), unidentifiable == "prior"
@@ -480,19 +481,6 @@ def identify(
         compared,
         sweep,
     )
-
-
-def _suspected(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Suspicions, ...]:
-    """What may be wrong with each log, its parts taken together; warns of it."""
-    logs: dict[str, list[Recording]] = {}
-    for recording in recordings:
-        logs.setdefault(recording.name, []).append(recording)
-    mechanism, terms = force_model.mechanism, force_model.joint_terms
-    found = tuple(suspicions(mechanism, parts, terms) for parts in logs.values())
-    for one in found:
-        for sentence in one.sentences:
-            warn(f"{one.recording}: {sentence}", LogWarning)
-    return found
 
 
 def _gathered(

@@ -1,11 +1,12 @@
 """What may be wrong with a log: mistakes that would explain its forces clearly better.
 
-The forces are explained by the bodies of the robot file, whose parameters may be off by half, and
-by friction of each motor, which is projected out. Then each mistake that is often made is undone in
-turn: forces of a motor in other units or with another sign, an offset, columns of two motors
-exchanged, positions that are shifted or stretched. One that raises the evidence [MacKay1992] of the
-data clearly is suspected, and undone before the next is looked for. Wrong bodies alone do not look
-like a mistake of one motor: all motors carry them.
+The forces are explained by the bodies of the robot file, whose parameters may be off by half, by
+friction of each motor, which is projected out, and by small offsets. Then each mistake that is
+often made is undone in turn, at the value that explains the forces best: forces of a motor in other
+units or with another sign, an offset, columns of two motors exchanged, positions that are shifted
+or stretched. One that raises the evidence [MacKay1992] of the data clearly is suspected, and undone
+before the next is looked for. Wrong bodies alone do not look like a mistake of one motor: all
+motors carry them.
 """
 
 from __future__ import annotations
@@ -13,56 +14,59 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import sqrt
+from math import exp, inf, log, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import minimize_scalar
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
+from loopid.errors import LogWarning, warn
 from loopid.experiment.force_model import body_sizes
-from loopid.kinematics import (
-    ClosedMotion,
-    JointCoordinates,
-    closed_motion,
-    integrate,
-    singularity_measure,
-    try_assemble,
-)
+from loopid.kinematics import JointCoordinates, closed_motion, singularity_measure, try_assemble
 from loopid.logs import SINGULARITY_MARGIN, Recording
 from loopid.regressors import JointTerms, motion_regressor
 from loopid.robot import Mechanism
 from loopid.scratch import picked
 from loopid.workers import one_blas_thread
 
-# Samples that are looked at, evenly spread, on which exchanged positions are tried first; fewest
-# of a motor, and fewest that count as independent.
+# Samples that are looked at, evenly spread, on which mistakes in the positions are tried first;
+# fewest of a motor, and fewest that count as independent.
 MOST_SAMPLES, FEW_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 300, 90, 30, 10
-# Standard deviation of the robot file's parameters, in sizes of the bodies, and of joint terms, in
-# forces by the robot file.
-PRIOR, FLAT = 0.5, 10.0
+# Standard deviation of the robot file's parameters, in sizes of the bodies, of joint terms, in
+# forces by the robot file, and of the offset of any drive, or of friction that differs with the
+# direction, in its forces.
+PRIOR, FLAT, OFFSET = 0.5, 10.0, 0.1
 # Errors count as at least this part of the force: no model is exact.
 MODEL_ERROR = 0.003
 # Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
 # from which a mistake is suspected.
 EVIDENCE = 3.0
-# What a mistake must amount to: a ratio of the forces of one motor, and of all; an offset, as a
-# part of the force; a shift, as a part of the range of the positions; a stretch.
-LEAST_GAIN, LEAST_COMMON_GAIN, LEAST_OFFSET = 1.25, 4.0, 0.03
-LEAST_SHIFT, LEAST_STRETCH = 0.02, 0.01
-# Gains that are tried first, and how often nine are tried around the best.
-GAINS = np.concatenate([-np.logspace(3, -3, 25), np.logspace(-3, 3, 25)])
-REFINEMENTS, SPACING, LARGEST = 4, 10**0.25, 10.0
-# Part of the range of the positions by which they are moved for derivatives, and steps to the best.
-STEP, STEPS = 1e-3, 4
-# Mistakes that are looked for one after the other, and steps to the weights of a fit.
-ROUNDS, ITERATIONS = 3, 8
-# From these errors, as a part of the force, or squares of deviations from the robot file on,
-# exchanged columns are tried, the slowest.
-STRANGE_ERROR, STRANGE_BODIES = 0.05, 20.0
-BETTER = 0.8  # errors of exchanged motors, over those before
+ROUNDS, ITERATIONS = 3, 8  # mistakes one after the other, and steps to the weights of a fit
+STEP = 5e-4  # for derivatives, of the sizes that are tried
+COARSE = 0.1  # least part of the way to other positions that is gone at a time
 CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
+LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
+# What a mistake must amount to, with its interval: a ratio of the forces of one motor, and of all;
+# an offset, as a part of the force; a shift, as a part of the range of the positions; a stretch.
+LEAST_GAIN, LEAST_COMMON_GAIN, LEAST_OFFSET, LEAST_SHIFT, LEAST_STRETCH = (
+    1.25,
+    4.0,
+    0.03,
+    0.02,
+    0.01,
+)
+# Sizes of either sign that are tried first.
+GAINS, OFFSETS = np.logspace(-4, 4, 17), np.array([0.1, 0.3, 1.0, 3.0])
+SHIFTS, STRETCHES = np.array([0.06, 0.2, 0.5]), np.array([0.03, 0.08, 0.2])
+# From these errors, as a part of the force, or squares of deviations from the robot file on, an
+# exchange is tried; errors of exchanged motors, over those before.
+STRANGE_ERROR, STRANGE_BODIES, BETTER = 0.05, 12.0, 0.8
+OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
 SILENT = 1e-6  # relative, squared, of combinations of parameters that hardly change a force
-TINY = 1e-300
+TINY, HOPELESS = 1e-300, 1e9
+MOVES = "shift", "stretch"  # kinds of mistakes in the positions
 INTERVAL = 1.96  # standard deviations
 
 
@@ -125,390 +129,418 @@ def suspicions(
     if mechanism.free or not mechanism.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
-        evidence = _Evidence(mechanism, recordings, joint_terms)
-        if not evidence.present:
+        model = _Model(mechanism, recordings, joint_terms)
+        if not model.present:
             return nothing
-        found, sentences = evidence.weighed(_Mistakes.none(len(evidence.names))), []
+        found, sentences = model.weighed(model.signals), []
+        undone: list[_Mistake] = []
         for _ in range(ROUNDS):
-            best = max(evidence.alternatives(found), key=lambda one: one.evidence, default=found)
-            if best.evidence - found.evidence < EVIDENCE or best.mistakes.sentence in sentences:
+            few = model.explained(model.some(found.signals))
+            finds = [
+                find
+                for mistake in model.mistakes(found)
+                if not any(mistake.repeats(other) for other in undone)
+                and (find := mistake.found(model, found, few))
+            ]
+            finds.sort(key=lambda find: find.evidence, reverse=True)
+            if not finds or finds[0].evidence - found.evidence < EVIDENCE:
                 break
-            found = evidence.weighed(best.mistakes)
-            sentences.append(found.mistakes.sentence)
+            best, *others = finds
+            rivals = [one for one in others if not one.mistake.repeats(best.mistake)]
+            close = [one.sentence for one in rivals if best.evidence - one.evidence < EVIDENCE]
+            sentences.append("; or, nearly as likely, ".join([best.sentence, *close[:1]]))
+            found = model.weighed(best.signals)
+            undone.append(best.mistake)
         gains = []
-        for k in evidence.present:
-            factors, before = evidence.gain(found, [k])[1:], float(found.mistakes.gain[k])
-            gain, reach = before * factors[0], abs(before) * factors[1]
-            if reach < max(abs(gain), 1.0):
-                gains.append(MotorGain(evidence.names[k], gain, (gain - reach, gain + reach)))
+        for mistake in model.mistakes(found):
+            if mistake.kind == "gain" and len(mistake.motors) == 1:
+                (k,), (_, factor, deviation) = mistake.motors, mistake.fit(model, found)
+                before = float(found.signals.gain[k])
+                gain, reach = before * factor, abs(before) * INTERVAL * deviation
+                if reach < max(abs(gain), 1.0):
+                    gains.append(MotorGain(model.names[k], gain, (gain - reach, gain + reach)))
     return Suspicions(recordings[0].name, tuple(gains), tuple(sentences))
 
 
-@dataclass(frozen=True, eq=False)
-class _Mistakes:
-    """Mistakes that are undone, in the positions and forces of d motors."""
+def warn_of_suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> tuple[Suspicions, ...]:
+    """``suspicions`` of each log, its parts, which have one name, taken together.
 
-    positions: tuple[int, ...]  # the column that holds those of each motor
-    forces: tuple[int, ...]
-    gain: FloatArray  # (d,), measured over true
-    shift: FloatArray  # (d,), measured = stretch * true + shift
-    stretch: FloatArray  # (d,)
-    offset: FloatArray  # (d,), of the measured force
-    sentence: str = ""
-
-    @classmethod
-    def none(cls, d: int) -> _Mistakes:
-        order, one = tuple(range(d)), np.ones(d)
-        return cls(order, order, one, 0 * one, one, 0 * one)
+    Warns
+    -----
+    LogWarning
+        Of each mistake.
+    """
+    logs: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        logs.setdefault(recording.name, []).append(recording)
+    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
+    for one in found:
+        for sentence in one.sentences:
+            warn(f"{one.recording}: {sentence}", LogWarning)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Forces by unit of what explains them, once mistakes in the positions are undone."""
+    """What explains the forces: by the robot file, and by standard deviation of n unknowns."""
 
-    known: FloatArray  # (N, d), by the robot file
-    terms: FloatArray  # (N, d, p), by standard deviation of bodies and joint terms
-    basis: FloatArray  # (p, r) orthonormal combinations: of bodies that change forces, and terms
-    motion: ClosedMotion
-    own: FloatArray  # (N, d, 3), sign, velocity and acceleration: friction and drive inertia
+    known: FloatArray  # (N, d)
+    terms: FloatArray  # (N, d, n)
     closed: BoolArray  # (N,)
-    extra: FloatArray | None = None  # (N, d), by standard deviation of one more unknown
+    rows: tuple[BoolArray, ...]  # (N,), that count, of each motor
+    own: tuple[FloatArray, ...]  # (R, 3) orthonormal, its friction and drive inertia
+    tables: tuple[FloatArray, ...]  # (R, n + 1), terms and known less what that explains
 
-    def explaining(self, k: int, rows: BoolArray) -> FloatArray:
-        """What explains the force of a motor in some samples (R, n + 1), the robot file last."""
-        extra = [] if self.extra is None else [self.extra[rows, k]]
-        return np.column_stack([self.terms[rows, k] @ self.basis, *extra, self.known[rows, k]])
+
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """What a log says of d motors, once mistakes are undone."""
+
+    configurations: FloatArray  # (N, nq), as measured
+    position: FloatArray  # (N, d)
+    rates: FloatArray  # (N, d, 3), filtered sign, velocity, acceleration
+    force: FloatArray  # (N, d)
+    used: BoolArray  # (N, d)
+    size: FloatArray  # (d,), of the measured forces, in the root mean square
+    gain: FloatArray  # (d,), by which the forces were divided
+    columns: _Columns | None = None  # None where they are other ones now
 
 
 @dataclass(frozen=True, eq=False)
 class _Explanation:
-    """How the forces are explained once mistakes are undone."""
+    """How signals are explained."""
 
-    mistakes: _Mistakes
+    signals: _Signals
     columns: _Columns
     evidence: float  # logarithm
     values: FloatArray  # (n,), in standard deviations
-    covariance: FloatArray  # (n, n)
-    sigma: FloatArray  # (d,), what errors count as
+    error: FloatArray  # (d,), in the root mean square
+    errors: tuple[FloatArray, ...]  # (R,) of each motor
 
 
-class _Evidence:
-    """Samples of a log, and what explains them."""
+class _Model:
+    """Explains the samples of a log."""
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        recordings: Sequence[Recording],
-        joint_terms: JointTerms | None,
-        most: int = MOST_SAMPLES,
+        self, mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None
     ) -> None:
-        self.mechanism, self.recordings, self.joint_terms = mechanism, recordings, joint_terms
+        self.mechanism, self.joint_terms = mechanism, joint_terms
         self.names: tuple[str, ...] = recordings[0].actuators
-        parts = []
-        for recording in recordings:
-            rows, motion = (
-                spread_rows(len(recording), most // len(recordings)),
-                recording.motion,
-            )
-            signals = (
-                motion.configurations,
-                motion.velocities,
-                motion.accelerations,
-                recording.force,
-                recording.used,
-            )
-            parts.append([picked(signal, rows) for signal in signals])
-        self.q, self.v, self.a, self.force, self.used = map(
-            np.concatenate, zip(*parts, strict=True)
-        )
-        positions = JointCoordinates(mechanism, self.names).read(self.q.copy())
-        self.position = np.unwrap(positions, axis=0)  # of joints that turn without end
-        self.range = np.ptp(self.position, axis=0)
-        count = np.maximum(self.used.sum(axis=0), 1)
-        self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / count)
-        motors = np.isin(self.names, mechanism.actuated)
-        self.present = np.flatnonzero(motors & (count >= LEAST_SAMPLES) & (self.size > 0)).tolist()
-        self.bodies = mechanism.standard_parameters("full")
+        parts = [self._samples(one, MOST_SAMPLES // len(recordings)) for one in recordings]
+        q, rates, force, used = map(np.concatenate, zip(*parts, strict=True))
+        # Of joints that turn without end, too.
+        position = np.unwrap(JointCoordinates(mechanism, self.names).read(q.copy()), axis=0)
+        self.range, self.middle = np.ptp(position, axis=0), position.mean(axis=0)
+        counts = np.maximum(used.sum(axis=0), 1)
+        size = np.sqrt(np.where(used, force**2, 0.0).sum(axis=0) / counts)
+        signals = _Signals(q, position, rates, force, used, size, np.ones(len(size)))
+        counted = np.isin(self.names, mechanism.actuated) & (counts >= LEAST_SAMPLES)
+        self.present = np.flatnonzero(counted & (size > 0)).tolist()
         self.independent = np.full(len(self.names), float(LEAST_INDEPENDENT))  # samples of each
+        self.bodies = mechanism.standard_parameters("full")
+        named = () if joint_terms is None else joint_terms.parameters(mechanism)
+        others = [not (one.link in self.names and one.kind in OWN) for one in named]
+        self.kept = np.array([True] * len(self.bodies) + others)
+        K, p = self._regressor(signals, q), len(self.bodies)
+        self.expected = np.sqrt(((K[:, :, :p] @ self.bodies) ** 2).mean(axis=0))
+        per_force = 1 / np.where(self.expected > 0, self.expected, inf)
+        joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
+        flat = FLAT / np.where(joints > 0, joints, inf)
+        sizes = PRIOR * body_sizes(mechanism, "full")
+        table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
+        squares, bodies = np.linalg.eigh(table.T @ table)
+        felt = bodies[:, squares > SILENT * squares[-1]]
+        self.unknowns = block_diag(sizes[:, None] * felt, np.diag(flat))  # by standard deviation
+        closed = np.ones(len(q), dtype=bool)
+        self.signals = replace(signals, columns=self._columns(signals, q, closed))
 
-    def columns(self, mistakes: _Mistakes) -> _Columns:
-        """What explains the forces, at the positions as they are once mistakes are undone."""
-        order = list(mistakes.positions)
-        q, v, a, closed = self.q, self.v, self.a, np.ones(len(self.q), dtype=bool)
-        if mistakes.shift.any() or (mistakes.stretch != 1).any() or order != sorted(order):
-            position = (self.position[:, order] - mistakes.shift) / mistakes.stretch
-            v, a = v[:, order] / mistakes.stretch, a[:, order] / mistakes.stretch
-            found = try_assemble(self.mechanism, position, start=q)
-            q = np.where(found.assembled[:, None], found.configurations, q)
-            closed = found.assembled & (
-                singularity_measure(self.mechanism, q) >= SINGULARITY_MARGIN
-            )
-            q = np.where(closed[:, None], q, self.q)
-        return self._columns_at(q, v, a, closed)
+    def _samples(self, recording: Recording, most: int) -> list[Any]:
+        motion, history = recording.motion, recording.history
+        rows = spread_rows(len(recording), most)
+        if history is None:
+            sign = np.sign(motion.velocities)
+        else:  # friction as the forces are filtered
+            columns = [history.joints.index(name) for name in self.names]
+            signs = np.sign(history.velocity[:, columns])
+            sign = np.column_stack([history.lowpassed(signal) for signal in signs.T])
+        rates = [picked(rate, rows) for rate in (sign, motion.velocities, motion.accelerations)]
+        q, force, used = motion.configurations, recording.force, recording.used
+        return [picked(q, rows), np.stack(rates, axis=2), picked(force, rows), picked(used, rows)]
 
-    def _columns_at(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, closed: BoolArray
-    ) -> _Columns:
-        whole = closed_motion(self.mechanism, q, v, a)
+    def mistakes(self, found: _Explanation) -> Iterator[_Mistake]:
+        """Those that there may be."""
+        size, everyone = found.signals.size, tuple(self.present)
+        possible = found.columns.known**2 + (found.columns.terms**2).sum(axis=2)
+        # Larger gains would have all bodies weigh nothing.
+        largest = LARGEST * np.maximum(size / np.sqrt(possible.mean(axis=0) + TINY), 1.0)
+        straight = np.isin(self.mechanism.velocity_indices(self.names), self.mechanism.prismatic)
+        moving = [k for k in everyone if self.range[k] > 0]
+        alike = [tuple(k for k in moving if straight[k] == flag) for flag in (True, False)]
+        for motors in [*((k,) for k in everyone), *([everyone] if len(everyone) > 1 else [])]:
+            gains = GAINS[: np.searchsorted(GAINS, largest[list(motors)].max())]
+            least = LEAST_GAIN if len(motors) == 1 else LEAST_COMMON_GAIN
+            yield _Mistake("gain", motors, _mirrored(gains), (1 / least, least))
+        for k in everyone:
+            least = LEAST_OFFSET * size[k]
+            yield _Mistake("offset", (k,), size[k] * _mirrored(OFFSETS, 0.0), (-least, least))
+        for motors in [*((k,) for k in moving), *(group for group in alike if len(group) > 1)]:
+            way = self.range[list(motors)].max()
+            least = LEAST_SHIFT * way
+            yield _Mistake("shift", motors, way * _mirrored(SHIFTS, 0.0), (-least, least))
+            least = LEAST_STRETCH
+            yield _Mistake("stretch", motors, 1 + _mirrored(STRETCHES, 0.0), (1 - least, 1 + least))
+        for pair in combinations(everyone, 2):
+            for kind in ("forces", "positions", "positions and forces"):
+                yield _Mistake(kind, pair)
+
+    def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
+        whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])
         K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
-        p = len(self.bodies)
-        known = K[:, :, :p] @ self.bodies
-        size = np.sqrt((known**2).mean(axis=0))
-        size = np.where(size > 0, size, np.inf)
-        joints = np.sqrt(((K[:, :, p:] / size[:, None]) ** 2).mean(axis=(0, 1)))
-        terms = K * np.append(
-            PRIOR * body_sizes(self.mechanism, "full"), FLAT / np.where(joints > 0, joints, np.inf)
-        )
-        flat = (terms[:, :, :p] / size[:, None]).reshape(-1, p)
-        squares, bodies = np.linalg.eigh(flat.T @ flat)
-        basis = block_diag(bodies[:, squares > SILENT * squares[-1]], np.eye(len(joints)))
-        own = np.stack([np.sign(v), v, a], axis=2)
-        return _Columns(known, terms, basis, whole, own, closed)
+        return np.asarray(K[:, :, self.kept])
 
-    def _projected(self, columns: _Columns, mistakes: _Mistakes, k: int) -> FloatArray:
-        """What explains the force of a motor, and the force (R, n + 2), less its friction."""
-        j = mistakes.forces[k]
-        rows = self.used[:, j] & columns.closed
-        force = self.force[rows, j] - mistakes.offset[k]
-        table, own = np.column_stack([columns.explaining(k, rows), force]), columns.own[rows, k]
-        return np.asarray(table - own @ np.linalg.lstsq(own, table, rcond=1e-9)[0])
+    def _columns(self, signals: _Signals, q: FloatArray, closed: BoolArray) -> _Columns:
+        K = self._regressor(signals, q)
+        offsets = np.broadcast_to(np.diag(OFFSET * self.expected), (len(K), *(K.shape[1],) * 2))
+        terms = np.concatenate([K @ self.unknowns, offsets], axis=2)
+        return self.projected(signals, K[:, :, : len(self.bodies)] @ self.bodies, terms, closed)
 
-    def explained(
-        self,
-        mistakes: _Mistakes,
-        columns: _Columns | None = None,
-        gains: FloatArray | None = None,
-    ) -> _Explanation:
-        """Fit what explains the forces, with the best of some gains (B, d)."""
-        columns = self.columns(mistakes) if columns is None else columns
-        g = mistakes.gain[None] if gains is None else gains
-        tables = {k: self._projected(columns, mistakes, k) for k in self.present}
-        motors = [k for k, table in tables.items() if len(table) >= LEAST_SAMPLES]
-        width = columns.basis.shape[1] + (columns.extra is not None) + 2
-        grams = np.zeros((len(motors), width, width))  # none where hardly a sample closes
-        for gram, table in zip(grams, (tables[k] for k in motors), strict=True):
-            gram[:] = table.T @ table / len(table)
-        g, independent = g[:, motors], self.independent[motors]
-        size = np.maximum(self.size[list(mistakes.forces)][motors], TINY)
-        P, c, squares = grams[:, :-1, :-1], grams[:, :-1, -1], grams[:, -1, -1]
-        n, sigma = P.shape[1] - 1, np.maximum(np.sqrt(squares), MODEL_ERROR * size) + 0 * g
+    def projected(
+        self, signals: _Signals, known: FloatArray, terms: FloatArray, closed: BoolArray
+    ) -> _Columns:
+        """What explains the forces less friction, in samples that count."""
+        rows = tuple(signals.used[:, k] & closed for k in self.present)
+        own, tables = [], []
+        for k, chosen in zip(self.present, rows, strict=True):
+            table = np.column_stack([terms[chosen, k], known[chosen, k]])
+            U, scale, _ = np.linalg.svd(signals.rates[chosen, k], full_matrices=False)
+            own.append(U[:, scale > 1e-9 * scale.max(initial=TINY)])
+            tables.append(table - own[-1] @ (own[-1].T @ table))
+        return _Columns(known, terms, closed, rows, tuple(own), tuple(tables))
+
+    def columns(self, signals: _Signals) -> _Columns | None:
+        """What explains the forces at the positions as they are; None where loops do not close."""
+        if signals.columns is not None:
+            return signals.columns
+        q, step = signals.configurations, COARSE  # where it gets nowhere is no way
+        found = try_assemble(self.mechanism, signals.position, start=q, shortest_step=step)
+        closed, q = found.assembled.copy(), signals.configurations.copy()
+        q[closed] = found.configurations[closed]
+        closed[closed] = singularity_measure(self.mechanism, q[closed]) >= SINGULARITY_MARGIN
+        if closed.mean() < CLOSING:
+            return None
+        q[~closed] = signals.configurations[~closed]
+        return self._columns(signals, q, closed)
+
+    def explained(self, signals: _Signals) -> _Explanation | None:
+        """Fit what explains the forces; None where the loops do not close."""
+        columns = self.columns(signals)
+        if columns is None or min(map(np.sum, columns.rows)) < LEAST_INDEPENDENT:
+            return None
+        present, forces = self.present, []
+        for k, rows, own in zip(present, columns.rows, columns.own, strict=True):
+            force = signals.force[rows, k]
+            forces.append(force - own @ (own.T @ force))
+        tables = [np.column_stack(pair) for pair in zip(columns.tables, forces, strict=True)]
+        grams = np.stack([table.T @ table / len(table) for table in tables])
+        independent = self.independent[present]
+        least = MODEL_ERROR * signals.size[present]
+        n, sigma = grams.shape[1] - 2, np.maximum(np.sqrt(grams[:, -1, -1]), least)
         for _ in range(ITERATIONS):
-            w = independent / sigma**2
-            H = np.eye(n) + np.tensordot(w * g**2, P[:, :n, :n], 1)
-            x = np.linalg.solve(H, ((w * g) @ c - (w * g**2) @ P[:, :, n])[:, :n, None])[..., 0]
-            z = np.column_stack([x, np.ones(len(x))])
-            explained = np.einsum("bi,kij,bj->bk", z, P, z, optimize=True)
-            left = np.maximum(squares - 2 * g * (z @ c.T) + g**2 * explained, 0.0)
-            sigma = np.maximum(np.sqrt(left), MODEL_ERROR * size)
-        evidence = -(np.log(sigma) + left / sigma**2 / 2) @ independent
-        evidence -= ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
-        b = int(evidence.argmax())
-        if gains is not None:
-            mistakes = replace(mistakes, gain=gains[b])
-        errors = np.full(len(self.names), np.inf)
-        errors[motors] = sigma[b]
-        covariance = np.linalg.inv(H[b])
-        return _Explanation(mistakes, columns, float(evidence[b]), x[b], covariance, errors)
+            total = np.tensordot(independent / sigma**2, grams, 1)
+            H = np.eye(n) + total[:n, :n]
+            z = np.append(np.linalg.solve(H, total[:n, -1] - total[:n, n]), [1.0, -1.0])
+            left = np.maximum((grams @ z) @ z, 0.0)
+            sigma = np.maximum(np.sqrt(left), least)
+        # Of the forces as measured, whatever they were divided by.
+        logs = np.log(sigma * np.abs(signals.gain[present]))
+        evidence = -(logs + left / sigma**2 / 2) @ independent
+        evidence -= (z[:n] @ z[:n] + np.linalg.slogdet(H)[1]) / 2
+        error = np.full(len(self.names), inf)
+        error[present] = sigma
+        errors = tuple(table @ z for table in tables)
+        signals = replace(signals, columns=columns)
+        return _Explanation(signals, columns, float(evidence), z[:n], error, errors)
 
-    def weighed(self, mistakes: _Mistakes) -> _Explanation:
+    def evidence(self, signals: _Signals) -> float:
+        """Of the fit; hardly any where the loops do not close."""
+        explained = self.explained(signals)
+        return -HOPELESS if explained is None else explained.evidence
+
+    def some(self, signals: _Signals) -> _Signals:
+        """Fewer samples."""
+        rows, columns = spread_rows(len(signals.force), FEW_SAMPLES), signals.columns
+        names = "configurations", "position", "rates", "force", "used"
+        few = replace(signals, **{name: getattr(signals, name)[rows] for name in names})
+        assert columns is not None
+        there = columns.known[rows], columns.terms[rows], columns.closed[rows]
+        return replace(few, columns=self.projected(few, *there))
+
+    def weighed(self, signals: _Signals) -> _Explanation:
         """Fit what explains the forces, samples counting by how correlated their errors are."""
-        found = self.explained(mistakes)
-        for k in self.present:
-            table = self._projected(found.columns, mistakes, k)
-            error = table[:, -1] - mistakes.gain[k] * table[:, :-1] @ np.append(found.values, 1.0)
+        found = self.explained(signals)
+        assert found is not None
+        for k, error in zip(self.present, found.errors, strict=True):
             lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
-        return self.explained(mistakes, found.columns)
+        found = self.explained(found.signals)
+        assert found is not None
+        return found
 
-    def gain(self, found: _Explanation, group: list[int]) -> tuple[_Explanation, float, float]:
-        """The best explanation by a common factor of some motors' gains, it and its reach."""
-        inside = np.isin(np.arange(len(self.names)), group)
-        before, best, columns = found.mistakes.gain, found, found.columns
-        # Larger ones would have all bodies weigh nothing.
-        bodies = columns.terms[:, :, : len(self.bodies)]
-        expected = np.sqrt((columns.known**2 + (bodies**2).sum(axis=2)).mean(axis=0))
-        forces = self.size[list(found.mistakes.forces)]
-        most = LARGEST * (forces / np.maximum(np.abs(before) * expected, TINY))[group].max()
-        factors = np.append(GAINS[np.abs(GAINS) < most], 1.0)
-        for step in range(REFINEMENTS + 1):
-            gains = np.where(inside, factors[:, None], 1.0) * before
-            tried = self.explained(found.mistakes, columns, gains)
-            best = max(best, tried, key=_evidence)
-            factor = float((best.mistakes.gain / before)[group[0]])
-            width = SPACING ** (0.25**step)
-            factors = factor * np.geomspace(1 / width, width, 9)
-        # A factor and the bodies are told from each other by what either changes.
-        precision, mixed = 0.0, np.zeros_like(best.values)
-        for k in group:
-            table = self._projected(best.columns, best.mistakes, k)
-            force = before[k] * table[:, :-1] @ np.append(best.values, 1.0)
-            weight = self.independent[k] / best.sigma[k] ** 2 / max(len(table), 1)
-            precision += weight * float(force @ force)
-            mixed += weight * best.mistakes.gain[k] * (table[:, :-2].T @ force)
-        left = precision - float(mixed @ best.covariance @ mixed)
-        deviation = 1 / sqrt(max(left, TINY))
-        # A gain of any size and sign is possible beforehand: its logarithm over the range of GAINS.
-        part = np.sqrt(2 * np.pi) * deviation / abs(factor) / (2 * np.log(GAINS[-1] / GAINS[-25]))
-        best = replace(best, evidence=best.evidence + min(float(np.log(part)), 0.0))
-        return best, factor, INTERVAL * deviation
 
-    def alternatives(self, found: _Explanation) -> Iterator[_Explanation]:
-        """Explanations with one mistake more, for each that is worth a sentence."""
-        yield from self._gains(found)
-        yield from self._offsets(found)
-        yield from self._moves(found)
-        forces = np.array(found.mistakes.forces)[self.present]
-        large = (found.sigma[self.present] > STRANGE_ERROR * self.size[forces]).any()
-        if large or found.values @ found.values > STRANGE_BODIES:
-            yield from self._exchanges(found)
+class _Find(NamedTuple):
+    """A mistake, and what follows once it is undone."""
 
-    def _gains(self, found: _Explanation) -> Iterator[_Explanation]:
-        for k in self.present:
-            other, factor, reach = self.gain(found, [k])
-            if factor - reach > LEAST_GAIN or factor + reach < 1 / LEAST_GAIN:
-                yield _named(
-                    other,
-                    f"the force of {self.names[k]} is {factor:.3g} ± {reach:.2g} times what the "
-                    "bodies and the other motors let expect: look for another unit, ratio or sign "
-                    f"(force_scale {1 / factor:.3g} in a mapping would undo it)",
-                    len(self.present),
-                )
-        if len(self.present) > 1:
-            other, factor, reach = self.gain(found, self.present)
-            if factor - reach > LEAST_COMMON_GAIN or factor + reach < 1 / LEAST_COMMON_GAIN:
-                yield _named(
-                    other,
-                    f"all forces are about {factor:.2g} ± {reach:.1g} times what the robot file "
-                    f"lets expect: look for another unit (force_scale {1 / factor:.2g} in a "
-                    "mapping would undo it)",
-                )
+    mistake: _Mistake
+    signals: _Signals
+    evidence: float
+    sentence: str
 
-    def _offsets(self, found: _Explanation) -> Iterator[_Explanation]:
-        for k in self.present:
-            size = self.size[found.mistakes.forces[k]]
-            column = np.where(np.arange(len(self.names)) == k, size / found.mistakes.gain[k], 0.0)
-            columns = replace(found.columns, extra=np.broadcast_to(column, self.force.shape))
-            linear = self.explained(found.mistakes, columns)
-            value, reach = size * float(linear.values[-1]), INTERVAL * size * _deviation(linear)
-            if abs(value) - reach > LEAST_OFFSET * size:
-                offset = found.mistakes.offset + np.where(column != 0, value, 0.0)
-                other = self.explained(replace(found.mistakes, offset=offset), found.columns)
-                yield _named(
-                    replace(other, evidence=linear.evidence),
-                    f"the force of {self.names[k]} seems to have an offset of {value:.3g} ± "
-                    f"{reach:.2g} N or N m: identify it (Fo among the terms), or take it off "
-                    f"(force_offset {-value:.3g} in a mapping)",
-                    len(self.present),
-                )
 
-    def _exchanges(self, found: _Explanation) -> Iterator[_Explanation]:
-        few = _Evidence(self.mechanism, self.recordings, self.joint_terms, FEW_SAMPLES)
-        first = few.weighed(found.mistakes)
-        for i, j in combinations(self.present, 2):
-            swap = {i: j, j: i}
-            positions, forces = (
-                tuple(order[swap.get(k, k)] for k in range(len(order)))
-                for order in (found.mistakes.positions, found.mistakes.forces)
+@dataclass(frozen=True, eq=False)
+class _Mistake:
+    """A mistake of some motors, of one unknown size unless columns are exchanged."""
+
+    kind: str  # "gain", "offset", "shift", "stretch", or what is exchanged
+    motors: tuple[int, ...]
+    sizes: FloatArray | None = None  # ascending, that are tried first
+    dull: tuple[float, float] = (0.0, 0.0)  # sizes between which it is not worth a sentence
+
+    def repeats(self, other: _Mistake) -> bool:
+        """Whether nothing new is told once another was undone."""
+        alike = self.kind == other.kind or {self.kind, other.kind} == set(MOVES)
+        return alike and self.motors == other.motors
+
+    def undone(self, signals: _Signals, size: float = 1.0) -> _Signals:
+        """The signals without a mistake of that size."""
+        mine = np.isin(np.arange(len(signals.gain)), self.motors)
+        added, factor = np.where(mine, size, 0.0), np.where(mine, size, 1.0)
+        position, rates, force = signals.position, signals.rates, signals.force
+        if self.kind == "gain":
+            scale, gain = signals.size / np.abs(factor), signals.gain * factor
+            return replace(signals, force=force / factor, size=scale, gain=gain)
+        if self.kind == "offset":
+            return replace(signals, force=force - added)
+        if self.kind == "shift":
+            return replace(signals, position=position - added, columns=None)
+        if self.kind == "stretch":
+            rates = rates / np.stack([np.ones_like(factor), factor, factor], axis=1)
+            return replace(signals, position=position / factor, rates=rates, columns=None)
+        order = np.arange(len(mine))
+        order[mine] = order[mine][::-1]
+        if "positions" in self.kind:
+            signals = replace(signals, position=position[:, order], rates=rates[:, order])
+        if "forces" in self.kind:
+            used, scale, gain = signals.used[:, order], signals.size[order], signals.gain[order]
+            signals = replace(signals, force=force[:, order], used=used, size=scale, gain=gain)
+        return replace(signals, columns=None)
+
+    def sentence(self, model: _Model, size: float, reach: float) -> str:
+        """It in words, with half its 95 % interval."""
+        names = ", ".join(model.names[k] for k in self.motors)
+        middle = float(model.middle[list(self.motors)].mean())
+        if self.kind == "gain":
+            told, scale = f"{size:.3g} ± {reach:.2g} times what the", 1 / size
+            if len(self.motors) == 1:
+                told = f"the force of {names} is {told} bodies and the other motors let expect: "
+                told += f"look for another unit, ratio or sign (force_scale {scale:.3g}"
+            else:
+                told = f"all forces are about {told} robot file lets expect: look for another unit "
+                told += f"(force_scale {scale:.2g}"
+            return f"{told} in a mapping would undo it)"
+        if self.kind == "offset":
+            return (
+                f"the force of {names} seems to have an offset of {size:.3g} ± {reach:.2g} N or "
+                "N m: identify it (Fo among the terms), or take it off "
+                f"(force_offset {-size:.3g} in a mapping)"
             )
-            others = [(replace(found.mistakes, forces=forces), "forces")]
-            moved = replace(found.mistakes, positions=positions)
-            columns = few.columns(moved)
-            if columns.closed.mean() >= CLOSING:
-                for mistakes, what in (
-                    (moved, "positions"),
-                    (replace(moved, forces=forces), "positions and forces"),
-                ):
-                    if _better(few.explained(mistakes, columns), first, i, j):
-                        others.append((mistakes, what))
-            for mistakes, what in others:
-                same = mistakes.positions == found.mistakes.positions
-                other = self.explained(mistakes, found.columns if same else None)
-                if _better(other, found, i, j):
-                    ratios = (f"{other.sigma[k] / found.sigma[k]:.2g}" for k in (i, j))
-                    yield _named(
-                        other,
-                        f"the {what} of {self.names[i]} and {self.names[j]} look exchanged: with "
-                        f"each other's, errors are {' and '.join(ratios)} times as large (exchange "
-                        "the columns in a mapping)",
-                    )
+        if self.kind in MOVES:  # over a short way nearly the same
+            shift, stretch = f"{size:.3g} ± {reach:.2g}", f"{middle / (middle - size):.3g}"
+            if self.kind == "stretch":
+                shift, stretch = f"{(1 - 1 / size) * middle:.3g}", shift
+            return (
+                f"the positions of {names} look shifted by {shift} m or rad, or {stretch} times as "
+                "large as they are: correct them by position_offset or position_scale in a mapping"
+            )
+        return (
+            f"the {self.kind} of {names.replace(', ', ' and ')} look exchanged: the bodies explain "
+            "the forces much better with each other's (exchange the columns in a mapping)"
+        )
 
-    def _moves(self, found: _Explanation) -> Iterator[_Explanation]:
-        indices = self.mechanism.velocity_indices(self.names)
-        straight, d = np.isin(indices, self.mechanism.prismatic), len(self.names)
-        moving = [k for k in self.present if self.range[k] > 0]
-        kinds = [[k for k in moving if straight[k] == flag] for flag in (True, False)]
-        groups = [*([k] for k in moving), *(kind for kind in kinds if len(kind) > 1)]
-        for what, least in (("shift", LEAST_SHIFT), ("stretch", LEAST_STRETCH)):
-            size = self.range if what == "shift" else np.ones(d)
-            slopes = {k: self._slope(found, what, k, STEP * size[k]) for k in moving}
-            for group in groups:
-                unit = size[group].max()
-                slope = np.sum([unit * slopes[k] for k in group], axis=0)
-                inside, moved, change = np.isin(np.arange(d), group), found, 0.0
-                for step in range(STEPS):
-                    linear = self.explained(moved.mistakes, replace(moved.columns, extra=slope))
-                    change += unit * float(linear.values[-1])
-                    reach = INTERVAL * unit * _deviation(linear)
-                    worth = linear.evidence > found.evidence
-                    if not step and not (worth and abs(change) - reach > least * unit):
-                        break
-                    values = getattr(found.mistakes, what) + inside * change
-                    mistakes = replace(found.mistakes, **{what: values})
-                    columns = self.columns(mistakes)
-                    if (mistakes.stretch <= 0).any() or columns.closed.mean() < CLOSING:
-                        break
-                    moved = self.explained(mistakes, columns)
-                else:
-                    moved = replace(moved, evidence=linear.evidence)
-                    yield self._named_move(moved, group, what, reach)
-
-    def _named_move(
-        self, found: _Explanation, group: list[int], what: str, reach: float
-    ) -> _Explanation:
-        names = ", ".join(self.names[k] for k in group)
-        shift, stretch = found.mistakes.shift[group[0]], found.mistakes.stretch[group[0]]
-        middle = float(self.position[:, group].mean())
-        # Over a short way the two are nearly the same.
-        if what == "shift":
-            told = f"shifted by {shift:.3g} ± {reach:.2g} m or rad"
-            told += f", or {1 + shift / middle:.3g} times as large as they are" if middle else ""
+    def found(self, model: _Model, found: _Explanation, few: _Explanation | None) -> _Find | None:
+        """It where it is worth a sentence, by all samples and by fewer."""
+        if self.sizes is None:
+            return self._exchanged(model, found, few)
+        if self.kind not in MOVES:
+            evidence, size, deviation = self.fit(model, found)
+        elif few is not None and self._promising(model, few):
+            _, size, deviation = self.fit(model, few)
+            evidence = model.evidence(self.undone(found.signals, size))
         else:
-            told = f"{stretch:.3g} ± {reach:.2g} times as large as they are, or shifted by "
-            told += f"{(1 - 1 / stretch) * middle:.3g} m or rad"
-        advice = "correct them by position_offset or position_scale in a mapping"
-        among = len(self.present) if len(group) == 1 else 1
-        return _named(found, f"the positions of {names} look {told}: {advice}", among)
+            return None
+        (low, high), reach = self.dull, INTERVAL * deviation
+        if not (size - reach > high or size + reach < low):
+            return None
+        # How much of what was possible beforehand still is.
+        part = self._plausible(size) * sqrt(2 * pi) * deviation
+        evidence += min(log(max(part, TINY)), 0.0)
+        if len(self.motors) == 1:
+            evidence -= log(len(model.present))
+        sentence = self.sentence(model, size, reach)
+        return _Find(self, self.undone(found.signals, size), evidence, sentence)
 
-    def _slope(self, found: _Explanation, what: str, k: int, step: float) -> FloatArray:
-        """Derivative of the explained forces (N, d) by a mistake in the positions of a motor."""
-        before, mistakes, rates = found.columns, found.mistakes, np.ones(len(self.names))
-        way = np.full(len(self.q), step / mistakes.stretch[k])
-        if what == "stretch":
-            position = self.position[:, mistakes.positions[k]] - mistakes.shift[k]
-            way *= position / mistakes.stretch[k]
-            rates[k] -= step / mistakes.stretch[k]
-        G = before.motion.projection.G[:, :, k]
-        q = integrate(self.mechanism, before.motion.configurations, -way[:, None] * G)
-        v, a = before.own[:, :, 1] * rates, before.own[:, :, 2] * rates
-        after = self._columns_at(q, v, a, before.closed)
-        change = (after.terms - before.terms) @ (before.basis @ found.values)
-        return np.asarray((change + after.known - before.known) / step)
+    def fit(self, model: _Model, found: _Explanation) -> tuple[float, float, float]:
+        """Evidence without it, its size, and the standard deviation of that."""
+
+        def lost(size: float) -> float:
+            return -model.evidence(self.undone(found.signals, size))
+
+        assert self.sizes is not None
+        best = int(np.argmin([lost(size) for size in self.sizes]))
+        low, high = self.sizes[max(best - 1, 0)], self.sizes[min(best + 1, len(self.sizes) - 1)]
+        options = {"xatol": 1e-3 * (high - low), "maxiter": 15}
+        most = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
+        size, deviation = float(most.x), 0.01 * float(high - low)
+        for _ in range(2):  # until the step suits the curvature
+            curvature = lost(size + deviation) + lost(size - deviation) - 2 * float(most.fun)
+            deviation /= sqrt(max(curvature, 1e-6))
+        return -float(most.fun), size, deviation
+
+    def _plausible(self, size: float) -> float:
+        """Density of the size before the forces are looked at."""
+        assert self.sizes is not None
+        if self.kind == "gain":  # any sign, and as large as any other
+            return 1 / (abs(size) * 2 * log(GAINS[-1] / GAINS[0]))
+        middle, usual = self.sizes.mean(), np.ptp(self.sizes) / 2
+        return exp(-(((size - middle) / usual) ** 2) / 2) / (sqrt(2 * pi) * usual)
+
+    def _promising(self, model: _Model, few: _Explanation) -> bool:
+        """Whether it helps as one more unknown, its effect on a line: quick, and most do not."""
+        assert self.sizes is not None
+        before, small = few.columns, self.sizes.mean() + STEP * np.ptp(self.sizes)
+        moved = model.columns(self.undone(few.signals, float(small)))
+        if moved is None:
+            return False
+        change = moved.known - before.known + (moved.terms - before.terms) @ few.values
+        terms = np.concatenate([before.terms, change[:, :, None] / STEP], axis=2)
+        columns = model.projected(few.signals, before.known, terms, before.closed)
+        return model.evidence(replace(few.signals, columns=columns)) > few.evidence
+
+    def _exchanged(
+        self, model: _Model, found: _Explanation, few: _Explanation | None
+    ) -> _Find | None:
+        pair, other = list(self.motors), None
+        strange = (found.error > STRANGE_ERROR * found.signals.size)[pair].any()
+        if not (strange or found.values @ found.values > STRANGE_BODIES):
+            return None
+        for before in (few, found):
+            other = before and model.explained(self.undone(before.signals))
+            if not (before and other) or (other.error > BETTER * before.error)[pair].any():
+                return None
+        assert other is not None
+        return _Find(self, other.signals, other.evidence, self.sentence(model, 1.0, 0.0))
 
 
-def _named(found: _Explanation, sentence: str, among: int = 1) -> _Explanation:
-    """An explanation that is one among so many of its kind."""
-    mistakes = replace(found.mistakes, sentence=sentence)
-    return replace(found, mistakes=mistakes, evidence=found.evidence - float(np.log(among)))
-
-
-def _better(one: _Explanation, other: _Explanation, *motors: int) -> bool:
-    return all(one.sigma[k] < BETTER * other.sigma[k] for k in motors)
-
-
-def _deviation(found: _Explanation) -> float:
-    """Standard deviation of the last unknown."""
-    return float(np.sqrt(found.covariance[-1, -1]))
-
-
-def _evidence(one: _Explanation) -> float:
-    return one.evidence
+def _mirrored(sizes: FloatArray, *between: float) -> FloatArray:
+    return np.concatenate([-sizes[::-1], between, sizes])

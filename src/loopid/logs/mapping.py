@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import IntArray, checked
-from loopid.errors import LogError, MissingFileError, OptionError
+from loopid.errors import LogError, OptionError
 from loopid.logs.formats import MOST_LISTED, NO_STAMP, UNITS, LogFormat, stamps_in
 from loopid.yaml_files import Section, first_problem, read_yaml
 
@@ -209,10 +209,7 @@ class LogMapping(Section):
 @checked
 def read_mapping(path: str | Path) -> LogMapping:
     """Read and validate a mapping file."""
-    try:
-        return read_yaml(Path(path), LogMapping, LogError)
-    except FileNotFoundError as error:
-        raise MissingFileError(f"there is no mapping {path}") from error
+    return read_yaml(Path(path), LogMapping, LogError)
 
 
 # ---- columns ----------------------------------------------------------------------------------
