@@ -6,8 +6,7 @@ import pytest
 
 from bank_doc import PUBLISHED, certificate, published, table
 from bank_robots import COUNTS, GAP, MODELS, ROBOTS, count, load, moved, observed, poses
-from loopid import find_base_parameters, structural_observation
-from loopid.base_parameters import analyse
+from loopid import find_base_parameters
 from loopid.kinematics import mobility
 from loopid.regressors import motion_regressor
 
@@ -44,12 +43,6 @@ def test_the_count_is_the_documents(robot, column):
     _, structure = observed(robot, column)
     assert structure.rank == count(robot, column)
     assert structure.rank_gap > GAP
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_the_command_counts_the_same(model):
-    structure = analyse(structural_observation(load("3rrr"), model))
-    assert structure.rank == count("3rrr", model)
 
 
 @pytest.mark.parametrize(("robot", "column"), CLAIMS)

@@ -43,7 +43,7 @@ def robot(request, linkage, load_once, load_files):
 
 def case(mechanism, count=4, q=None):
     """Configurations, independent velocities and motor forces as large as gravity."""
-    q = random_configurations(mechanism, count, seed=8) if q is None else q
+    q = random_configurations(mechanism, count, seed=5) if q is None else q
     rates, _ = random_motions(mechanism, count, seed=9)
     motors = mechanism.velocity_indices(mechanism.actuated)
     forces = 10 * np.random.default_rng(10).uniform(-1, 1, size=(count, len(motors)))

@@ -119,7 +119,7 @@ def robot(request, linkage):
 
 @pytest.fixture(scope="module")
 def closed(robot):
-    return random_configurations(robot, 4, seed=1)
+    return random_configurations(robot, 4, seed=5)
 
 
 def test_every_linkage_has_its_rank(robot, request):
@@ -142,7 +142,7 @@ def test_the_velocity_map_spans_what_the_closures_allow(robot, closed):
 @pytest.mark.parametrize("name", ["6d loop", "distance loop", "ball rssr", "rack and pinion"])
 def test_a_robot_in_millimetres_is_the_same(name, linkage, load_files):
     robot, other = linkage(name), load_files(*in_millimetres(*LINKAGES[name]))
-    closed, scales = random_configurations(robot, 4, seed=1), np.ones(robot.model.nq)
+    closed, scales = random_configurations(robot, 4, seed=5), np.ones(robot.model.nq)
     scales[robot.prismatic] = 1000.0
     assert other.independent == robot.independent
     assert np.abs(constraint_residual(other, closed * scales)).max() < 1e-10
@@ -154,7 +154,7 @@ def test_a_robot_in_millimetres_is_the_same(name, linkage, load_files):
 @pytest.mark.parametrize("kind", [kind for kind in PLANAR if kind not in ("hinge", "distance")])
 def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
     hinged, other = linkage("hinge four-bar"), linkage(f"{kind} four-bar")
-    q = random_configurations(hinged, 20, seed=3)
+    q = random_configurations(hinged, 20, seed=5)
     again = assemble(other, q[:, :1])
     np.testing.assert_allclose(again[:, :3], q, atol=1e-9)
     G, same = project(hinged, q).G, project(other, again).G
