@@ -38,7 +38,13 @@ from loopid.consistency import (
     consistent_parameters,
     repaired_prior,
 )
-from loopid.errors import DataError, FeasibilityError, MissingFileError, OptionError
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+    LoopidError,
+    MissingFileError,
+    OptionError,
+)
 from loopid.experiment import ForceModel
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification import FitResult, NoiseModel, Quality, Robustness
@@ -645,6 +651,8 @@ def read_fit(path: str | Path) -> SavedFit:
             json.loads(document, object_pairs_hook=_each_once)
         else:
             document = json.dumps(load_yaml(place, DataError, LARGE))
+    except LoopidError:  # which names the file
+        raise
     except (OSError, RecursionError, TypeError, ValueError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DataError(f"{path} cannot be read: {reason}") from error

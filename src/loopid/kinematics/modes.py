@@ -36,7 +36,7 @@ STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8
 MOST_MODES = 8
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
 # Steps of the motors away from such a pose, in rad or characteristic lengths, and how many of them.
-LEAST_STEP, LARGEST_STEP, STEPS = 0.15, 0.35, 8
+LEAST_STEP, LARGEST_STEP, STEPS = 0.15, 0.35, 4
 SAME = 1e-4  # distance of points in the same pose, in characteristic lengths
 PARALLEL = 1e-4  # relative rate at which parallel links may turn against each other
 # A mode leads to the drawn pose when this part of the step away from it ...

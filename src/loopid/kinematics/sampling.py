@@ -29,8 +29,9 @@ NARROWER = 0.5  # ... by this factor ...
 MANY_LOOPS = 8  # from which on draws begin nearer
 LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
 BATCH = 64  # draws between which the spread adapts
+# Another draw is cheaper than more steps; poses near by need fewer.
+SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
 MOST_KEPT = 512  # samples that a mechanism keeps: most work draws the same ones again
-PATHS = PathOptions(shortest_step=2.0**-6, most_steps=32)  # another draw is cheaper than more
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
@@ -83,18 +84,22 @@ def configuration_batches(
     count: int,
     seed: int = 0,
     margin: float | None = None,
+    spread: float = 1.0,
 ) -> Iterator[FloatArray]:
-    """Yield the rows of ``random_configurations`` a few at a time."""
+    """Yield the rows of ``random_configurations`` a few at a time.
+
+    They are from a part ``spread`` of the limits around the reference, or less.
+    """
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
     affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
     if not (margin is None or margin >= 0):
         raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
     margin = mechanism.margin if margin is None else margin
-    kept = mechanism.drawn.get((seed, margin), ())
+    kept = mechanism.drawn.get((seed, margin, spread), ())
     enough = sum(map(len, kept)) >= count
     batches, found = list[FloatArray](), 0
-    for batch in kept if enough else _drawn(mechanism, seed, margin):
+    for batch in kept if enough else _drawn(mechanism, seed, margin, spread):
         if count <= MOST_KEPT:
             batches.append(frozen(batch))
         yield batch[: count - found]
@@ -102,25 +107,32 @@ def configuration_batches(
         if found >= count:
             break
     if batches and not enough:
-        mechanism.drawn[seed, margin] = tuple(batches)
+        mechanism.drawn[seed, margin, spread] = tuple(batches)
 
 
-def _drawn(mechanism: Mechanism, seed: int, margin: float | None) -> Iterator[FloatArray]:
+def _drawn(
+    mechanism: Mechanism, seed: int, margin: float | None, spread: float
+) -> Iterator[FloatArray]:
     """Yield closed configurations without end."""
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
+    paths = PathOptions(
+        shortest_step=SHORTEST_STEP, most_steps=max(MOST_STEPS * spread, LEAST_STEPS)
+    )
     # Of many loops that move on their own one fails in nearly every draw from anywhere.
-    spread = min(1.0, MANY_LOOPS / max(len(mechanism.loops), 1))
-    least = DEFAULT_MARGIN if margin is None else margin
+    spread = min(spread, MANY_LOOPS / max(len(mechanism.loops), 1))
+    # Where the reference hardly keeps the usual margin, poses around it do not.
+    own = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own)) if margin is None else margin
     drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
     while True:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
         values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
         with one_blas_thread():
-            outcome = follow_paths(measured, start, values, PATHS)
+            outcome = follow_paths(measured, start, values, paths)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
         outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,9 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
 ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
+# Parts of the limits that their poses are from: near by they take a step or two, farther away more
+# shows.
+SPREADS = (0.1, 1.0)
 # Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
 TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
@@ -255,13 +259,13 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     if len(mechanism.parameters()) > LARGEST:
         return None
-    robot, _ = _closed_at(mechanism, mode.reference)
+    robot = replace(mechanism, reference=mode.reference)
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
-    try:
-        observed = structural_observation(robot, "full", samples)
-        return analyse(replace(observed, geometry=None)).rank
-    except LoopidError:
-        return None
+    for spread in SPREADS:
+        with suppress(LoopidError):
+            observed = structural_observation(robot, "full", samples, spread=spread)
+            return analyse(replace(observed, geometry=None)).rank
+    return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:

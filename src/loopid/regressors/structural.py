@@ -40,6 +40,7 @@ def structural_observation(
     margin: float | None = None,
     progress: Progress | None = None,
     joint_terms: JointTerms | None = None,
+    spread: float = 1.0,
 ) -> Observation:
     """Observe a mechanism at seeded random closed poses, in motion where the columns ask for it.
 
@@ -56,6 +57,8 @@ def structural_observation(
         Called with the numbers of poses done and in all.
     joint_terms : JointTerms, optional
         Drives, friction and offsets as further columns.
+    spread : float
+        Part of the limits around the reference that poses are drawn from.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def structural_observation(
 
     def regressors() -> Iterator[FloatArray]:
         done = 0
-        for q in configuration_batches(mechanism, samples, seed, margin):
+        for q in configuration_batches(mechanism, samples, seed, margin, spread):
             rates = np.zeros((2, len(q), len(mechanism.independent)))
             if model == "gravity" and joint_terms is None:
                 columns = gravity_regressor(mechanism, q)

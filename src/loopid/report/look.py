@@ -118,7 +118,9 @@ def markdown_text(text: str) -> str:
 def json_text(record: Any) -> str:
     """A record as JSON; what is not printable, such as a terminal's control codes, as escapes."""
     text = json.dumps(record, indent=2, ensure_ascii=False)
-    return re.sub(r"[^\n]", lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text)
+    return re.sub(
+        r"[^\n -~]", lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text
+    )
 
 
 def json_fields(thing: object, *names: str) -> dict[str, Any]:

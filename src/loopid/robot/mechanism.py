@@ -378,8 +378,8 @@ class Mechanism:
         return frozen(lower), frozen(upper)
 
     @cached_property
-    def drawn(self) -> dict[tuple[int, float | None], tuple[FloatArray, ...]]:
-        """Random configurations that were drawn before, in batches, by seed and margin."""
+    def drawn(self) -> dict[tuple[int, float | None, float], tuple[FloatArray, ...]]:
+        """Random configurations drawn before, in batches, by seed, margin and spread."""
         return {}
 
     def outside(self, q: FloatArray) -> BoolArray:
