@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError
-from loopid.kinematics import constraint_residual, platform_coordinates
+from loopid.kinematics import JointCoordinates, constraint_residual, platform_coordinates
 from loopid.logs import Log, LogMapping, prepare_recording, read_log
 from loopid.logs import recording as preparation
 from loopid.simulation import simulate_measurement
 from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
-from made_runs import quietly
+from made_runs import quietly, wander
 from real_streams import read_stream
 
 FILTER = LowPass(5.0)
@@ -247,6 +247,17 @@ def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
     outside = (recording.motion.time < 6.8) | (recording.motion.time > 9.2)
     exact = truth.motion.configurations[at_times(truth, recording)]
     assert np.abs(recording.motion.configurations - exact)[outside].max() < 1e-4
+
+
+def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
+    motion = wander(knee, seed=1, seconds=30.0)
+    position = JointCoordinates(knee, knee.actuated).read(motion.configurations.copy())
+    force, numbers = np.random.default_rng(0).normal(size=position.shape), np.zeros(300, int)
+    swapped = position[:, [1, 0, 2, 3]]
+    log = Log("run", knee.actuated, motion.time[:300], swapped[:300], force[:300], numbers)
+    closing = "all close with the positions of leg1_stroke and leg2_stroke exchanged"
+    with pytest.warns(LogWarning, match=rf"loops do not close in .*; {closing}: left out"):
+        prepare_recording(knee, log, lowpass=None)
 
 
 def test_a_log_of_another_robot_does_not_assemble(knee, log):

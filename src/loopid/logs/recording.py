@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    frozen,
+    samples,
+    spread_rows,
+)
 from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
 from loopid.kinematics import (
     ClosedMotion,
@@ -55,6 +63,9 @@ DITHER_FRACTION = 0.01
 SINGULARITY_MARGIN = 5e-3
 # Fraction of the samples that may fail to assemble.
 MOST_UNASSEMBLED = 0.5
+# Where more fail, exchanged columns are tried in so many samples, spread, and given up where less
+# than that part of the way between two can be gone at a time.
+MANY_UNASSEMBLED, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 # Samples that are assembled together: fewer repeat the coarse steps, more take memory.
 BLOCK = 8192
 # Part of a motor's largest share below which it is round-off: the motor does not act there.
@@ -617,6 +628,8 @@ def _assembled(
             f"{name}: the loops do not close in {where.pop(0)} (they stay open by up to "
             f"{np.concatenate(residuals)[lost].max():.1e} m)"
         )
+        if lost.sum() > MANY_UNASSEMBLED * count:
+            said += _with_exchanged(mechanism, position)
         if lost.sum() > MOST_UNASSEMBLED * count:
             raise AssemblyError(
                 f"{said}: is the robot on another branch than the start, or are these not its "
@@ -632,6 +645,20 @@ def _assembled(
             raise LogError(said)
         warn(f"{said}: left out", LogWarning)
     return configurations.array(), measure[regular], ~(lost | near), dropped
+
+
+def _with_exchanged(mechanism: Mechanism, position: FloatArray) -> str:
+    """Which two motors' positions must be exchanged for all samples to close; empty if none."""
+    position, names = position[spread_rows(len(position), TRIED)], mechanism.independent
+    for i, j in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        found = try_assemble(
+            mechanism, position[:, order], trajectory=True, shortest_step=SHORTEST_STEP
+        )
+        if found.assembled.all():
+            return f"; all close with the positions of {names[i]} and {names[j]} exchanged"
+    return ""
 
 
 def on_independent(
