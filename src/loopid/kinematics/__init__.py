@@ -4,7 +4,6 @@ from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
     Assembly,
     JointCoordinates,
-    MeasuredCoordinates,
     assemble,
     measured_coordinates,
     platform_coordinates,
@@ -27,8 +26,6 @@ from loopid.kinematics.constraint import (
 from loopid.kinematics.mobility import Mobility, independent_coordinates, mobility
 from loopid.kinematics.modes import FOLDED, assembly_modes
 from loopid.kinematics.poses import (
-    FrameMotions,
-    FramePoses,
     difference,
     frame_motions,
     frame_poses,
