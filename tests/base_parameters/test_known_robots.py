@@ -1,4 +1,4 @@
-"""Trees that others describe, whose numbers of base parameters are known."""
+"""Trees that others describe, whose numbers of base parameters are known: docs/mechanisms.md."""
 
 import warnings
 from itertools import pairwise
@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from bank_doc import table
 from bank_robots import GAP, MODELS, moved
 from loopid import (
     find_base_parameters,
@@ -21,24 +22,10 @@ from loopid.kinematics import closed_motion
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
 
-COLUMNS = ("URDF", "options", "coordinates", "motors", "full", "gravity")
-FINGERS = "--lock panda_finger_joint1 --lock panda_finger_joint2"
-# What `loopid base FILE` counts, with and without `--model full`, from example-robot-data.
-ROWS = [
-    dict(zip(COLUMNS, row, strict=True))
-    for row in (
-        ("ur_description/urdf/ur5_robot.urdf", "", 6, 6, 36, 10),
-        ("ur_description/urdf/ur10_robot.urdf", "", 6, 6, 36, 10),
-        ("panda_description/urdf/panda.urdf", FINGERS, 7, 7, 43, 12),
-        ("xarm_description/urdf/xarm7.urdf", "", 7, 7, 43, 12),
-        ("solo_description/robots/solo12.urdf", "", 12, 12, 68, 24),
-        ("tiago_description/robots/tiago_no_hand.urdf", "", 12, 12, 58, 19),
-        ("tiago_description/robots/tiago.urdf", "", 48, 48, 310, 91),
-        ("talos_data/robots/talos_full_v2.urdf", "", 44, 32, 232, 62),
-        ("talos_data/robots/talos_full_v2.urdf", "--free-mimics", 44, 44, 290, 82),
-    )
-]
-SMALL = 12  # coordinates of robots whose best choice is proven within a second
+ROWS = table("URDF", "motors", "full", "gravity")
+for each in ROWS:  # a file, and options behind it
+    each["URDF"], _, each["options"] = each["URDF"].partition("` `")
+SMALL = 12  # motors of robots whose best choice is proven within a second
 TALOS = "talos_data/robots/talos_full_v2.urdf"
 FOLLOWERS = 12  # six links of either gripper, moved by the motor of a seventh
 
@@ -56,7 +43,7 @@ def name(row):
 
 EVERY, FEW = (
     pytest.mark.parametrize("row", rows, ids=name, indirect=True, scope="module")
-    for rows in (ROWS, [row for row in ROWS if row["coordinates"] <= SMALL])
+    for rows in (ROWS, [row for row in ROWS if int(row["motors"]) <= SMALL])
 )
 
 
@@ -90,15 +77,16 @@ def fresh(robot, model):
 
 @EVERY
 def test_coordinates_and_motors_are_the_documents(row, robot):
-    assert robot.model.nv == row["coordinates"]
-    assert len(robot.actuated) == len(robot.independent) == row["motors"]
+    motors, mimicking = int(row["motors"]), row["URDF"] == TALOS and not row["options"]
+    assert robot.model.nv == motors + FOLLOWERS * mimicking
+    assert len(robot.actuated) == len(robot.independent) == motors
 
 
 @EVERY
 @pytest.mark.parametrize("model", MODELS)
 def test_base_parameters_are_as_many_as_known_and_suffice(row, robot, observations, model):
     found = find_base_parameters(observations[model], "qr")
-    assert len(found) == row[model]
+    assert len(found) == int(row[model])
     assert found.structure.rank_gap > GAP
     assert found.reconstruction_error(fresh(robot, model)) < 1e-8
 
@@ -108,7 +96,7 @@ def test_base_parameters_are_as_many_as_known_and_suffice(row, robot, observatio
 @pytest.mark.parametrize("model", MODELS)
 def test_those_of_small_robots_are_certified(row, robot, observations, model, criterion):
     found = find_base_parameters(observations[model], criterion=criterion)
-    assert len(found) == row[model]
+    assert len(found) == int(row[model])
     assert found.search.certified
     assert found.structure.rank_gap > 1e10
     pivoted = find_base_parameters(observations[model], "qr", criterion)
@@ -170,4 +158,4 @@ def free_regressor(robot, q, leaders, leading, model):
 
 def known(opts, model):
     (row,) = (row for row in ROWS if row["URDF"] == TALOS and row["options"] == opts)
-    return row[model]
+    return int(row[model])
