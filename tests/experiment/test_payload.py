@@ -75,6 +75,7 @@ def test_gains_without_noise_are_found_to_round_off(case):
 
 
 @pytest.mark.validate
+@pytest.mark.filterwarnings("ignore::loopid.errors.ExcitationWarning")  # of the robot's own bodies
 def test_intervals_hold_at_their_rate(case):
     rng, runs = np.random.default_rng(0), 500
     hits, gain_hits = np.zeros(7), np.zeros(4)
