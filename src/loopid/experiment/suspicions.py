@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import minimize_scalar
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import LogWarning, warn
@@ -492,6 +491,7 @@ class _Mistake:
 
     def fit(self, model: _Model, found: _Explanation) -> tuple[float, float, float]:
         """Evidence without it, its size, and the standard deviation of that."""
+        from scipy.optimize import minimize_scalar  # slow to import
 
         def lost(size: float) -> float:
             return -model.evidence(self.undone(found.signals, size))
