@@ -171,7 +171,7 @@ def _tried(
     def moved(columns: FloatArray) -> FloatArray:
         transposed = columns.swapaxes(1, 2)
         normal = transposed @ columns + damping[:, None, None] ** 2 * np.eye(len(movable))
-        step: FloatArray = -np.linalg.solve(normal, transposed @ open_by[:, :, None])[:, :, 0]
+        step = np.asarray(-np.linalg.solve(normal, transposed @ open_by[:, :, None])[:, :, 0])
         return _moved(mechanism, q, movable, step)
 
     ahead = moved(columns)
