@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import AccuracyWarning, DataError, RankError, warn
@@ -128,7 +129,7 @@ def analyse(observation: Observation) -> Structure:
         # but not round-off to the size of the rest.
         common = noise is not None or doubtful
         scales = _scales(observation)[columns] if common else 1 / np.linalg.norm(R, axis=0)
-        _, values, right = np.linalg.svd(R * scales)
+        values, right = _decomposed(R * scales)
     try:
         rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
         between = (values > LEAST_UNCLEAR * values[0]) & (values < FAINT * values[0])
@@ -160,6 +161,19 @@ def analyse(observation: Observation) -> Structure:
         noise=0.0 if noise is None else noise.level,
         noise_source="" if noise is None else noise.source,
     )
+
+
+def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values and all right singular vectors, as rows.
+
+    LAPACK's divide and conquer, the fast way, does not converge for some matrices without full
+    rank; QR iterations then do.
+    """
+    try:
+        _, values, right = np.linalg.svd(matrix)
+    except np.linalg.LinAlgError:
+        _, values, right = scipy.linalg.svd(matrix, lapack_driver="gesvd")
+    return values, right
 
 
 def warn_of_faint(observation: Observation, structure: Structure) -> None:
@@ -239,7 +253,7 @@ def _geometry_noise(observation: Observation) -> _Noise | None:
         text = f"{counted - rank} singular values are made by rounded numbers and do not count"
         warn(f"{text}: {source}; the rank is {rank} without them", AccuracyWarning)
         return _Noise(level, rank, gap, level * np.sqrt(gap) * largest, source)
-    combinations = np.linalg.svd(observation.factor * scales)[2][first:last]
+    combinations = _decomposed(observation.factor * scales)[1][first:last]
     text = (
         f"between {first} and {last}: other numbers that the robot file would round alike change "
         f"relative singular values of up to {level:.1e} ({source}), and the rest is less than "
