@@ -328,12 +328,23 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
     return rank, float(values[rank - 1] / max(below, np.finfo(float).eps))
 
 
-def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[IntArray, str]:
-    """Columns with an effect; and in words the first that is neither zero nor clearly not."""
+def without_effect(observation: Observation) -> bool:
+    """Whether all columns are zero."""
+    norms, largest = _column_norms(observation)
+    return bool((norms <= ZERO_COLUMN * largest).all())
+
+
+def _column_norms(observation: Observation) -> tuple[FloatArray, float]:
+    """Norms (n,) of columns in one unit, and what the largest one is at least."""
     norms = np.linalg.norm(observation.factor, axis=0) * _scales(observation)
     natural = observation.natural_size * np.sqrt(observation.rows)
-    largest = max(float(norms.max(initial=0.0)), natural)
-    if (norms <= ZERO_COLUMN * largest).all():
+    return norms, max(float(norms.max(initial=0.0)), natural)
+
+
+def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[IntArray, str]:
+    """Columns with an effect; and in words the first that is neither zero nor clearly not."""
+    norms, largest = _column_norms(observation)
+    if without_effect(observation):
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
             "gravity moves no joint: choose the full model, or another 'gravity' in a YAML"
