@@ -12,7 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial, wraps
 from importlib.metadata import version
@@ -157,6 +157,7 @@ def base(
         ExhaustiveSearch,
         find_base_parameters,
         make_strategy,
+        without_effect,
     )
     from loopid.kinematics import nearly_special
     from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
@@ -178,7 +179,9 @@ def base(
         if time_limit is not None:
             left = time_limit - (1 + AFTERWARDS) * (perf_counter() - began)
         with progress_bar("combinations") as report:
-            for each in filter(None, (observation, observation.motors_alone)):
+            alone = observation.motors_alone
+            felt = [] if alone is None or without_effect(alone) else [alone]
+            for each in (observation, *felt):
                 if search == ExhaustiveSearch.name:
                     strategy = ExhaustiveSearch(progress=report)
                 if search == ExactSearch.name:
@@ -212,10 +215,10 @@ def _count(observation: Observation) -> int | None:
     """Number of base parameters; None where it is not clear."""
     from loopid.base_parameters import find_base_parameters
 
-    try:
+    with suppress(LoopidError), warnings.catch_warnings():
+        warnings.simplefilter("ignore", AccuracyWarning)
         return len(find_base_parameters(observation, "qr"))
-    except LoopidError:
-        return None
+    return None
 
 
 @app.command()

@@ -137,3 +137,18 @@ def test_singular_values_that_rounded_geometry_could_make_are_warned_of(least, f
     else:
         found = find_base_parameters(observation, "qr")
     assert len(found) == 8
+
+
+def test_a_decomposition_that_does_not_converge_is_done_in_another_way(monkeypatch):
+    # Which matrices LAPACK's divide and conquer fails for depends on the processor.
+    W = np.random.default_rng(0).normal(size=(30, 4)) @ np.random.default_rng(1).normal(size=(4, 9))
+    expected = analyse(observe(W))
+
+    def fails(matrix, **options):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", fails)
+    found = analyse(observe(W))
+    assert found.rank == expected.rank == 4
+    np.testing.assert_allclose(W @ found.null_basis, 0, atol=1e-12 * np.linalg.norm(W))
+    np.testing.assert_allclose(found.singular_values, expected.singular_values, atol=1e-12)

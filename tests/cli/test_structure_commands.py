@@ -202,6 +202,29 @@ def test_free_coordinates_are_named_and_can_be_locked(run, run_json, write):
     assert ranks == [4, 4]
 
 
+@pytest.mark.parametrize(("model", "ranks"), [("gravity", (2, None)), ("full", (4, 3))])
+def test_motors_may_feel_no_weight(run, run_json, write_urdf, model, ranks):
+    # A cart that a motor pushes on level ground, and a pole that swings freely on it.
+    parts = [body("cart"), body("pole", (0.05, 0.02, 0.4))]
+    parts += [joint("push", "ground", "cart", axis=(1, 0, 0), kind="prismatic")]
+    parts += [joint("hinge", "cart", "pole", (0, 0, 0.1), (0, 1, 0))]
+    file = write_urdf(urdf(*parts)).with_suffix(".yaml")
+    file.write_text("name_mot: [push]")
+    record = run_json("base", file, "--model", model)
+    alone = record["motors_alone"]
+    assert (record["rank"], alone and alone["rank"]) == ranks
+    said = summary(run("base", file, "--model", model).out, "felt by the motors alone")
+    assert said.startswith("no parameter: only rows '= 0'") == (alone is None)
+
+
+def test_a_robot_of_slides_has_base_parameters(run_json, write_urdf):
+    # A gantry: each motor feels the mass that it carries.
+    parts = [body("bridge"), body("tool", mass=0.5)]
+    parts += [joint("x", "ground", "bridge", axis=(1, 0, 0), kind="prismatic")]
+    parts += [joint("z", "bridge", "tool", kind="prismatic")]
+    assert run_json("base", write_urdf(urdf(*parts)), "--model", "full")["rank"] == 2
+
+
 def test_redundant_rows_and_motors_are_told(run, run_json, write):
     # A pin in a plane needs two equations of a ball's three.
     record = run_json("check", "four_bar")

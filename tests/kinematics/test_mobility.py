@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from closure_robots import loop
+from closure_robots import body, joint, loop
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
@@ -153,6 +153,17 @@ def test_a_motor_that_cannot_move_is_no_coordinate(load_files):
     robot = load_files(*four_bar("6d"))
     stuck = replace(robot, actuated=("crank_joint", "end_joint"))
     assert independent_coordinates(stuck, robot.reference[None]) == ("crank_joint",)
+
+
+def test_motors_that_cannot_move_are_named(load_files, linkage):
+    parts, description = four_bar("hinge", couplings=[{"joints": {"arm_joint": 1.0}}])
+    parts += [body("arm"), joint("arm_joint", "plate", "arm")]
+    description["name_mot"].append("arm_joint")
+    robot = load_files(parts, description)
+    assert mobility(robot).held == ("arm_joint",)
+    with pytest.warns(MobilityWarning, match="do not let the motors arm_joint move"):
+        load_mechanism(robot.path)
+    assert mobility(linkage("redundant five-bar")).held == ()
 
 
 def rank(robot):

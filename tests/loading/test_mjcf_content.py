@@ -480,7 +480,8 @@ MESHES = f"""<mujoco><compiler meshdir="assets"/>
   <body name="arm">{INERTIAL}<joint name="elbow" axis="0 1 0"/><geom class="seen" material="paint"/>
     <geom name="shape" type="mesh" mesh="pointer"/><plugin plugin="acme.flexible"/>
     <body name="ball" pos="1 0 0"><joint name="wrist" axis="0 1 0"/>
-      <geom type="sphere" size="0.1" mass="3"/><geom class="seen"/></body></body></worldbody>
+      <geom type="sphere" size="0.1" mass="3" material="paint"/><geom class="seen"/>
+    </body></body></worldbody>
 <contact><pair geom1="ground" geom2="shape"/></contact>
 <actuator><plugin joint="elbow" plugin="acme.drive" instance="drive"/></actuator></mujoco>"""
 

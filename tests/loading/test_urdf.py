@@ -181,7 +181,6 @@ BROKEN = {
     "limit NaN": ('lower="0.6537"', 'lower="nan"', ("leg1_stroke", "<limit>", "finite")),
     "limits crossed": ('lower="0.6537"', 'lower="2"', ("leg1_stroke", "lower 2", "0.9337")),
     "limit missing": (STROKE, r"\1", ("leg1_stroke", "prismatic", "<limit>")),
-    "no effort": ('effort="0" velocity', "velocity", ("leg1_universal_1", "<limit>", "effort")),
     "effort negative": ('effort="0"', 'effort="-1"', ("leg1_universal_1", "effort", "-1")),
     "no mass": ('<mass value="9.82033"/>', "", ("platform", "<mass>")),
     "no inertia": ("<inertia ixx=.0.26398[^>]*/>", "", ("platform", "no <inertia>")),
@@ -457,6 +456,13 @@ def test_numbers_mean_to_pinocchio_what_they_mean_to_python(read, mass):
     assert source.model.inertias[1].mass == 10
 
 
+def test_limits_need_no_effort_and_no_velocity(read):
+    bare = joint("a", "base", "arm").replace(' effort="1" velocity="1"', "")
+    model = read(body("arm"), bare).model
+    most = model.effortLimit, model.velocityLimit, model.lowerPositionLimit
+    assert [float(values[0]) for values in most] == [0, 0, -2]  # zero is none
+
+
 def test_a_floating_base_is_a_joint_that_carries_the_root_and_keeps_its_name(read):
     source = read(*BRANCHES, floating_base=True)
     assert source.model.names[1] == "root_joint"
@@ -541,6 +547,9 @@ PINS = {
     "loop_joint": """<loop_joint name="pin" type="spherical">
         <link1 link="plate" xyz="0.5 0 0" rpy="0 0 0"/>
         <link2 link="rocker" rpy="0 0 0" xyz="0.4 0 0"/></loop_joint>""",
+    "loop_joint as the manual writes it": """<loop_joint name="pin" type="spherical">
+        <link1 link="plate" xyz="0.5 0 0" rpy="0 0 0"/>
+        <link1 link="rocker" rpy="0 0 0" xyz="0.4 0 0"/></loop_joint>""",
     "loop_joint with an axis": """<loop_joint name="pin" type="revolute">
         <link1 link="plate" xyz="0.5 0 0"/>
         <link2 link="rocker" xyz="0.4 0 0"/><axis xyz="0 0 1"/></loop_joint>""",

@@ -5,7 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
+import folded_robots
 from cad_export import cad_export
+from closure_robots import files
 from loopid import (
     find_base_parameters,
     load_mechanism,
@@ -53,6 +55,7 @@ FILES = {
         <joint joint="roll" coef="1"/></fixed></tendon>
         <equality><tendon tendon1="sum"/><tendon tendon1="difference"/></equality>
         <actuator><motor joint="left"/><motor joint="right"/></actuator></mujoco>""",
+    "drawn folded": folded_robots.FOLDED_MJCF,
 }
 
 
@@ -81,6 +84,22 @@ def test_files_of_mujoco(name, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert_ranks_agree(load_mechanism(tmp_path / "robot.xml"))
+
+
+@pytest.mark.parametrize(
+    ("name", "bars"),
+    [
+        ("folded_four_bar", {}),
+        ("folded_four_bar", {"coupler": folded_robots.LONG + 1e-6}),  # equal when the user says so
+        ("folded_leg", {}),
+        pytest.param("folded_branches", {}, marks=pytest.mark.validate),
+    ],
+)
+def test_robots_that_are_drawn_folded(name, bars, write_files):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        path = write_files(*files(*getattr(folded_robots, name)(**bars)))
+        assert_ranks_agree(load_mechanism(path, snap=bool(bars)))
 
 
 def test_files_of_six_digits(linkage, write_files):

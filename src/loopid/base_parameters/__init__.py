@@ -23,5 +23,10 @@ from loopid.base_parameters.naming import (
     expression,
     name_coefficients,
 )
-from loopid.base_parameters.structure import Structure, analyse, independent_blocks
+from loopid.base_parameters.structure import (
+    Structure,
+    analyse,
+    independent_blocks,
+    without_effect,
+)
 from loopid.base_parameters.subgroup import SubgroupSearch

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import AccuracyWarning, DataError, RankError, warn
@@ -128,7 +129,7 @@ def analyse(observation: Observation) -> Structure:
         # but not round-off to the size of the rest.
         common = noise is not None or doubtful
         scales = _scales(observation)[columns] if common else 1 / np.linalg.norm(R, axis=0)
-        _, values, right = np.linalg.svd(R * scales)
+        values, right = _decomposed(R * scales)
     try:
         rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
         between = (values > LEAST_UNCLEAR * values[0]) & (values < FAINT * values[0])
@@ -160,6 +161,19 @@ def analyse(observation: Observation) -> Structure:
         noise=0.0 if noise is None else noise.level,
         noise_source="" if noise is None else noise.source,
     )
+
+
+def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values and all right singular vectors, as rows.
+
+    LAPACK's divide and conquer, the fast way, does not converge for some matrices without full
+    rank; QR iterations then do.
+    """
+    try:
+        _, values, right = np.linalg.svd(matrix)
+    except np.linalg.LinAlgError:
+        _, values, right = scipy.linalg.svd(matrix, lapack_driver="gesvd")
+    return values, right
 
 
 def warn_of_faint(observation: Observation, structure: Structure) -> None:
@@ -239,7 +253,7 @@ def _geometry_noise(observation: Observation) -> _Noise | None:
         text = f"{counted - rank} singular values are made by rounded numbers and do not count"
         warn(f"{text}: {source}; the rank is {rank} without them", AccuracyWarning)
         return _Noise(level, rank, gap, level * np.sqrt(gap) * largest, source)
-    combinations = np.linalg.svd(observation.factor * scales)[2][first:last]
+    combinations = _decomposed(observation.factor * scales)[1][first:last]
     text = (
         f"between {first} and {last}: other numbers that the robot file would round alike change "
         f"relative singular values of up to {level:.1e} ({source}), and the rest is less than "
@@ -314,12 +328,23 @@ def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
     return rank, float(values[rank - 1] / max(below, np.finfo(float).eps))
 
 
-def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[IntArray, str]:
-    """Columns with an effect; and in words the first that is neither zero nor clearly not."""
+def without_effect(observation: Observation) -> bool:
+    """Whether all columns are zero."""
+    norms, largest = _column_norms(observation)
+    return bool((norms <= ZERO_COLUMN * largest).all())
+
+
+def _column_norms(observation: Observation) -> tuple[FloatArray, float]:
+    """Norms (n,) of columns in one unit, and what the largest one is at least."""
     norms = np.linalg.norm(observation.factor, axis=0) * _scales(observation)
     natural = observation.natural_size * np.sqrt(observation.rows)
-    largest = max(float(norms.max(initial=0.0)), natural)
-    if (norms <= ZERO_COLUMN * largest).all():
+    return norms, max(float(norms.max(initial=0.0)), natural)
+
+
+def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[IntArray, str]:
+    """Columns with an effect; and in words the first that is neither zero nor clearly not."""
+    norms, largest = _column_norms(observation)
+    if without_effect(observation):
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
             "gravity moves no joint: choose the full model, or another 'gravity' in a YAML"

@@ -19,6 +19,8 @@ POLISH_STEPS = 12
 SHORT = 1e-8  # a plain step this short leaves an error of round-off
 LONGEST_STEP = 0.3
 FIRST_DAMPING = 0.1
+# Below this damping steps zigzag between far starts and take long to be damped again.
+LEAST_DAMPING = 1e-3
 CONTINUATION_STEPS = 20
 DONE = 1e-9  # the error from which on plain steps do better
 STUCK = 1e3  # the damping at which nothing helps
@@ -127,6 +129,7 @@ def _descend(mechanism: Mechanism, at: _Points, movable: IntArray, goal: FloatAr
         there = _Points(mechanism, tried)
         error_there = np.linalg.norm(there.residual - goal[k], axis=1)
         damping[k] *= np.where(error_there < WORTHWHILE * error[k], 0.3, 4.0)
+        damping = np.maximum(damping, LEAST_DAMPING * length)
         better = error_there < error[k]
         at.replace(k, there, better)
         error[k[better]] = error_there[better]
@@ -166,8 +169,9 @@ def _tried(
     columns = jacobian[:, :, movable]
 
     def moved(columns: FloatArray) -> FloatArray:
-        factors = Factorisation.of(columns, mechanism.closure_rank_tolerance)
-        step = -factors.solve(open_by[:, :, None], damping)[:, :, 0]
+        transposed = columns.swapaxes(1, 2)
+        normal = transposed @ columns + damping[:, None, None] ** 2 * np.eye(len(movable))
+        step = np.asarray(-np.linalg.solve(normal, transposed @ open_by[:, :, None])[:, :, 0])
         return _moved(mechanism, q, movable, step)
 
     ahead = moved(columns)

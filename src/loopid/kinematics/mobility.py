@@ -35,6 +35,7 @@ class Mobility:
     least: float  # the last counted singular value, relative to the largest
     residual: float  # largest closure residual in m
     undetermined: tuple[str, ...]  # passive coordinates that can move while all motors stand still
+    held: tuple[str, ...]  # coordinates of motors that cannot move around it
     # Singular values below this fraction of the largest counted as zero
     tolerance: float = RANK_TOLERANCE
 
@@ -81,7 +82,11 @@ def mobility(
     rank, values = int(factors.rank[0]), np.append(factors.values[0], 0.0)
     gap = float(values[rank - 1] / values[rank]) if rank and values[rank] else float("inf")
     jacobians = Constraint(mechanism, around).scaled()[1]
-    generic_rank = int(Factorisation.of(jacobians, tolerance).rank.max())
+    ranks = Factorisation.of(jacobians, tolerance).rank
+    generic_rank = int(ranks.max())
+    motions = null_space(jacobians[ranks.argmax()], tolerance)
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    held = [k for k in motors if (np.abs(motions[k]) <= MOVES).all()]
     return Mobility(
         rows=mechanism.rows,
         rank=rank,
@@ -91,6 +96,7 @@ def mobility(
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
         undetermined=_undetermined(mechanism, jacobian[0]),
+        held=tuple(mechanism.coordinates[k] for k in held),
         tolerance=tolerance,
     )
 

@@ -64,18 +64,12 @@ class Factorisation:
             tuple(parts), matrices.shape[2], values, (values > least[:, None]).sum(axis=1), least
         )
 
-    def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
-        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
-
-        With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
-        """
+    def solve(self, right_hand_sides: FloatArray) -> FloatArray:
+        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c)."""
         count, _, width = right_hand_sides.shape
         solutions = np.zeros((count, self.width, width))
         for rows, columns, left, values, right in self.blocks:
-            values = np.where(values > self.least[:, None, None], values, np.inf)
-            inverse = 1.0 / values
-            if damping is not None:
-                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
+            inverse = 1.0 / np.where(values > self.least[:, None, None], values, np.inf)
             projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
             solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
         return solutions
@@ -340,7 +334,7 @@ def _projected(
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
         if rows.start == 0:
-            _refuse_too_many(A[:1], len(chosen), mechanism.closure_rank_tolerance)
+            _refuse_too_many(mechanism, A[:1], len(chosen))
         G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
         columns[rows] = solver.matrices
         doubts.append((rows.start + solver.ill_conditioned, solver.factors))
@@ -411,10 +405,15 @@ def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -
         )
 
 
-def _refuse_too_many(jacobian: FloatArray, count: int, tolerance: float) -> None:
+def _refuse_too_many(mechanism: Mechanism, jacobian: FloatArray, count: int) -> None:
     """Refuse more independent joints than the first sample has degrees of freedom."""
-    freedom = jacobian.shape[2] - int(Factorisation.of(jacobian, tolerance).rank.max(initial=0))
+    rank = Factorisation.of(jacobian, mechanism.closure_rank_tolerance).rank
+    freedom = mechanism.model.nv - int(rank.max(initial=0))
     if count > freedom:
+        hint = ""
+        if count == len(mechanism.independent):  # as many as at the reference
+            hint = ", which has more at its reference: that is singular, so give another one"
         raise MobilityError(
-            f"{count} independent joints are too many for {freedom} degrees of freedom"
+            f"{count} independent joints are too many for {freedom} degrees of freedom of "
+            f"{mechanism.name}{hint}"
         )

@@ -426,7 +426,8 @@ def _nodes(mechanism: Mechanism, world: _World) -> list[_Node]:
 def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[int, float]:
     """Move points so that lengths in bodies that are nearly equal or zero are so; gives rods."""
     nodes = _nodes(mechanism, world)
-    x = np.array([getattr(world, n.places[0][0])[n.places[0][1]].translation for n in nodes])
+    points = [getattr(world, n.places[0][0])[n.places[0][1]].translation for n in nodes]
+    x = np.reshape(points, (-1, 3))  # none of a robot that only slides
     start, pairs = x, list[FloatArray]()
     for (i, one), (j, other) in combinations(enumerate(nodes), 2):
         if set(one.bodies) & set(other.bodies):
@@ -434,7 +435,7 @@ def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[
             between[:, i] = _across(one.direction, other.direction)
             between[:, j] = -between[:, i]
             pairs.append(between)
-    difference = np.reshape(pairs, (-1, 3, *x.shape))
+    difference = np.reshape(pairs, (len(pairs), 3, *x.shape))
     lengths = np.linalg.norm(np.einsum("kanb,nb->ka", difference, x), axis=1)
     groups: list[list[int]] = []
     for k in np.argsort(lengths, kind="stable"):

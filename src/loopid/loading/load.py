@@ -497,6 +497,12 @@ def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     if reason:
         warn(f"{mechanism.path}: the reference is singular {reason}", SingularityWarning)
     found = mobility(mechanism, around=around)
+    if found.held:
+        warn(
+            f"{mechanism.path}: the loops do not let the motors {', '.join(found.held)} move: look "
+            "where the frames of their closures are",
+            MobilityWarning,
+        )
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
         rounding = rounding_that_closes(found.least * mechanism.length, mechanism.length)

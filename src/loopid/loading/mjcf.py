@@ -267,6 +267,7 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         tag.clear()
         tag.attrib.update(ends)
     etree.strip_elements(root, "plugin", "extension", with_tail=False)
+    etree.strip_attributes(root, "material")  # of textures that may be missing
     spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
     notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []

@@ -54,7 +54,8 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
     "mass": {"value": (1, None)},
     "inertia": dict.fromkeys(MOMENTS, (1, None)),
     "axis": {"xyz": (3, "1 0 0")},
-    "limit": {"lower": (1, "0"), "upper": (1, "0"), "effort": (1, None), "velocity": (1, None)},
+    # An effort or velocity of zero is none, and many files give none.
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), (1, "0")),
     "mimic": {"multiplier": (1, "1"), "offset": (1, "0")},
 }
 WORDS = {1: "a finite number", 3: "three finite numbers"}
@@ -523,6 +524,8 @@ def _tags(urdf: UrdfFile) -> Iterator[Loop]:
     places = {"loop": "{}/origin", "constraint": "{}_origin", "loop_joint": "{}"}
     for tag, place in places.items():
         for element in _named_tags(urdf.root, tag):
+            for repeated in element.findall("link1")[1:]:
+                repeated.tag = "link2"  # Isaac Sim's manual writes <link1> twice
             with naming(label(element)):
                 first, second = (placement(element.find(place.format(s))) for s in _sides(element))
                 yield element, _ends(element, urdf), (first, second)

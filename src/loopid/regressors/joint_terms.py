@@ -9,6 +9,7 @@ bodies, and what a chosen model leaves out of them, is told.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -19,7 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, checked_fields
-from loopid.errors import AssemblyError, ModelWarning, OptionError, SingularityError, warn
+from loopid.errors import (
+    AssemblyError,
+    ModelWarning,
+    OptionError,
+    SingularityError,
+    SingularityWarning,
+    warn,
+)
 from loopid.kinematics import (
     ClosedMotion,
     bearing_forces,
@@ -460,7 +468,9 @@ def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
         return ()
     try:
         q = random_configurations(mechanism, SAMPLES)
-        motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SingularityWarning)  # the draws keep a margin
+            motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
     except (AssemblyError, SingularityError):
         motion = None
     return tuple(_sized(mechanism, terms, motion))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, random_generator
+from loopid.errors import SingularityWarning
 from loopid.kinematics import (
     Accuracy,
     closed_motion,
@@ -105,7 +107,8 @@ def structural_observation(
     # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
-    with one_blas_thread():
+    with one_blas_thread(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", SingularityWarning)  # the draws keep a margin
         found = Observation.from_parts(
             regressors(),
             parameters,

@@ -362,6 +362,8 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
             f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
             f"{certificate(alone['search'])}"
         )
+    elif record["undetermined"]:
+        rows["felt by the motors alone"] = "no parameter: only rows '= 0' have an effect"
     return rows
 
 
