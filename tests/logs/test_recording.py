@@ -1,6 +1,7 @@
 """From logs to recordings: filtered motion is the true one, and what is left out is named."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -193,18 +194,47 @@ def test_clipped_forces_are_masked_and_named(knee, log, truth):
     assert not found.used[:, 0].all()
 
 
+@pytest.mark.parametrize("bias", [0.0, 500.0])  # with it all forces are nearly as large
+def test_forces_clipped_at_any_level_are_named_and_coarse_ones_are_not(log, bias):
+    force = log.force.copy()
+    force[:, 0] = np.sign(force[:, 0]) * (bias + np.abs(force[:, 0]))
+    limit = np.percentile(np.abs(force[:, 0]), 95)
+    force[:, 0] = np.clip(force[:, 0], -limit, limit)
+    with pytest.warns(LogWarning, match="force of leg1_stroke stays"):
+        limits = preparation.clipped_from(altered(log, force=force))
+    np.testing.assert_array_equal(limits, [limit, np.inf, np.inf, np.inf])
+    coarse = np.round(log.force / 5) * 5
+    assert np.isinf(preparation.clipped_from(altered(log, force=coarse))).all()
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.2])  # of the fastest
 @pytest.mark.parametrize("rows", [slice(0, 400), slice(100, 700), slice(-300, None)])
-def test_samples_of_a_frozen_encoder_are_left_out_and_named(knee, log, rows):
+def test_samples_of_a_frozen_encoder_are_left_out_and_named(knee, log, rows, speed):
     position = log.position.copy()
     held = position[rows, 1].copy()
-    # At the motor's fastest, as one that is slow may as well have stopped.
-    fast = int(np.abs(np.diff(held)).argmax())
-    position[rows, 1] = np.where(np.arange(len(held)) < fast, held, held[fast])
+    way, fastest = np.abs(np.diff(held)), np.abs(np.diff(position[:, 1])).max()
+    start = int(np.abs(way - speed * fastest).argmin())
+    position[rows, 1] = np.where(np.arange(len(held)) < start, held, held[start])
     with pytest.warns(LogWarning, match="position of leg2_stroke is frozen"):
         found = prepared(knee, altered(log, position=position))
-    lost = log.time[rows][fast + 1 : -1]
+    lost = log.time[rows][start + 1 : -1]
     assert not np.isin(found.motion.time, lost).any()
     assert len(found) > 0.2 * len(prepared(knee, log))
+
+
+@pytest.mark.parametrize("step", [0.0, 2e-6, 1e-3])
+@pytest.mark.parametrize("rate", [10, 1000])
+def test_motors_that_move_in_turns_are_not_frozen(rate, step):
+    random, joints, count = np.random.default_rng(0), ("a", "b", "c"), 20 * rate
+    for _ in range(10):
+        time, position = np.arange(count) / rate, np.zeros((count, 3))
+        moves = np.cumsum(random.uniform(1.0, 2.0, size=20))
+        for k, (start, end) in enumerate(pairwise(moves)):
+            s = np.clip((time - start) / (end - start), 0, 1)
+            position[:, k % 3] += random.uniform(-1, 1) * s**3 * (10 - 15 * s + 6 * s**2)
+        position = np.round(position / step) * step if step else position
+        log = Log("run", joints, time, position, position, np.zeros(count, dtype=int))
+        assert preparation.without_frozen(log) is log
 
 
 def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):

@@ -153,87 +153,22 @@ class Bounds:
         collisions: Collisions | None,
         poses: FloatArray,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism, self.limits = mechanism, limits
         self.all: list[Bound] = []
-        model, share = mechanism.model, limits.share
         names = {name: mechanism.joint(name) for name in mechanism.joints}
         for ranges in (limits.positions, limits.speeds, limits.accelerations, limits.forces):
             for name in ranges:
                 if name not in names and (ranges is limits.positions or name != "all"):
                     raise OptionError.unknown("joint", name, names)
-        single = {name: joint for name, joint in names.items() if joint.nv == 1}
-        indices = {name: joint.idx_v for name, joint in single.items()}
-        sliding = {name: indices[name] in mechanism.prismatic for name in single}
+        self._joints = {name: joint for name, joint in names.items() if joint.nv == 1}
+        self._sliding = {n: j.idx_v in mechanism.prismatic for n, j in self._joints.items()}
         # Files often give a mimicking joint limits that its leader does not let it keep.
         following = {name for coupling in mechanism.couplings for name in coupling.joints}
-        following -= {*mechanism.independent, *limits.positions}
-
-        def largest(given: Mapping[str, float], name: str, file: float, share: float) -> float:
-            own = given.get(name, given.get("all") if name in mechanism.actuated else None)
-            return float(own) if own is not None else share * file if file > 0 else np.inf
-
-        # Speeds and accelerations: those of a fall where nothing else bounds them.
-        gravity = float(np.linalg.norm(model.gravity.linear)) or 1.0
-        rate = np.sqrt(gravity / mechanism.length)
-        fall = {n: rate * (mechanism.length if sliding[n] else 1.0) for n in single}
-        weight = gravity * sum(inertia.mass for inertia in model.inertias) or np.inf
-        force = {}
-        for name, index in indices.items():
-            effort = float(model.effortLimit[index])
-            lever = 1.0 if sliding[name] else mechanism.length
-            file = effort if effort < UNLIMITED * weight * lever else 0.0
-            force[name] = largest(limits.forces, name, file, share)
-        bounded = all(np.isfinite(force.get(name, np.inf)) for name in mechanism.actuated)
-        self._v: list[int] = []
-        self._a: list[int] = []
-        self._f: list[int] = []
-        for name, index in indices.items():
-            unit, driven = "m" if sliding[name] else "rad", name in mechanism.independent
-            speed = largest(limits.speeds, name, float(model.velocityLimit[index]), share)
-            if driven and slow and not limits.speeds.keys() & {name, "all"}:
-                speed = min(speed, SLOW_SPEED * fall[name])
-            elif driven and speed > UNLIMITED * fall[name]:
-                speed = fall[name]
-            if speed < UNLIMITED * fall[name] and name not in following:
-                self._add("speed", name, f"{unit}/s", -speed, speed)
-                self._v.append(index)
-        for name, index in indices.items():
-            most = largest(limits.accelerations, name, 0.0, share)
-            if name in mechanism.independent and not np.isfinite(most) and (slow or not bounded):
-                most = fall[name] * rate * (SLOW_ACCELERATION if slow else 1.0)
-            if np.isfinite(most):
-                unit = "m/s²" if sliding[name] else "rad/s²"
-                self._add("acceleration", name, unit, -most, most)
-                self._a.append(index)
-        for k, name in enumerate(mechanism.actuated):
-            if np.isfinite(force.get(name, np.inf)):
-                unit = "N" if sliding[name] else "N m"
-                self._add("force", name, unit, -force[name], force[name])
-                self._f.append(k)
+        self._following = following - {*mechanism.independent, *limits.positions}
+        self._bound_motion(slow)
         self.moving = len(self.all)
-        self._q: list[int] = []
-        for name, joint in single.items():
-            low, high = mechanism.limits(name)
-            width = mechanism.length if sliding[name] else np.pi
-            low, high = (
-                x if abs(x) < UNLIMITED * width else np.sign(x) * np.inf for x in (low, high)
-            )
-            if np.isfinite([low, high]).all():
-                middle, half = (low + high) / 2, share * (high - low) / 2
-                low, high = middle - half, middle + half
-            low, high = limits.positions.get(name, (low, high))
-            if name not in following and np.isfinite([low, high]).any() and joint.nq == 1:
-                self._add("position", name, "m" if sliding[name] else "rad", low, high)
-                self._q.append(joint.idx_q)
-        self._x: list[int] = []
-        coordinates = () if mechanism.platform is None else mechanism.platform.names
-        for name, (low, high) in limits.workspace.items():
-            if name not in coordinates:
-                raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
-            at = coordinates.index(name)
-            turns = mechanism.platform.motions[at] in ROTATIONS  # type: ignore[union-attr]
-            self._add("platform coordinate", name, "rad" if turns else "m", low, high)
-            self._x.append(at)
+        self._bound_positions()
+        self._bound_workspace()
         self.loops = bool(mechanism.closures)  # couplings alone have no singularities
         if self.loops:  # motors behind the loops move none of their frames
             twists = self._twists(poses, project(mechanism, poses).G)
@@ -252,6 +187,83 @@ class Bounds:
         self.lower = np.array([bound.lower for bound in self.all])
         self.upper = np.array([bound.upper for bound in self.all])
         self.scale = np.array([bound.scale for bound in self.all])
+
+    def _bound_motion(self, slow: bool) -> None:
+        """Speeds and accelerations, those of a fall where nothing else bounds them, and forces."""
+        mechanism, limits, model = self.mechanism, self.limits, self.mechanism.model
+        gravity = float(np.linalg.norm(model.gravity.linear)) or 1.0
+        rate = np.sqrt(gravity / mechanism.length)
+        weight = gravity * sum(inertia.mass for inertia in model.inertias) or np.inf
+        arm = {n: mechanism.length if slides else 1.0 for n, slides in self._sliding.items()}
+        unit = {name: "m" if slides else "rad" for name, slides in self._sliding.items()}
+        fall = {name: rate * arm[name] for name in self._joints}
+        self._v: list[int] = []
+        self._a: list[int] = []
+        self._f: list[int] = []
+        for name, joint in self._joints.items():
+            driven = name in mechanism.independent
+            speed = self._largest(limits.speeds, name, float(model.velocityLimit[joint.idx_v]))
+            if driven and slow and not limits.speeds.keys() & {name, "all"}:
+                speed = min(speed, SLOW_SPEED * fall[name])
+            elif driven and speed > UNLIMITED * fall[name]:
+                speed = fall[name]
+            if speed < UNLIMITED * fall[name] and name not in self._following:
+                self._add("speed", name, f"{unit[name]}/s", -speed, speed)
+                self._v.append(joint.idx_v)
+        forces = {}
+        for name in self._joints.keys() & {*mechanism.actuated}:
+            effort = float(model.effortLimit[self._joints[name].idx_v])
+            lever = 1.0 if self._sliding[name] else mechanism.length
+            file = effort if effort < UNLIMITED * weight * lever else 0.0
+            forces[name] = self._largest(limits.forces, name, file)
+        bounded = bool(np.isfinite([*forces.values()]).all())
+        for name, joint in self._joints.items():
+            most = self._largest(limits.accelerations, name, 0.0)
+            if name in mechanism.independent and not np.isfinite(most) and (slow or not bounded):
+                most = fall[name] * rate * (SLOW_ACCELERATION if slow else 1.0)
+            if np.isfinite(most):
+                self._add("acceleration", name, f"{unit[name]}/s²", -most, most)
+                self._a.append(joint.idx_v)
+        for k, name in enumerate(mechanism.actuated):
+            if np.isfinite(forces.get(name, np.inf)):
+                unit_of_force = "N" if self._sliding[name] else "N m"
+                self._add("force", name, unit_of_force, -forces[name], forces[name])
+                self._f.append(k)
+
+    def _largest(self, given: Mapping[str, float], name: str, file: float) -> float:
+        """The largest value of a joint that is given, else the share of the file's, if any."""
+        own = given.get(name, given.get("all") if name in self.mechanism.actuated else None)
+        if own is not None:
+            return float(own)
+        return self.limits.share * file if file > 0 else np.inf
+
+    def _bound_positions(self) -> None:
+        self._q: list[int] = []
+        for name, joint in self._joints.items():
+            low, high = self.mechanism.limits(name)
+            width = self.mechanism.length if self._sliding[name] else np.pi
+            low, high = (
+                x if abs(x) < UNLIMITED * width else np.sign(x) * np.inf for x in (low, high)
+            )
+            if np.isfinite([low, high]).all():
+                middle, half = (low + high) / 2, self.limits.share * (high - low) / 2
+                low, high = middle - half, middle + half
+            low, high = self.limits.positions.get(name, (low, high))
+            if name not in self._following and np.isfinite([low, high]).any() and joint.nq == 1:
+                self._add("position", name, "m" if self._sliding[name] else "rad", low, high)
+                self._q.append(joint.idx_q)
+
+    def _bound_workspace(self) -> None:
+        self._x: list[int] = []
+        platform = self.mechanism.platform
+        coordinates = () if platform is None else platform.names
+        for name, (low, high) in self.limits.workspace.items():
+            if platform is None or name not in coordinates:
+                raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
+            at = coordinates.index(name)
+            turns = platform.motions[at] in ROTATIONS
+            self._add("platform coordinate", name, "rad" if turns else "m", low, high)
+            self._x.append(at)
 
     def _add(
         self,

@@ -146,6 +146,7 @@ ModelWarning
         bodies=bodies,
         reference=written_reference(file, model, tree.description.reference),
         platform=_platform(file, model, description),
+        motors_listed=isinstance(files.given.name_mot, list),
         identical=_identical(file, model, description, bodies),
         tied=tied,
         closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,

@@ -275,7 +275,7 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
     """Configurations and what their loops stay open by (m), from the most to the least wanted."""
     start = mechanism.reference[None]
-    left_out = [joint for joint in mechanism.joints if joint not in given]
+    left_out = sorted({*mechanism.joints} - {*given}, key=mechanism.joint_ranks.__getitem__)
     either = {*mechanism.passive, *left_out}
     passive = mechanism.velocity_indices(mechanism.passive)
     movable = mechanism.velocity_indices([name for name in mechanism.joints if name in either])

@@ -70,14 +70,13 @@ MANY_UNASSEMBLED, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 BLOCK = 8192
 # Part of a motor's largest share below which it is round-off: the motor does not act there.
 NO_SHARE = 1e-9
-# Equal positions in a row that may be a frozen encoder: a motor comes to rest and leaves it slowly,
-# not with this part of its fastest way in a single sample, several steps of its encoder.
-LEAST_RUN, JUMP, ENCODER_STEPS = 20, 0.5, 5
-# More runs than that are what a slow encoder makes of each of its samples.
-MOST_RUNS = 20
-# A clipped force has its largest size, to this relative accuracy, in so many samples and so large
-# a part of those in motion, and so many times as often as it is nearly as large.
-EQUAL, LEAST_CLIPPED, LEAST_PART, NEARLY, PILE = 1e-6, 20, 0.005, 0.02, 4.0
+# Equal positions in a row that may be a frozen encoder: the motor goes on from elsewhere, by so
+# many times its fastest way in a sample, or stops so many times as abruptly as it ever changes its
+# speed while another goes through this part of its range. So many steps of an encoder tell a speed.
+LEAST_RUN, JUMP, ABRUPT, MOVED, ENCODER_STEPS = 20, 2.0, 3.0, 0.05, 20
+# A clipped force has its largest size, to this relative accuracy, in so many samples in motion, and
+# so many times as often as any other size from this part of it on: a coarse converter has few.
+EQUAL, LEAST_CLIPPED, PILE, NEARLY = 1e-6, 20, 4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,14 +386,13 @@ def clipped_from(log: Log) -> FloatArray:
         release_pages()
         moving = np.append(np.diff(log.position[:, k]) != 0, False)
         size = np.abs(log.force[moving, k])
-        if len(size) < LEAST_CLIPPED:
+        largest = size.max(initial=0.0)
+        if not largest:
             continue
-        largest = size.max()
-        below = size < (1 - EQUAL) * largest
-        # Nearly as large, or by one step of a coarse converter less.
-        next_level = min((1 - NEARLY) * largest, size[below].max(initial=0.0))
-        count, near = int((~below).sum()), int((size[below] >= next_level).sum())
-        if count > max(LEAST_CLIPPED, LEAST_PART * len(size), PILE * near) and largest > 0:
+        near = size[size >= NEARLY * largest] / largest
+        _, counts = np.unique(np.round(near / EQUAL), return_counts=True)
+        count = int(counts[-1])
+        if count > max(LEAST_CLIPPED, PILE * counts[:-1].max(initial=0)):
             found[k] = largest
             warn(
                 f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
@@ -412,7 +410,7 @@ def without_frozen(log: Log) -> Log:
         release_pages()
         flags = np.zeros(len(log), dtype=bool)
         for part in log.parts():
-            flags[part] = _frozen(log.position[part, k])
+            flags[part] = _frozen(log.position[part], k)
         if flags.any():
             dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
             warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", LogWarning)
@@ -429,18 +427,31 @@ def without_frozen(log: Log) -> Log:
     return replace(log, **left, stretches=stretches, dropped=tuple(dropped))
 
 
-def _frozen(position: FloatArray) -> BoolArray:
-    """Samples (N,) in runs of equal positions that a jump begins or ends."""
-    flags = np.zeros(len(position), dtype=bool)
+def _frozen(positions: FloatArray, k: int) -> BoolArray:
+    """Samples (N,) of a stretch (N, m) in which motor k stays where it is as no motor does.
+
+    A motor that rests slows down before, and leaves from where it rested.
+    """
+    position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
     steps = np.abs(np.diff(position))
-    if len(position) < LEAST_RUN or not steps.any():
-        return flags
     bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
     runs = [(a, b) for a, b in bounds.reshape(-1, 2).tolist() if b - a >= LEAST_RUN]
+    if not (runs and steps.any()):
+        return flags
     way = steps[steps > 0]
-    least = max(JUMP * float(np.percentile(way, 99)), ENCODER_STEPS * float(way.min()))
-    for a, b in runs if len(runs) <= MOST_RUNS else ():
-        flags[a : b + 1] = steps[max(a - 1, 0)] > least or steps[min(b, len(steps) - 1)] > least
+    fastest, least = float(np.percentile(way, 99)), float(way.min())
+    # How much further it goes from each sample in so many than it came, and the most of that.
+    count = int(np.ceil(ENCODER_STEPS * least / fastest))
+    change = np.zeros(len(position) + 2 * count)  # from sample i in row i + count
+    ahead, behind = position[2 * count :], position[: -2 * count]
+    change[2 * count : -2 * count] = np.abs(ahead + behind - 2 * position[count:-count])
+    before, after = np.maximum.accumulate(change), np.maximum.accumulate(change[::-1])[::-1]
+    far, much = max(JUMP * fastest, ENCODER_STEPS * least), MOVED * np.ptp(positions, axis=0)
+    for a, b in runs:
+        jumps = max(steps[max(a - 1, 0)], steps[min(b, len(steps) - 1)]) > far
+        usual = max(before[max(a - 1, 0)], after[min(b + 2 * count + 1, len(after) - 1)], least)
+        if jumps or change[a + count] > ABRUPT * usual:
+            flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
     return flags
 
 
