@@ -683,6 +683,13 @@ def _left_out(scene: Scene) -> list[str]:
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
     }
     notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
+    hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
+    turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
+    if 0 < turn < 2 * math.pi:
+        notes.append(
+            f"its hinges turn by {turn:.2g}° at most: if its angles are meant in rad, write "
+            '<compiler angle="radian"/> into it'
+        )
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes
