@@ -350,6 +350,12 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
             '<equality><connect name="c" body1="box" anchor="0 0 0"/></equality>',
             "a <flag> disables the equalities, so they close no loop: remove it: c",
         ),
+        (
+            '<joint name="a" range="-1.57 1.57"/><joint name="b" axis="1 0 0" range="0 0.8"/>',
+            "",
+            "its hinges turn by 3.1° at most: if its angles are meant in rad, write "
+            '<compiler angle="radian"/> into it',
+        ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):

@@ -259,7 +259,11 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     if len(mechanism.parameters()) > LARGEST:
         return None
-    robot = replace(mechanism, reference=mode.reference)
+    try:
+        # Coordinates that are independent in one mode may hardly be so in another.
+        robot, _ = _closed_at(mechanism, mode.reference)
+    except LoopidError:
+        return None
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     for spread in SPREADS:
         with suppress(LoopidError):
