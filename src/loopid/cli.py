@@ -268,6 +268,7 @@ def simulate(
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
     from loopid.regressors import JointTerms
+    from loopid.saved import robot_files
     from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
     from loopid.trajectories import joint_motion, read_motion_program
 
@@ -283,6 +284,7 @@ def simulate(
     if out is None:
         typer.echo(text, nl=False)
     else:
+        require_other_file(out, *robot_files(mechanism), program or "")
         write_file(out, text)
         typer.echo(out)
 

@@ -1,6 +1,7 @@
 """Geometry that is known to six digits: what rounding makes is no evidence of rank."""
 
 import re
+import shutil
 import warnings
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import analyse
-from loopid.errors import AccuracyWarning, RankError, ReferenceWarning
+from loopid.errors import AccuracyWarning, ClosureWarning, RankError, ReferenceWarning
 from loopid.kinematics import geometry_accuracy, same_motion, within_accuracy
 from loopid.kinematics.constraint import largest_residual
 
@@ -135,6 +136,37 @@ def test_numbers_of_all_digits_that_are_rounded_all_the_same(load, model, error)
     with pytest.warns(AccuracyWarning, match="made by rounded numbers"):
         structure = analyse(structural_observation(robot, model))
     assert structure.rank == COUNTS[model]
+
+
+@pytest.mark.parametrize(
+    ("model", "miss"), [("gravity", 1e-6), ("full", 1e-6), ("full", 1e-8), ("full", 1e-9)]
+)
+def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
+    """Each warning or refusal leads on, until the count is that of crosses; as does --snap."""
+    text = (URDF / "3ups_rpu.urdf").read_text()
+    for leg in (1, 2, 3):
+        mount = rf'(<joint name="leg{leg}_universal_2".*?\n.*?xyz=)"0 0 0"'
+        text, found = re.subn(mount, rf'\1"{leg * miss} 0 0"', text)
+        assert found == 1
+    (tmp_path / "3ups_rpu.urdf").write_text(text)
+    file = shutil.copy(URDF / "3ups_rpu.yaml", tmp_path)
+    count, rounding = {"gravity": 15, "full": 51}[model], None
+    for _ in range(3):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                observation = structural_observation(load_mechanism(file, rounding=rounding), model)
+                rank = len(find_base_parameters(observation, "qr"))
+            except RankError as refusal:
+                said.append(refusal)
+        if not (advice := re.search(r"--rounding ([\d.e-]+)", " ".join(map(str, said)))):
+            break
+        rounding = float(advice[1])
+    assert rank == count
+    assert rounding in (1e-6, 1e-5)
+    with pytest.warns(ClosureWarning, match="moved by up to"):
+        snapped = load_mechanism(file, snap=True)
+    assert analyse(structural_observation(snapped, model)).rank == count
 
 
 @pytest.mark.parametrize("robot", ["four_bar", "delta"])

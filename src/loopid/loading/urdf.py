@@ -241,9 +241,10 @@ def parse_xml(path: Path) -> Element:
 
 
 def refuse_entities(root: Element) -> None:
-    """Refuse entities that an XML file declares."""
+    """Refuse entities that an XML file declares, or uses without."""
     declared = root.getroottree().docinfo.internalDTD
     names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
+    names += [str(entity.text)[1:-1] for entity in root.iter(etree.Entity)]
     if names:
         raise RobotFileError(
             f"XML entities are not read: write out what &{names[0]:.60}; stands for"
