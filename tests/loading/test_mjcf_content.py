@@ -389,8 +389,8 @@ def refused(tmp_path, refusal):
 @pytest.mark.parametrize(
     ("content", "fragment"),
     [
-        ("", "MuJoCo refuses it: "),
-        ("no xml", "MuJoCo refuses it: "),
+        ("", "is no XML that can be read"),
+        ("no xml", "is no XML that can be read"),
         ("<mujoco><worldbody></mujoco>", "MuJoCo refuses it: "),
         ("<mujoco>\n<worldbody><bdy/></worldbody></mujoco>", "unrecognized element"),
         (small().replace('mass="1"', 'mass="0"'), "mass and inertia"),
