@@ -198,10 +198,10 @@ def test_other_geometry_keeps_what_is_drawn_special_and_closes_again(load):
 
 FINGER = """<body name="{n}" pos="0 {a!r} 0.059091">{inertial}<joint name="{n}" axis="{y} 0 0"
     range="0 49" armature="0.005" damping="0.1" frictionloss="1"/>
-  <body name="{n}_tip" pos="0 {b!r} 0.044037">{inertial}<joint name="{n}_tip" axis="{y} 0 0"/>
-  </body></body>
+  <body name="{n}_tip" pos="0 {b!r} 0.044037">{inertial}<joint name="{n}_tip" axis="{y} 0 0"
+    range="-49 0" armature="0.1"/></body></body>
 <body name="{n}_link" pos="0 {c!r} 0.076091">{inertial}<joint name="{n}_link" axis="{y} 0 0"
-    stiffness="0.05" springref="150"/></body>"""
+    range="0 49" stiffness="0.05" springref="150"/></body>"""
 INERTIAL = '<inertial pos="0 0.01 0.02" mass="0.03" diaginertia="2e-5 1.5e-5 1e-5"/>'
 
 
