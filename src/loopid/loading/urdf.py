@@ -713,7 +713,8 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
     for transmission in urdf.root.iter("transmission", "{*}transmission"):
         _read_transmission(transmission, given, left_out)
-    left_out += [LeftOut(f"<{element.tag!s}>") for element in _all(urdf.root, PULLING)]
+    pulling = (str(element.tag).rpartition("}")[2] for element in _all(urdf.root, PULLING))
+    left_out += [LeftOut(f"<{tag}>") for tag in pulling]
     for key, names in others.items():
         what = f"{key} in <dynamics> of {shortened(names)}: not known"
         left_out.append(LeftOut(what, is_force=False))
