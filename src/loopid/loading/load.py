@@ -95,8 +95,8 @@ def load_mechanism(
         says, else six digits where loops would not close or not move otherwise. Closures are then
         closed, by moving their frames as little as possible.
     snap : bool
-        Whether axes that are nearly parallel or square, and lengths that are nearly equal, are
-        made so, within the rounding.
+        Whether axes that are nearly parallel or square, or nearly meet in a point, and lengths that
+        are nearly equal, are made so, within the rounding.
 
     Returns
     -------
