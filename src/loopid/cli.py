@@ -88,7 +88,9 @@ def loaded(
         None, help="Of the file's numbers, in m and rad: what closes within it is closed."
     ),
     snap: bool = Option(
-        False, "--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."
+        False,
+        "--snap",
+        help="Make axes parallel or meet, and lengths equal, that nearly are or do.",
     ),
     floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
     free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),

@@ -56,6 +56,7 @@ from loopid.robot import (
     inertia_defects,
     link_frames,
     odd_masses,
+    shortened,
     unequal_links,
 )
 
@@ -94,8 +95,8 @@ def load_mechanism(
         says, else six digits where loops would not close or not move otherwise. Closures are then
         closed, by moving their frames as little as possible.
     snap : bool
-        Whether axes that are nearly parallel or square, and lengths that are nearly equal, are
-        made so, within the rounding.
+        Whether axes that are nearly parallel or square, or nearly meet in a point, and lengths that
+        are nearly equal, are made so, within the rounding.
 
     Returns
     -------
@@ -481,16 +482,17 @@ def _warn_of_findings(
     free = [name for name in mechanism.free if name not in floating]
     if free:
         warn(
-            f"{path}: the motors leave {', '.join(free)} free: no force acts there, and "
+            f"{path}: the motors leave {shortened(free)} free: no force acts there, and "
             "rows '= 0' say so; lock what does not move",
             MobilityWarning,
         )
     if mechanism.rows:
         _warn_of_closures(mechanism, around)
     # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.
-    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
+    impossible = [defect for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
-        warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+        links = shortened([defect.link for defect in impossible])
+        warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", InertiaWarning)
     if odd := odd_masses(mechanism):
         warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
     for difference in unequal_links(mechanism):

@@ -24,7 +24,7 @@ from loopid.files import why_no_file
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import naming, refuse_entities
-from loopid.robot import LeftOut
+from loopid.robot import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
 # MuJoCo lets 'nan' and 'inf' through.
@@ -302,7 +302,7 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     compiled = spec.compile()
     if needed:
         raise RobotFileError(
-            f"{path}: inertias of {', '.join(needed)} come from geometry that MuJoCo cannot read "
+            f"{path}: inertias of {shortened(needed)} come from geometry that MuJoCo cannot read "
             f"({reason}): give these bodies an <inertial>, or restore the files"
         )
     return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
@@ -593,7 +593,7 @@ def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]
         else:
             what = "limits of tendons are not modelled: "
         notes.setdefault(what, []).append(name)
-    return tight, [what + ", ".join(names) for what, names in notes.items()]
+    return tight, [what + shortened(names) for what, names in notes.items()]
 
 
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
@@ -643,7 +643,7 @@ def _motors(
             [""] if scene.compiled.nu and not joints else []
         ),
     }
-    return joints, [what + ", ".join(which) for what, which in notes.items() if which]
+    return joints, [what + shortened(which) for what, which in notes.items() if which]
 
 
 def _leaders(
@@ -682,7 +682,7 @@ def _left_out(scene: Scene) -> list[str]:
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
     }
-    notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
+    notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
     hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
     turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
     if 0 < turn < 2 * math.pi:

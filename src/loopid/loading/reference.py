@@ -141,7 +141,8 @@ def _exact(
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
-            text += "; --snap makes nearly equal lengths equal" * (not snap)
+            advice = "; --snap makes nearly equal lengths equal, and axes meet that nearly do"
+            text += advice * (not snap)
         warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
     # What is as it is meant to be is no longer rounded, but to floating-point numbers.
     left = presumed if open_by or not snap else ROUND_OFF * closed.length
