@@ -88,7 +88,9 @@ def loaded(
         None, help="Of the file's numbers, in m and rad: what closes within it is closed."
     ),
     snap: bool = Option(
-        False, "--snap", help="Make nearly parallel axes and nearly equal lengths exactly so."
+        False,
+        "--snap",
+        help="Make axes parallel or meet, and lengths equal, that nearly are or do.",
     ),
     floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
     free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
@@ -268,6 +270,7 @@ def simulate(
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
     from loopid.regressors import JointTerms
+    from loopid.saved import robot_files
     from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
     from loopid.trajectories import joint_motion, read_motion_program
 
@@ -283,6 +286,7 @@ def simulate(
     if out is None:
         typer.echo(text, nl=False)
     else:
+        require_other_file(out, *robot_files(mechanism), program or "")
         write_file(out, text)
         typer.echo(out)
 

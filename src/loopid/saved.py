@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from hashlib import sha256
@@ -294,6 +295,8 @@ class SavedFit(_Record):
         for state in self.check:
             if not len(state.velocity) == len(state.acceleration) == len(state.force) == dof:
                 raise ValueError(f"a state must have {dof} velocities, accelerations and forces")
+            if len(state.configuration) != len(self.check[0].configuration):
+                raise ValueError("configurations of the states differ in length")
         if self.estimate is not None and self.covariance is None:
             raise ValueError("an estimate needs a covariance")
         if self.consistency is not None and not np.isfinite(self._standard_values).all():
@@ -663,14 +666,16 @@ def read_fit(path: str | Path) -> SavedFit:
         where = "".join(f"{key}." for key in detail["loc"])[:-1]
         found = f"{where}: {detail['msg']}" if where else detail["msg"]
         raise DataError(f"{path} is not a saved fit: {found}") from error
+    except (TypeError, OverflowError) as error:  # of whole numbers that are none
+        raise DataError(f"{path} is not a saved fit: {error}") from error
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Refuse keys that are given twice, of which the last one would count."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"key {next(n for n in names if names.count(n) > 1)!r} is given twice")
+        ((name, _),) = Counter(name for name, _ in pairs).most_common(1)
+        raise ValueError(f"key {name!r} is given twice")
     return found
 
 

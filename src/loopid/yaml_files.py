@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 from ruamel.yaml.parser import Parser
+from ruamel.yaml.representer import SafeRepresenter
 
 from loopid.errors import LoopidError, MissingFileError, RobotFileError
 from loopid.files import why_no_file
@@ -38,10 +39,11 @@ class Section(BaseModel):
 MOST_BYTES = 500_000
 MOST_DEPTH = 50
 MOST_ANCHORS = 100  # and aliases
+MOST_NAMED = 1000  # values that have anchors, each of which may be copied as often
 LONGEST_TEXT = 100_000
 LARGE = 4_000_000  # bytes of YAML that programs write
-# YAML takes it for 16.
-SPACED_NUMBER = re.compile(r"[-+]?[0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?")
+# YAML takes 1_6 and 0x10 for 16.
+ODD_NUMBER = re.compile(r"[-+]?([0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?|0[box][0-9a-fA-F_]+)")
 ALTERNATIVES = ("float", "str", "list[float]", "list[str]")
 Content = TypeVar("Content", bound=BaseModel)
 
@@ -94,10 +96,22 @@ def load_yaml(
 def yaml_writer() -> YAML:
     """Writes keys in their order, and short lists on one line."""
     yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
     yaml.allow_unicode = True
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.default_flow_style = None
     return yaml
+
+
+class _Representer(SafeRepresenter):
+    """Quotes texts with ":" or "?", which ruamel.yaml cannot read everywhere without."""
+
+    def represent_text(self, text: str) -> Any:
+        style = '"' if set(text) & set(":?") else None
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style)
+
+
+_Representer.add_representer(str, _Representer.represent_text)
 
 
 class _BoundError(Exception):
@@ -112,7 +126,7 @@ class _BoundedParser(Parser):
     def __init__(self, loader: Any) -> None:
         super().__init__(loader)
         self.open: list[bool] = []  # for each collection, whether it is in one with an anchor
-        self.anchors = 0
+        self.anchors = self.named = 0
 
     def get_event(self) -> Any:
         event = super().get_event()
@@ -122,6 +136,11 @@ class _BoundedParser(Parser):
         if self.anchors > MOST_ANCHORS:
             raise _BoundError(
                 f"line {line} has more than the {MOST_ANCHORS} anchors (&) and aliases (*) read"
+            )
+        self.named += named
+        if self.named > MOST_NAMED:
+            raise _BoundError(
+                f"line {line} has more than the {MOST_NAMED} values with anchors (&) that are read"
             )
         if isinstance(event, AliasEvent):
             if named:  # a few would stand for any number of values
@@ -153,8 +172,9 @@ class _BoundedParser(Parser):
             raise _BoundError(
                 f"texts must be printable and on one line, not {text!r:.60} in line {line}"
             )
-        if event.implicit[0] and SPACED_NUMBER.fullmatch(text):
-            raise _BoundError(f"{text!r:.60} in line {line} is a number with _: quote it if not")
+        if event.implicit[0] and ODD_NUMBER.fullmatch(text):
+            what = "a number with _" if "_" in text else "a number with 0x, 0o or 0b"
+            raise _BoundError(f"{text!r:.60} in line {line} is {what}: quote it if not")
 
 
 class _AnyTextParser(_BoundedParser):

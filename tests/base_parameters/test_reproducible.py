@@ -1,14 +1,17 @@
-"""The same choice on every processor, with any number of BLAS threads and any time limit."""
+"""The same result on any processor, with any BLAS threads, time limit, names and order of tags."""
 
 import json
 import os
+import re
 import subprocess
 import sys
+import warnings
 
 import pytest
+from lxml import etree
 
-from closure_robots import Y, Z, body, files, frame, joint
-from loopid import bundled_robots
+from closure_robots import X, Y, Z, body, files, frame, joint, urdf
+from loopid import bundled_robots, find_base_parameters, load_mechanism, structural_observation
 
 CHOICES = """
 import json, sys
@@ -114,3 +117,121 @@ def test_processors_threads_and_time_limits_do_not_change_the_choice(palletizer)
 @pytest.mark.parametrize(("kernel", "threads"), [("Haswell", 2), ("Nehalem", 1), ("Prescott", 1)])
 def test_nor_those_of_any_bundled_robot(kernel, threads):
     assert chosen(bundled_robots(), kernel, threads) == chosen(bundled_robots())
+
+
+# Robots whose files list no motors: joints that nothing but names and their order tells apart would
+# be the first to be confused.
+
+
+def tree():
+    """Branches in which all joints differ."""
+    parents = ("ground", "a", "a", "b", "b", "c", "ground", "g")
+    return urdf(
+        *(
+            body(link, (0.02 * k, 0.01, -0.03), 1 + 0.1 * k)
+            + joint(
+                f"{link}_joint",
+                parent,
+                link,
+                (0.1, 0.03 * k, 0.2),
+                (X, Y, Z)[k % 3],
+                "prismatic" if k == 4 else "revolute",
+                (0.1 * k, 0.3, 0.2),
+            )
+            for k, (link, parent) in enumerate(zip("abcdefgh", parents, strict=True))
+        )
+    )
+
+
+def coaxial():
+    """A five-bar linkage whose cranks, on one axis, only differ in the rods that they carry."""
+    parts = [frame(f"closing_pin_{k}", f"{side}_rod", (0.4, 0, 0)) for k, side in SIDES]
+    for k, side in SIDES:
+        parts += [
+            body(f"{side}_crank"),
+            joint(f"{side}_shoulder", "ground", f"{side}_crank", axis=Y),
+            body(f"{side}_rod", mass=k),
+            joint(f"{side}_elbow", f"{side}_crank", f"{side}_rod", (0.3, 0, 0), Y, rpy=(0, k, 0)),
+        ]
+    return urdf(*parts)
+
+
+SIDES = ((1, "left"), (2, "right"))
+
+
+def folded():
+    """Two parallelograms, drawn folded, on a column; motors that depend on each other."""
+    parts = [body("column"), joint("turn", "ground", "column", axis=Z)]
+    for k, side in SIDES:
+        y = 0.2 * k
+        parts += [
+            *(body(f"{side}_{name}") for name in ("crank", "rod", "rocker")),
+            joint(f"{side}_shoulder", "column", f"{side}_crank", (0, y, 0), Y),
+            joint(f"{side}_elbow", f"{side}_crank", f"{side}_rod", (y, 0, 0), Y),
+            joint(f"{side}_foot", "column", f"{side}_rocker", (0.5, y, 0), Y),
+            frame(f"closing_{side}_1", f"{side}_rod", (0.5, 0, 0)),
+            frame(f"closing_{side}_2", f"{side}_rocker", (y, 0, 0)),
+        ]
+    return urdf(*parts)
+
+
+def hanging():
+    """An MJCF of branches, of which one hangs on a ball."""
+
+    def link(name, inside, kind, y=0.0):
+        return (
+            f'<body name="{name}" pos="0.3 {y} 0"><inertial pos="0.1 0 0.02" mass="1" '
+            f'diaginertia="0.02 0.03 0.04"/><joint name="{name}_joint" {kind}/>{inside}</body>'
+        )
+
+    hinge = 'axis="0 1 0"'
+    left = link("left", link("low", "", hinge) + link("lower", "", 'axis="1 0 0"', 0.2), hinge)
+    right = link("right", link("end", "", 'type="ball"'), hinge, 0.5)
+    return f"<mujoco><worldbody>{left}{right}</worldbody></mujoco>"
+
+
+def rewritten(text, names, tags):
+    """The same robot with names that sort the other way, or with its tags in reverse order."""
+    root = etree.fromstring(text)
+    for tag in root.iter("robot", "body", "worldbody") if tags else ():
+        tag[:] = tag[::-1]
+    text = etree.tostring(root).decode()
+    old = {tag.get("name") for tag in root.iter("link", "joint", "body")} - {"ground", None}
+    old = sorted(name for name in old if "closing_" not in name)
+    new = {name: f"n{len(old) - k:02}" for k, name in enumerate(old)} if names else {}
+    text = re.sub(r'"(\w+)"', lambda match: f'"{new.get(match[1], match[1])}"', text)
+    return text, {name: link for link, name in new.items()}
+
+
+@pytest.mark.parametrize("robot", [tree, coaxial, folded, hanging])
+def test_names_and_the_order_of_tags_change_nothing(robot, tmp_path):
+    file = tmp_path / ("robot.xml" if robot is hanging else "robot.urdf")
+    if robot is hanging:
+        pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    found = []
+    for names, tags in ((False, False), (True, False), (False, True), (True, True)):
+        text, before = rewritten(robot(), names, tags)
+        file.write_text(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of motors that depend on each other, and of modes
+            mechanism = load_mechanism(file)
+            bases = [
+                find_base_parameters(structural_observation(mechanism, model))
+                for model in ("gravity", "full")
+            ]
+        chosen = [
+            {
+                f"{before.get(link, link)}.{kind}"
+                for link, kind in (n.split(".") for n in base.names)
+            }
+            for base in bases
+        ]
+        conditions = [
+            number
+            for base in bases
+            for number in (base.condition_number, base.nullspace_condition_number)
+        ]
+        found.append((chosen, conditions))
+    for chosen, conditions in found:
+        assert chosen == found[0][0]
+        assert conditions == pytest.approx(found[0][1], rel=1e-10, abs=0)

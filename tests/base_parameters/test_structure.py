@@ -139,6 +139,16 @@ def test_singular_values_that_rounded_geometry_could_make_are_warned_of(least, f
     assert len(found) == 8
 
 
+@pytest.mark.parametrize("small", [1e-3, 1e-6, 1e-8])
+def test_round_off_of_a_small_column_is_no_evidence_of_rank(small):
+    """It depends on the others, but for round-off as large as theirs."""
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(60, 4)) @ rng.normal(size=(4, 9))
+    W[:, 3] *= small
+    W[:, 3] += 1e-16 * rng.normal(size=60)
+    assert analyse(observe(W)).rank == 4
+
+
 def test_a_decomposition_that_does_not_converge_is_done_in_another_way(monkeypatch):
     # Which matrices LAPACK's divide and conquer fails for depends on the processor.
     W = np.random.default_rng(0).normal(size=(30, 4)) @ np.random.default_rng(1).normal(size=(4, 9))

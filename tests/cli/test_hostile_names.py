@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from loopid import cli
+from loopid import cli, read_fit
 from made_runs import ARM
 
 NAMES = [
@@ -20,7 +20,12 @@ NAMES = [
         "shoulder": "a$_$b",
         "elbow": "![](http://a.b/c.png)",
     },
-    {"upper": "上腕" * 80, "lower": "x" * 300, "shoulder": "肩" * 100, "elbow": "[bold]:bomb:" * 9},
+    {
+        "upper": "上腕" * 80,
+        "lower": "x" * 300,
+        "shoulder": "肩" * 100,
+        "elbow": ":bomb:[bold]?" * 9,
+    },
 ]
 
 
@@ -55,6 +60,7 @@ def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch
         assert name in unescape(page)
     for figure in out.glob("*.svg"):
         assert "<script" not in figure.read_text()
+    assert names["elbow"] in str(read_fit(out / "parameters.yaml").record())
     done = run("check", tmp_path / "arm.urdf")
     assert names["upper"] in "".join(done.out.split()) or len(names["upper"]) > 9
 

@@ -1,6 +1,7 @@
 """Logs from a robot file, and forces from a fit: ``loopid simulate`` and ``loopid predict``."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,18 @@ def test_the_log_of_the_repository_is_what_the_command_writes(run, tmp_path):
     here, there = (np.genfromtxt(file, delimiter=",", skip_header=1) for file in (path, LOG))
     np.testing.assert_allclose(here, there, atol=1e-6)
     assert path.read_text().splitlines()[0] == LOG.read_text().splitlines()[0]
+
+
+def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
+    given = {}
+    for name in ("five_bar.urdf", "five_bar.yaml", "five_bar_motions.yaml"):
+        given[name] = Path(shutil.copy(ROOT / "urdf" / name, tmp_path))
+    robot, motions = given["five_bar.yaml"], given["five_bar_motions.yaml"]
+    for place in given.values():
+        before = place.read_text()
+        done = run("simulate", str(robot), str(motions), "--out", str(place))
+        assert (done.code, place.read_text()) == (2, before)
+        assert "which this is made from" in done.err
 
 
 @pytest.mark.parametrize("terms", ["Fc", "Fc=a", "Fc=1 Fv=2"])

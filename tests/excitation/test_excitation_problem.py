@@ -1,4 +1,5 @@
 import os
+import pickle
 
 import numpy as np
 import pytest
@@ -39,6 +40,12 @@ def point(given, size):
     shape = given.shape
     around = size * shape.draw(np.random.default_rng(3), len(home)) * given.coordinates.units
     return given.of_variables(np.outer(shape.still(), home) + around)
+
+
+def test_a_problem_can_be_sent_to_another_process():
+    given = problem(load_mechanism("five_bar"), "full")
+    sent = pickle.loads(pickle.dumps(given))
+    np.testing.assert_array_equal(sent.bounds.upper, given.bounds.upper)
 
 
 @pytest.mark.parametrize(

@@ -350,6 +350,12 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
             '<equality><connect name="c" body1="box" anchor="0 0 0"/></equality>',
             "a <flag> disables the equalities, so they close no loop: remove it: c",
         ),
+        (
+            '<joint name="a" range="-1.57 1.57"/><joint name="b" axis="1 0 0" range="0 0.8"/>',
+            "",
+            "its hinges turn by 3.1° at most: if its angles are meant in rad, write "
+            '<compiler angle="radian"/> into it',
+        ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
@@ -383,8 +389,8 @@ def refused(tmp_path, refusal):
 @pytest.mark.parametrize(
     ("content", "fragment"),
     [
-        ("", "MuJoCo refuses it: "),
-        ("no xml", "MuJoCo refuses it: "),
+        ("", "is no XML that can be read"),
+        ("no xml", "is no XML that can be read"),
         ("<mujoco><worldbody></mujoco>", "MuJoCo refuses it: "),
         ("<mujoco>\n<worldbody><bdy/></worldbody></mujoco>", "unrecognized element"),
         (small().replace('mass="1"', 'mass="0"'), "mass and inertia"),

@@ -134,3 +134,29 @@ def test_a_chain_of_many_loops_knows_two_parameters_a_parallelogram(load_files):
     robot = load_files(*folded_robots.parallelogram_chain(9))
     assert len(robot.loops) == 9
     assert analyse(structural_observation(robot, "gravity")).rank == 2 * 9 + 2
+
+
+INERTIAL = '<inertial pos="0.02 0.01 0.5" mass="1" diaginertia="0.1 0.12 0.08"/>'
+LEG = """<body name="leg{k}" pos="{x!r} {y!r} 0">{inertial}<joint name="ball{k}" type="ball"/>
+<body name="rod{k}" pos="0 0 1.2">{inertial}<joint name="slide{k}" type="slide" range="0.3 1.8"/>
+</body></body>"""
+
+
+@pytest.mark.validate
+def test_the_rank_is_known_in_every_mode(tmp_path):
+    """Six legs that spin freely carry a platform: what is independent differs from mode to mode."""
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    angles = np.arange(6) * np.pi / 3
+    legs = "".join(
+        LEG.format(k=k, x=1.5 * float(np.cos(a)), y=1.5 * float(np.sin(a)), inertial=INERTIAL)
+        for k, a in enumerate(angles)
+    )
+    ends = "".join(
+        f'<connect body1="rod{k}" body2="platform" anchor="0 0 1"/>' for k in range(len(angles))
+    )
+    motors = "".join(f'<motor joint="slide{k}"/>' for k in range(len(angles)))
+    (tmp_path / "robot.xml").write_text(
+        f'<mujoco><worldbody>{legs}<body name="platform" pos="0 0 1.85"><freejoint/>{INERTIAL}'
+        f"</body></worldbody><equality>{ends}</equality><actuator>{motors}</actuator></mujoco>"
+    )
+    assert {mode.rank for mode in quietly(tmp_path / "robot.xml").modes} == {82}

@@ -17,15 +17,15 @@ from others_robots import ROWS, each, load, path, poses
 # What the motors leave free, by hand. Unnamed: the motors are as many as the freedoms.
 FREE = {
     # Closed by a weld between two hinges of one pin: the pin spins.
-    "gepetto/5bar_linkage/robot.yaml": ["closedloop1_A"],
-    "gepetto/robot_delta/robot.yaml": ["closedloop1_A", "closedloop3_A", "closedloop2_B"],
+    "gepetto/5bar_linkage/robot.yaml": ["closedloop1_B"],
+    "gepetto/robot_delta/robot.yaml": ["closedloop1_B", "closedloop3_B", "closedloop2_B"],
     # Rods between two balls of three hinges each, welded in their middle: 5, 6 and 6 motors.
     "gepetto/cassie_like/robot.yaml": [
         "foot_2_half_planta_rode_2_rev2",
-        "tarsus_half_hachil_rode_rev2",
+        "tigh_half_hachil_rode_2_rev2",
     ],
     "gepetto/digit_like/robot.yaml": [
-        "hip_x_toe_a_2/2_rev2",
+        "tarsus_toe_a_1/2_rev2",
         "foot_part_toe_b_1/2_2_rev2",
         "foot_part_toe_b_1/2_rev2",
     ],
@@ -44,7 +44,7 @@ FREE = {
         "right-achilles-rod.wx",
         "right-heel-spring",
         "left-heel-spring",
-        "left-shin",
+        "left-tarsus",
         "right-tarsus",
     ],
     # Each finger is a five-bar linkage with two freedoms, of which the motor has one.

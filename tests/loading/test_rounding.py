@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cad_export import cad_export
-from closure_robots import files
+from closure_robots import ROD, X, Y, Z, body, files, frame, joint, tie
 from linkages import four_bar
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.errors import (
@@ -135,6 +135,57 @@ def test_nearly_equal_lengths_are_made_equal_when_the_user_agrees(nearly):
     nearly.write_text(json.dumps(content | {"snap": True}))
     with pytest.warns(ClosureWarning, match="moved"):
         assert count(load_mechanism(nearly)) == 3
+
+
+def spherical(miss):
+    """A spherical four-bar: all axes meet in one point, but for some that miss it."""
+    axes = np.array([[1, 0, 0], [0.6, 0.7, 0.1], [-0.2, 0.8, 0.5], [0.1, -0.3, 1.0]])
+    misses = np.array([[0, 0, 0], [0, 0, miss], [0, -miss, miss], [miss, -miss, miss]])
+    pins = [0.1, 0.2, 0.5] + 0.25 * axes + misses
+    parts = [
+        *(body(name) for name in ("crank", "coupler", "rocker")),
+        joint("crank_joint", "ground", "crank", pins[0], axes[0]),
+        joint("coupler_joint", "crank", "coupler", pins[1] - pins[0], axes[1]),
+        joint("rocker_joint", "coupler", "rocker", pins[2] - pins[1], axes[2]),
+        frame("end", "rocker", pins[3] - pins[2]),
+        frame("pivot", "ground", pins[3]),
+    ]
+    closure = tie("hinge", ("end", "pivot"), axes=[axes[3].tolist()] * 2)
+    return parts, {"closures": [closure], "name_mot": ["crank_joint"]}
+
+
+def jointed(miss):
+    """Two cranks and a rod on a ball joint that is made of three hinges."""
+    parts = [
+        *(body(name) for name in ("crank", "cross", "ring", "rod", "rocker")),
+        joint("crank_joint", "ground", "crank"),
+        joint("cross_joint", "crank", "cross", (0.15, 0, 0.05), Y),
+        joint("ring_joint", "cross", "ring", (miss, 0, 0), Z),
+        joint("rod_joint", "ring", "rod", (0, -miss, 1.3 * miss), X),
+        joint("rocker_joint", "ground", "rocker", (0.5, 0.1, 0.2), (0.3, 1, 0.2)),
+        frame("end", "rod", (ROD, 0, 0)),
+        frame("tip", "rocker", (0.1, 0.05, 0.35)),
+    ]
+    closure = tie("universal", ("end", "tip"), axes=[Y, (0.6, 0.8, 0)])
+    drawn = {"crank_joint": 0.3, "cross_joint": -1.09, "ring_joint": 0.31, "rocker_joint": -0.98}
+    return parts, {"closures": [closure], "name_mot": ["crank_joint"], "reference": drawn}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("robot", [spherical, jointed])
+def test_axes_that_nearly_meet_in_a_point_do_when_the_user_agrees(robot, write_files):
+    exact, near = (
+        load_mechanism(write_files(*files(*robot(miss))), snap=bool(miss)) for miss in (0.0, 1e-6)
+    )
+    assert near.closure_residual == 0
+    for model in ("gravity", "full"):
+        one, other = (
+            find_base_parameters(structural_observation(each, model)) for each in (exact, near)
+        )
+        assert one.names == other.names
+        assert other.structure.noise == 0
+        assert other.structure.rank_gap > 0.01 * one.structure.rank_gap
+        assert other.condition_number == pytest.approx(one.condition_number, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["3ups_rpu", "delta", "four_bar", "parallelogram"])

@@ -599,6 +599,20 @@ def test_a_joint_that_gives_a_link_a_second_parent_is_noted(read):
     assert "pin" not in source.model.names
 
 
+def test_plugins_that_couple_or_close_are_noted(read):
+    plugins = """<gazebo><plugin name="a" filename="libmimic_joint_plugin.so">
+        <joint>shoulder</joint><mimicJoint>wrist</mimicJoint><multiplier>-1</multiplier></plugin>
+        <plugin name="b" filename="libclosed_loop_plugin.so"/>
+        <plugin name="c" filename="libcontrol.so"/></gazebo>"""
+    assert read(*BRANCHES, plugins).notes == (
+        "plugin 'libmimic_joint_plugin.so' is not read: give joint 'wrist' a <mimic>",
+        "plugin 'libclosed_loop_plugin.so' is not read: write its closure into a YAML beside it",
+    )
+    tied = mimicking("shoulder").replace("finger", "wrist")
+    parts = [part for part in BRANCHES if "wrist" not in part and "hand" not in part]
+    assert len(read(*parts, TIP, tied, plugins).notes) == 1
+
+
 SECOND = "<model><joint name='a'><child>l</child></joint><joint name='b'><child>l</child></joint>"
 
 

@@ -100,6 +100,16 @@ def folder(make):
     return write
 
 
+def nested(path):
+    with h5py.File(path, "w") as file:
+        file.create_group("/g" * 500)
+
+
+def long_texts(path):
+    text = ["1" * 10**6] * 50  # some KB, and as many rows as one likes
+    polars.DataFrame(dict.fromkeys(NAMES, text)).write_parquet(path)
+
+
 def bag(description, make=None):
     def write(path):
         path.mkdir()
@@ -131,6 +141,8 @@ HOSTILE = {
     "numbers in a pipe": ("log.h5", external, "in another file"),
     "another file": ("log.h5", linked, "holds no arrays"),
     "a group of another file": ("log.h5", linked, "has no group 'run': it has no groups"),
+    "groups in groups": ("log.h5", nested, "50 in each other"),
+    "one long text": ("log.parquet", long_texts, "holds String, not numbers"),
     "rows of one value": ("log.parquet", parquet, "more than 200 times"),
     "a line of 40 MB": ("log.csv.gz", packed(HEAD.encode(), *[bytes(2**20)] * 40), "1,048,576"),
     "zeros of 18 MB": ("log.csv.gz", packed(HEAD.encode(), *[ZEROS] * 12), "200 times"),

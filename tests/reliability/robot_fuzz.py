@@ -64,6 +64,11 @@ URDF_PLUS = f"""<robot name="loop"><link name="stand"/>
 <successor link="rocker"><origin xyz="0.4 0 0"/></successor><axis xyz="0 1 0"/></loop>
 </robot>
 """
+# Of joints that no file calls motors or lists, in branches and in a loop that some would drive.
+HINGES = MJCF.partition("<actuator>")[0] + "</mujoco>"
+BRANCHES = URDF_PLUS.replace(' independent="true"', "").replace(' independent="false"', "")
+BRANCHES = BRANCHES.replace("</robot>", LINK.format("tool", 0.3, "crank", "", "0.1 0.2 0", 0.4))
+BRANCHES = BRANCHES.replace(' independent=""', "") + "</robot>"
 
 
 @cache
@@ -76,6 +81,7 @@ def robots() -> dict[str, dict[str, bytes]]:
     }
     family = {"robot.yaml": FAMILY_YAML, "robot.urdf": FAMILY}
     texts = {"arm": {"arm.urdf": ARM}, "loop": {"loop.urdf": URDF_PLUS}, "bars": {"bars.xml": MJCF}}
+    texts |= {"branches": {"branches.urdf": BRANCHES}, "hinges": {"hinges.xml": HINGES}}
     for name, files in {**texts, "family": family}.items():
         found[name] = {
             file: text if isinstance(text, bytes) else text.encode() for file, text in files.items()
@@ -166,7 +172,7 @@ def structure(record: dict, names: dict[str, str]) -> dict:
     """What must not depend on how a robot is written, its names put back."""
     return {key: record[key] for key in STRUCTURE} | {
         "condition numbers": [
-            None if record[key] is None else f"{record[key]:.4f}"
+            None if record[key] is None else f"{record[key]:.8g}"
             for key in ("nullspace_condition_number", "condition_number")
         ],
         "chosen": sorted(

@@ -82,9 +82,9 @@ def _scaled(columns: Columns, random: Random) -> None:
 
 def _shifted(columns: Columns, random: Random) -> None:
     """A time of another epoch, with a jump, or that goes back."""
-    if "time" not in columns or columns["time"].dtype.kind != "f":
+    time = columns.get("time", np.array(0.0))
+    if time.dtype.kind != "f" or not time.ndim:
         return
-    time = columns["time"]
     place = random.randrange(len(time) + 1)
     with np.errstate(all="ignore"):
         time[place:] += random.choice((1e-9, 1e-3, 1.0, -1.0, 1e6, 1.7e9, -1e12, 1e18, -3e-2))
@@ -200,10 +200,10 @@ def _npz(place: Path, columns: Columns, random: Random) -> Path:
 def _parquet(place: Path, columns: Columns, random: Random) -> Path:
     packed = random.choice(("zstd", "lz4", "uncompressed", "gzip", "snappy"))
     frame = polars.DataFrame(columns, strict=False)
-    if random.random() < 0.2:
-        frame = frame.with_columns(polars.concat_list(frame.columns[0]).alias(frame.columns[-1]))
     if any("Object" in str(kind) for kind in frame.dtypes):  # Polars panics
         raise TypeError("objects of Python")
+    if random.random() < 0.2:
+        frame = frame.with_columns(polars.concat_list(frame.columns[0]).alias(frame.columns[-1]))
     frame.write_parquet(place / "run.parquet", compression=packed)
     return place / "run.parquet"
 

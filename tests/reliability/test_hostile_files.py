@@ -55,7 +55,10 @@ def refused(tmp_path):
         (b"a: !!python/object/apply:os.system [ls]\n", "in line 1 is not read: remove it"),
         ('name_mot: ["a\\nb"]\n', "printable and on one line, not 'a\\nb'"),
         ('identical: {"\\e[31m": [a, b]}\n', "printable and on one line"),
+        (f"x: &x [{'1, ' * 1500}]\ny: [{'*x, ' * 90}]", "more than the 1000 values with anchors"),
         (b"reference: {a: 1_6}\n", "'1_6' in line 1 is a number with _"),
+        (b"name_mot: [0x10]\n", "'0x10' in line 1 is a number with 0x, 0o or 0b"),
+        ("rounding: 0x" + "f" * 5000, "is a number with 0x"),
         ("reference: {a: ١٢}\n", "reference.a"),
     ],
 )
@@ -94,6 +97,7 @@ ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>
     ("old", "new", "words"),
     [
         ('<robot name="', ENTITY + '<robot name="', "&body; stands for"),
+        ("</joint>", "</joint>&elsewhere;", "&elsewhere; stands for"),
         ('rpy="0 0 0"', 'rpy="1e308 0 0"', "<origin> rpy is too large: 1e308 0 0"),
         ('mass value="3.0"', 'mass value="1_6"', "must be a finite number, not '1_6'"),
         ('mass value="3.0"', 'mass value="١٢"', "must be a finite number"),
@@ -109,11 +113,16 @@ ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>
 )
 def test_a_urdf_that_readers_take_for_another_is_refused(refused, old, new, words):
     assert old in ARM
-    assert words in refused("robot.urdf", ARM.replace(old, new, 1))
+    start = '<!DOCTYPE robot SYSTEM "other.dtd">\n' if "elsewhere" in new else ""
+    assert words in refused("robot.urdf", start + ARM.replace(old, new, 1))
 
 
 BODY = """<body name="b"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
 <joint name="j" axis="1 0 0"/></body>"""
+
+
+FIELD = '<hfield name="h" nrow="3000" ncol="3000" size="1 1 1 1"/>'
+MANY = "<option " + " ".join(f'a{k}=""' for k in range(2000)) + "/>"
 
 
 def mjcf(rest="", body=BODY):
@@ -161,12 +170,35 @@ def mjcf(rest="", body=BODY):
         (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
         (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "printable and on one line"),
         (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "&body; stands for"),
+        (mjcf(body=BODY + "&elsewhere;"), "&elsewhere; stands for"),
+        ("none", "is no XML that can be read"),
+        (mjcf(MANY), "1000 attributes"),
+        (
+            mjcf('<compiler strippath="true"/><asset><mesh name="m" file="no/pipe"/></asset>'),
+            "pipe of <mesh> is no regular file",
+        ),
+        (
+            mjcf(f"<asset>{2 * FIELD}</asset>"),
+            "nrow 3000 x ncol 3000 of <hfield> is too large",
+        ),
+        (
+            mjcf(body=BODY.replace("<joint ", '<joint stiffness="1e308" springref="9000" ')),
+            "joint_terms.j.Fo: Input should be a finite number",
+        ),
     ],
 )
 def test_an_mjcf_without_end_or_sense_is_refused(refused, tmp_path, content, words):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     os.mkfifo(tmp_path / "pipe")
     assert words in refused("robot.xml", content.replace("FOLDER", tmp_path.name))
+
+
+def test_files_that_include_each_other_again_and_again_are_refused(refused, tmp_path):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    for k in range(9):
+        content = f'<include file="{k - 1}.xml"/>' * 9 if k else "<option/>"
+        (tmp_path / f"{k}.xml").write_text(f"<mujoco>{content}</mujoco>")
+    assert "already included" in refused("robot.xml", mjcf('<include file="8.xml"/>'))
 
 
 @pytest.mark.parametrize("ending", ["urdf", "xml", "yaml"])

@@ -37,7 +37,7 @@ ROUND_OFF, SECOND_ORDER = 1e-15, 1e-5
 # mean square) if it is not evidence of rank: few to see whether there may be noise, then more.
 DRAWS = ((2, 0.005), (8, 0.05))
 CLEAR_OF_NOISE = 100.0  # how many times what counts exceeds the noise
-SIX_DIGITS = 1e-6  # m, rounding that is asked for where a column is nearly zero
+SIX_DIGITS = 1e-6  # m, rounding that is asked for where a column or a value is nearly zero
 COARSER = 10.0  # rounding that is asked for where the one that is known does not explain a value
 NEAR_INVERSE = (
     10.0  # condition numbers within this factor of the inverse of the accuracy are warned of
@@ -127,11 +127,14 @@ def analyse(observation: Observation) -> Structure:
         R = observation.factor[:, columns]
         # Columns in kg and in kg m² differ by orders of magnitude that mean nothing: scale them,
         # but not round-off to the size of the rest.
-        common = noise is not None or doubtful
-        scales = _scales(observation)[columns] if common else 1 / np.linalg.norm(R, axis=0)
+        common, norms = _scales(observation)[columns], np.linalg.norm(R, axis=0)
+        scales = common if noise is not None or doubtful else 1 / norms
         values, right = _decomposed(R * scales)
+        # All columns have the round-off of the largest: scaling lifts that of small ones.
+        lifted = np.linalg.norm(right[: len(values)] * scales / common, axis=1)
+        round_off = len(values) * np.finfo(float).eps * (norms * common).max() * lifted
     try:
-        rank, gap = decide_rank(values) if noise is None else (noise.rank, noise.gap)
+        rank, gap = decide_rank(values, round_off) if noise is None else (noise.rank, noise.gap)
         between = (values > LEAST_UNCLEAR * values[0]) & (values < FAINT * values[0])
         if doubtful and between.any():
             raise RankError(doubtful)
@@ -139,10 +142,10 @@ def analyse(observation: Observation) -> Structure:
         if doubtful:
             raise RankError(doubtful) from None
         unclear = right[(values > LEAST_UNCLEAR * values[0]) & (values < MOST_UNCLEAR * values[0])]
-        faint = values[
-            (values < ROUND_OFF_CEILING * values[0]) & (values > LEAST_UNCLEAR * values[0])
-        ]
-        concerned = _concerned(observation, columns, unclear, faint / values[0])
+        relative = values / values[0]
+        faint = relative[(relative < ROUND_OFF_CEILING) & (relative > LEAST_UNCLEAR)]
+        made = float(faint.max(initial=0.0)) * observation.length
+        concerned = _concerned(observation, columns, unclear, made)
         raise RankError(f"{error}; {concerned}") from None
     if rank == observation.rows < len(columns):
         raise RankError(
@@ -178,17 +181,16 @@ def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def warn_of_faint(observation: Observation, structure: Structure) -> None:
     """Name combinations that count although forces hardly depend on them."""
-    values, rank = structure.singular_values, structure.rank
-    most = int((values[:rank] >= FAINT * values[0]).sum())
+    values, right = _decomposed(structure.row_factor * _scales(observation)[structure.columns])
+    rank, most = structure.rank, int((values >= FAINT * values[0]).sum())
     if most == rank or structure.noise:
         return
-    combinations = structure.row_factor[most:] / values[most:rank, None]
-    faint = values[most:rank] / values[0]
+    least = values[-1] / values[0]
     warn(
-        f"{rank - most} of the {rank} singular values that count are below {FAINT:g} of the "
-        f"largest, down to {values[rank - 1] / values[0]:.1e}: rounded or nearly special geometry "
-        f"makes such values, and then the rank is at most {most}; "
-        f"{_concerned(observation, structure.columns, combinations, faint)}",
+        f"{rank - most} of the {rank} singular values that count, of columns in common units, are "
+        f"below {FAINT:g} of the largest, down to {least:.1e}: rounded or nearly special "
+        f"geometry makes such values, and then the rank is at most {most}; "
+        f"{_concerned(observation, structure.columns, right[most:rank], SIX_DIGITS)}",
         AccuracyWarning,
     )
 
@@ -270,33 +272,35 @@ def _concerned(
     observation: Observation,
     columns: IntArray,
     combinations: FloatArray,
-    faint: FloatArray | None = None,
+    made: float = 0.0,
 ) -> str:
     """What combinations (k, n) of the parameters in columns are of, and what to do about them.
 
-    Where nothing is known of a rounding, it may be one that made faint relative singular values.
+    Where a rounding may have ``made`` them, in m, it is asked for.
     """
     weight = np.abs(combinations).max(axis=0, initial=0.0)
     leading = np.argsort(-weight.round(DIGITS), kind="stable")[:NAMED]
     names = [observation.parameters[columns[k]] for k in sorted(leading) if weight[k] > 0]
     text, how = ", ".join(name.label for name in names), "write its numbers with more digits"
-    if faint is not None and len(faint):
-        rounding = _rounding(faint, observation)
+    if made:
+        rounding = _rounding(made, observation)
         how += f", or, if they are rounded, say so by --rounding {rounding:g}"
     if observation.geometry is not None:
         places = observation.geometry.places
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
         text += f" of loop {', '.join(loops)}" if loops else ""
         alike = "; ".join(observation.geometry.alike[:NAMED])
-        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
+        if alike:
+            how += f", or alike what is meant to be equal, as --snap makes it: {alike}"
+        elif not made:
+            how += ", or, if they are exact, say so by --rounding 0"
     return f"it is about {text}: {how}"
 
 
-def _rounding(faint: FloatArray, observation: Observation) -> float:
-    """A rounding, in m, that may make values as faint as these: not one that was tried."""
-    rounding = float(10.0 ** np.ceil(np.log10(faint.max() * observation.length)))
+def _rounding(least: float, observation: Observation) -> float:
+    """A rounding to ask for, in m: not one that was tried."""
     tried = 0.0 if observation.geometry is None else observation.geometry.accuracy
-    return max(rounding, COARSER * tried)
+    return max(float(10.0 ** np.ceil(np.log10(least))), COARSER * tried)
 
 
 def _scales(observation: Observation) -> FloatArray:
@@ -304,12 +308,18 @@ def _scales(observation: Observation) -> FloatArray:
     return np.asarray(observation.length ** observation.parameters.length_powers.astype(np.float64))
 
 
-def decide_rank(singular_values: FloatArray) -> tuple[int, float]:
-    """Rank and gap of descending singular values; RankError unless just one gap is wide."""
+def decide_rank(
+    singular_values: FloatArray, round_off: FloatArray | float = 0.0
+) -> tuple[int, float]:
+    """Rank and gap of descending singular values; RankError unless just one gap is wide.
+
+    Values up to ``round_off`` are that, whatever their size.
+    """
     values = np.asarray(singular_values, dtype=np.float64) / singular_values[0]
     # Round-off leaves about this much of an exact zero: how far below a value is means nothing.
     floor = len(values) * np.finfo(float).eps
-    floored = np.append(np.maximum(values, floor), floor)
+    counted = np.where(singular_values > round_off, values, 0.0)
+    floored = np.append(np.maximum(counted, floor), floor)
     gaps = floored[:-1] / floored[1:]
     gaps[floored[1:] > ROUND_OFF_CEILING] = 0.0
     clear = np.flatnonzero(gaps >= MINIMUM_RANK_GAP)
@@ -352,18 +362,23 @@ def _nonzero_columns(observation: Observation, noise: _Noise | None) -> tuple[In
     relative = norms / largest
     if noise is not None:
         return np.flatnonzero(norms > noise.shortest), ""
-    doubtful = (relative > ZERO_COLUMN) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
+    zero, geometry = ZERO_COLUMN, observation.geometry
+    if geometry is not None and not geometry.presumed:  # products of two roundings
+        size = np.linalg.norm(observation.factor * _scales(observation), 2) / largest
+        zero = max(zero, SECOND_ORDER * geometry.relative * float(size))
+    doubtful = (relative > zero) & (relative < MINIMUM_RANK_GAP * ZERO_COLUMN)
     told = ""
     if doubtful.any():
         column = int(np.flatnonzero(doubtful)[0])
-        rounding = max(_rounding(relative[doubtful], observation), SIX_DIGITS)
+        made = float(relative[doubtful].max() * observation.length)
+        rounding = _rounding(max(made, SIX_DIGITS), observation)
         told = (
             f"column {observation.parameters[column].label} is neither zero nor clearly not: "
-            f"{relative[column]:.1e} of the largest (zero below {ZERO_COLUMN:g}, an effect above "
+            f"{relative[column]:.1e} of the largest (zero below {zero:.0e}, an effect above "
             f"{MINIMUM_RANK_GAP * ZERO_COLUMN:g}): write the robot's numbers with more digits, or, "
             f"if they are rounded, say so by --rounding {rounding:g} without --snap"
         )
-    return np.flatnonzero(relative > ZERO_COLUMN), told
+    return np.flatnonzero(relative > zero), told
 
 
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:

@@ -42,13 +42,14 @@ from loopid.regressors import JointTerms
 from loopid.robot import Mechanism, lock_options, shortened
 from loopid.scratch import row_blocks
 from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
-from loopid.workers import one_blas_thread
+from loopid.workers import one_blas_thread, require_processes
 
 # Seconds of a motion where nothing else is said.
 DURATIONS = {"gravity": 20.0, "full": 10.0}
 TIME_LIMIT = 60.0
 RATE = 100.0
 STARTS = 4
+MOST_SIZE = 500
 # Random poses, by which margins, reaches and pairs of links are told.
 POSES = 128
 # Where the finer grid shows a broken bound: parts of the motion's size that are left, of which the
@@ -279,6 +280,9 @@ def design_excitation(
     )
     mechanism = force_model.mechanism
     _refuse(force_model, criterion, shape, coordinates, solver, parameters, time_limit, starts)
+    require_processes(n_jobs, "n_jobs")
+    if iterations is not None and iterations < 0:
+        raise OptionError(f"iterations must be 0 at least, not {iterations}")
     duration = DURATIONS[force_model.model] if duration is None else duration
     with one_blas_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", SingularityWarning)  # of motions that are tried
@@ -499,6 +503,10 @@ def _shape(kind: str, seconds: float, size: int | None, unknown: int, dof: int) 
     if not 0 < seconds < np.inf:
         raise OptionError(f"duration must be a time above 0 s, not {seconds}")
     default = {"fourier": 6, "spline": 10, "poses": max(8, -(-2 * unknown // dof))}[kind]
+    if size is not None and size > MOST_SIZE:
+        raise OptionError(
+            f"size must be at most {MOST_SIZE}, not {size}: time and memory grow with its square"
+        )
     made: Shape = SHAPES[kind](seconds, default if size is None else size)
     return made
 

@@ -160,8 +160,9 @@ class Bounds:
             for name in ranges:
                 if name not in names and (ranges is limits.positions or name != "all"):
                     raise OptionError.unknown("joint", name, names)
-        self._joints = {name: joint for name, joint in names.items() if joint.nv == 1}
-        self._sliding = {n: j.idx_v in mechanism.prismatic for n, j in self._joints.items()}
+        # Names only: Pinocchio's joints cannot be sent to another process.
+        self._joints = [name for name, joint in names.items() if joint.nv == 1]
+        self._sliding = {n: names[n].idx_v in mechanism.prismatic for n in self._joints}
         # Files often give a mimicking joint limits that its leader does not let it keep.
         following = {name for coupling in mechanism.couplings for name in coupling.joints}
         self._following = following - {*mechanism.independent, *limits.positions}
@@ -200,7 +201,8 @@ class Bounds:
         self._v: list[int] = []
         self._a: list[int] = []
         self._f: list[int] = []
-        for name, joint in self._joints.items():
+        for name in self._joints:
+            joint = mechanism.joint(name)
             driven = name in mechanism.independent
             speed = self._largest(limits.speeds, name, float(model.velocityLimit[joint.idx_v]))
             if driven and slow and not limits.speeds.keys() & {name, "all"}:
@@ -211,19 +213,19 @@ class Bounds:
                 self._add("speed", name, f"{unit[name]}/s", -speed, speed)
                 self._v.append(joint.idx_v)
         forces = {}
-        for name in self._joints.keys() & {*mechanism.actuated}:
-            effort = float(model.effortLimit[self._joints[name].idx_v])
+        for name in (name for name in self._joints if name in mechanism.actuated):
+            effort = float(model.effortLimit[mechanism.joint(name).idx_v])
             lever = 1.0 if self._sliding[name] else mechanism.length
             file = effort if effort < UNLIMITED * weight * lever else 0.0
             forces[name] = self._largest(limits.forces, name, file)
         bounded = bool(np.isfinite([*forces.values()]).all())
-        for name, joint in self._joints.items():
+        for name in self._joints:
             most = self._largest(limits.accelerations, name, 0.0)
             if name in mechanism.independent and not np.isfinite(most) and (slow or not bounded):
                 most = fall[name] * rate * (SLOW_ACCELERATION if slow else 1.0)
             if np.isfinite(most):
                 self._add("acceleration", name, f"{unit[name]}/s²", -most, most)
-                self._a.append(joint.idx_v)
+                self._a.append(mechanism.joint(name).idx_v)
         for k, name in enumerate(mechanism.actuated):
             if np.isfinite(forces.get(name, np.inf)):
                 unit_of_force = "N" if self._sliding[name] else "N m"
@@ -239,8 +241,8 @@ class Bounds:
 
     def _bound_positions(self) -> None:
         self._q: list[int] = []
-        for name, joint in self._joints.items():
-            low, high = self.mechanism.limits(name)
+        for name in self._joints:
+            joint, (low, high) = self.mechanism.joint(name), self.mechanism.limits(name)
             width = self.mechanism.length if self._sliding[name] else np.pi
             low, high = (
                 x if abs(x) < UNLIMITED * width else np.sign(x) * np.inf for x in (low, high)

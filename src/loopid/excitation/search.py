@@ -404,6 +404,8 @@ def searched(
                 if progress is not None:
                     progress(monotonic() - begun, deadline - begun, best)
                 yield found
+                if interrupted.is_set():
+                    break
             return
         for k in range(starts):
             now = monotonic()

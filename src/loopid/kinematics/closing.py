@@ -100,14 +100,15 @@ def nearby_configurations(mechanism: Mechanism, configuration: FloatArray) -> Fl
     """A closed configuration (nq,), then those of ``WALKS`` from it that stay closed (n, nq)."""
     if mechanism.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
-    generator = random_generator(0, stream=3)
+    nv, generator = mechanism.model.nv, random_generator(0, stream=3)
+    places = mechanism.draw_places(np.arange(nv))
     q = np.repeat(configuration[None], WALKS, axis=0)
     for _ in range(WALK_STEPS):
         _, jacobian = Constraint(mechanism, q).scaled()
-        steps = np.zeros((WALKS, mechanism.model.nv))
+        steps = generator.normal(size=(WALKS, nv))[:, places]
         for k in range(WALKS):
             basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
-            direction = basis @ generator.normal(size=basis.shape[1])
+            direction = basis @ (basis.T @ steps[k])
             steps[k] = WALK_STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
         q, residual = close_loops(mechanism, start)

@@ -123,8 +123,9 @@ def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) ->
         raise MobilityError(f"{mechanism.name} has no degree of freedom: nothing can move")
     generic = np.stack([space for space in spaces if space.shape[1] == freedom])
     motors = mechanism.velocity_indices(mechanism.actuated)
-    chosen = _independent_motors(generic, motors)
-    passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
+    order = np.argsort(mechanism.precedence)  # which of equals is chosen
+    chosen = _independent_motors(generic, order[np.isin(order, motors)])
+    passive = order[~np.isin(order, motors)]
     chosen = _completed(generic, chosen, passive, generic.shape[2])
     return tuple(mechanism.coordinates[k] for k in chosen)
 

@@ -118,9 +118,10 @@ def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[Float
     mechanism, generator = motors.mechanism, random_generator(0, stream=4)
     limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
     down, up = origin - limits[:, 0], limits[:, 1] - origin
+    places = mechanism.draw_places(motors.known)
     for attempt in range(STEPS):
-        size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)
-        upwards = generator.uniform(size=motors.width) < 0.5 if attempt else up >= down
+        size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)[places]
+        upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
         size = np.minimum(
             size * mechanism.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
         )
@@ -132,6 +133,7 @@ def _scattered(motors: JointCoordinates, drawn: FloatArray) -> FloatArray:
     count = STARTS if len(motors.mechanism.loops) <= MANY_LOOPS else STARTS_OF_MANY
     radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
     steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
+    steps = steps[:, motors.mechanism.draw_places(motors.unknown)]
     starts = np.repeat(drawn[None], count, axis=0)
     return integrate(motors.mechanism, starts, motors.tangent(radius * steps))
 
@@ -191,7 +193,8 @@ class _LoopPoses:
             key=lambda pair: -float(np.linalg.norm(pair[1].placement.translation)),
         )
         on = {frame.parentJoint: k for k, frame in frames}
-        links = [on[joint] for joint in (root, *sorted(joints)) if joint in on]
+        ranked = sorted(joints, key=lambda k: mechanism.joint_ranks[mechanism.joints[k - 1]])
+        links = [on[joint] for joint in (root, *ranked) if joint in on]
         ends = [frame for closure in loop.closures for frame in closure.frame_ids]
         self.frames = links + ends
         self.own = np.zeros(mechanism.model.nq, dtype=bool)  # positions of its passive joints

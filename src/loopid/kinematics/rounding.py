@@ -11,9 +11,9 @@ joints are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import pinocchio as pin
@@ -207,7 +207,8 @@ def exact_geometry(
     """The mechanism with its loops closed at a configuration (nq,), and with exact directions.
 
     Directions that are parallel, or square to each other or to gravity, but for the rounding are
-    made so; with ``lengths`` also lengths that are equal or zero but for the rounding.
+    made so; with ``lengths`` also lengths that are equal or zero but for the rounding, and axes
+    that meet in one point but for it.
     """
     world = _World.of(mechanism, q)
     _align(mechanism, world, NEARLY * rounding)
@@ -435,6 +436,8 @@ def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[
             between[:, i] = _across(one.direction, other.direction)
             between[:, j] = -between[:, i]
             pairs.append(between)
+    for k in range(len(nodes)):
+        pairs += [d for d in _offsets(nodes, k, x.shape) if abs((d * x).sum()) < tolerance]
     difference = np.reshape(pairs, (len(pairs), 3, *x.shape))
     lengths = np.linalg.norm(np.einsum("kanb,nb->ka", difference, x), axis=1)
     groups: list[list[int]] = []
@@ -468,6 +471,33 @@ def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[
         for k, closure in enumerate(mechanism.closures)
         if closure.kind == "distance"
     }
+
+
+def _offsets(nodes: Sequence[_Node], k: int, shape: tuple[int, ...]) -> Iterator[FloatArray]:
+    """Distances along a hinge: what makes them of the points (n, 3), as (3, n, 3).
+
+    They are between its origin and where axes and points of its two bodies meet it or come near.
+    """
+    axis, origin = nodes[k].direction, np.zeros((3, *shape))
+    if axis is None:
+        return
+    feet = [origin], [origin]
+    for own, body in zip(feet, nodes[k].bodies, strict=True):
+        for j, node in enumerate(nodes):
+            meets = j != k and body in node.bodies
+            if meets and (along := _along(axis, node.direction)) is not None:
+                foot = origin.copy()
+                foot[0, j], foot[0, k] = along, -along
+                own.append(foot)
+    yield from (one - other for one, other in product(*feet) if one is not other)
+
+
+def _along(axis: FloatArray, other: FloatArray | None) -> FloatArray | None:
+    """Times a point, or one of a line: where on an axis is next to it; None of a parallel line."""
+    if other is None:
+        return axis
+    plane = np.cross(other, np.cross(axis, other))
+    return plane / (plane @ axis) if np.linalg.norm(plane) > APART else None
 
 
 def _across(one: FloatArray | None, other: FloatArray | None) -> FloatArray:

@@ -117,6 +117,7 @@ def _drawn(
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
     measured = measured_coordinates(mechanism)
     home, lower, upper = _ranges(measured)
+    places = mechanism.draw_places(mechanism.velocity_indices(mechanism.measured))
     start = np.repeat(mechanism.reference[None], BATCH, axis=0)
     paths = PathOptions(
         shortest_step=SHORTEST_STEP, most_steps=max(MOST_STEPS * spread, LEAST_STEPS)
@@ -130,7 +131,8 @@ def _drawn(
     while True:
         if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
             raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
-        values = home + spread * (generator.uniform(lower, upper, (BATCH, len(home))) - home)
+        part = generator.uniform(size=(BATCH, len(home)))[:, places]
+        values = home + spread * (lower + part * (upper - lower) - home)
         with one_blas_thread():
             outcome = follow_paths(measured, start, values, paths)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
@@ -190,7 +192,8 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     chosen, _ = partition(mechanism)
     parts = np.isin(mechanism.independent, mechanism.held)
     units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
-    steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen))) * units * parts
+    steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
+    steps = steps[:, mechanism.draw_places(chosen)] * units * parts
     q, residual = displaced(mechanism, q, steps)
     return q[residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)]
 
@@ -213,5 +216,6 @@ def random_motions(
     unit[np.isin(independent, mechanism.prismatic)] = mechanism.length
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
     rate = np.sqrt(gravity / mechanism.length)
-    velocity, acceleration = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
+    drawn = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
+    velocity, acceleration = drawn.take(mechanism.draw_places(independent), axis=2)
     return velocity * unit * rate, acceleration * unit * rate**2

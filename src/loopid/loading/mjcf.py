@@ -6,6 +6,7 @@ Importing this needs MuJoCo.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 from numpy.polynomial import Polynomial
+from pydantic import ValidationError
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import MissingFileError, RobotFileError
@@ -22,7 +24,8 @@ from loopid.files import why_no_file
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import naming, refuse_entities
-from loopid.robot import LeftOut
+from loopid.robot import LeftOut, shortened
+from loopid.yaml_files import first_problem
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
@@ -54,9 +57,11 @@ BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 # Far more than robots have: joints, bytes of a file, files, elements with all copies.
 MOST_JOINTS, MOST_BYTES, MOST_FILES, MOST_ELEMENTS = 2000, 20_000_000, 100, 20_000
+MOST_ATTRIBUTES = 1000  # of an element: MuJoCo's time grows with their square
 LARGEST = 1e100  # so that no product of a few numbers overflows
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-# What the product of the numbers of some attributes may be at most: MuJoCo makes so many entries.
+# What the product of the numbers of some attributes may be at most, in all elements of a file:
+# MuJoCo makes so many entries.
 SIZES: dict[str, dict[tuple[str, ...], float]] = {
     "hfield": {("nrow", "ncol"): 1e7},
     "texture": {("width", "height"): 1e8},
@@ -68,9 +73,8 @@ SIZES: dict[str, dict[tuple[str, ...], float]] = {
 }
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
-MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
-MOST_INCLUDES = 20
 ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
@@ -93,6 +97,15 @@ def read_mjcf(path: Path) -> TreeSource:
     closures += tight
     forces = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
+    try:
+        description = Description(
+            closures=closures,
+            name_mot=motors or None,
+            reference=_reference(scene),
+            joint_terms={joint: values for joint, values in forces.terms.items() if values},
+        )
+    except ValidationError as error:
+        raise RobotFileError(f"{path}: {first_problem(error)}") from error
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     return TreeSource(
         name=name,
@@ -100,12 +113,7 @@ def read_mjcf(path: Path) -> TreeSource:
         model=model,
         inertial_links=tuple(_where(scene.bodies, heavy)),
         child_links=child_links,
-        description=Description(
-            closures=closures,
-            name_mot=motors or None,
-            reference=_reference(scene),
-            joint_terms={joint: values for joint, values in forces.terms.items() if values},
-        ),
+        description=description,
         notes=(*_left_out(scene), *slack, *notes, *warnings),
         left_out=tuple(forces.left_out),
     )
@@ -207,8 +215,8 @@ def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError:
         root = None
-    if root is None:  # for MuJoCo to explain
-        return
+    if root is None:
+        raise RobotFileError(f"{path} is no XML that can be read")
     # MuJoCo compiles URDFs too, but drops what it does not know in them.
     if not read and root.tag != "mujoco":
         raise RobotFileError(f"{path} is not MJCF: its root is <{root.tag!s}>, not <mujoco>")
@@ -223,17 +231,25 @@ def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
     folders = {""} | {
         str(tag.get(key)) for tag in root.iter("compiler") for key in FOLDERS if tag.get(key)
     }
+    entries = Counter[tuple[str, ...]]()
     for tag in root.iter("*"):
+        if len(tag.attrib) > MOST_ATTRIBUTES:
+            raise RobotFileError(
+                f"{path}: <{tag.tag!s}> has more than {MOST_ATTRIBUTES} attributes"
+            )
         for size, limit in SIZES.get(str(tag.tag), {}).items():
-            product = math.prod(_size(word) for key in size for word in tag.get(key, "").split())
-            if product > limit:
+            entries[size] += math.prod(
+                _size(word) for key in size for word in tag.get(key, "").split()
+            )
+            if entries[size] > limit:
                 what = " x ".join(f"{key} {tag.get(key)}" for key in size)
                 raise RobotFileError(f"{path}: {what} of <{tag.tag!s}> is too large")
         for key in tag.attrib:
             if not str(key).startswith("file"):
                 continue
             name = tag.get(key, "")
-            for place in dict.fromkeys(folder / part / name for part in sorted(folders)):
+            ends = (name, Path(name).name)  # the second where the compiler strips paths
+            for place in dict.fromkeys(folder / f / end for f in sorted(folders) for end in ends):
                 problem = why_no_file(place)
                 if problem == "is no regular file":
                     raise RobotFileError(f"{path}: {place} of <{tag.tag!s}> {problem}")
@@ -260,7 +276,7 @@ def _size(word: str) -> int:
 def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     """Compile a file without plugins, then without meshes, where dynamics needs none of them."""
     root = etree.parse(path).getroot()
-    _include(root, path.parent)
+    _include(root, path.parent, [])
     plugins = {str(tag.get("plugin")) for tag in root.iter("plugin")} - {"None"}
     for tag in root.findall(".//actuator/plugin"):  # a motor, whatever its law
         tag.tag, ends = "general", {key: tag.attrib[key] for key in ACTUATOR_ENDS & set(tag.attrib)}
@@ -286,19 +302,21 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     compiled = spec.compile()
     if needed:
         raise RobotFileError(
-            f"{path}: inertias of {', '.join(needed)} come from geometry that MuJoCo cannot read "
+            f"{path}: inertias of {shortened(needed)} come from geometry that MuJoCo cannot read "
             f"({reason}): give these bodies an <inertial>, or restore the files"
         )
     return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
 
 
-def _include(root: etree._Element, folder: Path, depth: int = 0) -> None:
-    """Put what ``<include>`` tags name in their places."""
+def _include(root: etree._Element, folder: Path, read: list[str]) -> None:
+    """Put what ``<include>`` tags name in their places; MuJoCo takes each file once."""
     for tag in root.findall(".//include"):
-        if depth == MOST_INCLUDES:
-            raise OSError("files include each other")
-        inner, parent = etree.parse(folder / tag.get("file", "")).getroot(), tag.getparent()
-        _include(inner, folder, depth + 1)
+        name, parent = tag.get("file", ""), tag.getparent()
+        if name in read:
+            raise OSError("a file is included twice")
+        read.append(name)
+        inner = etree.parse(folder / name).getroot()
+        _include(inner, folder, read)
         if parent is not None:
             at = parent.index(tag)
             parent[at : at + 1] = list(inner)
@@ -575,7 +593,7 @@ def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]
         else:
             what = "limits of tendons are not modelled: "
         notes.setdefault(what, []).append(name)
-    return tight, [what + ", ".join(names) for what, names in notes.items()]
+    return tight, [what + shortened(names) for what, names in notes.items()]
 
 
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
@@ -625,7 +643,7 @@ def _motors(
             [""] if scene.compiled.nu and not joints else []
         ),
     }
-    return joints, [what + ", ".join(which) for what, which in notes.items() if which]
+    return joints, [what + shortened(which) for what, which in notes.items() if which]
 
 
 def _leaders(
@@ -664,7 +682,14 @@ def _left_out(scene: Scene) -> list[str]:
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
     }
-    notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
+    notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
+    hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
+    turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
+    if 0 < turn < 2 * math.pi:
+        notes.append(
+            f"its hinges turn by {turn:.2g}° at most: if its angles are meant in rad, write "
+            '<compiler angle="radian"/> into it'
+        )
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes

@@ -141,7 +141,8 @@ def _exact(
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
-            text += "; --snap makes nearly equal lengths equal" * (not snap)
+            advice = "; --snap makes nearly equal lengths equal, and axes meet that nearly do"
+            text += advice * (not snap)
         warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
     # What is as it is meant to be is no longer rounded, but to floating-point numbers.
     left = presumed if open_by or not snap else ROUND_OFF * closed.length
@@ -259,7 +260,11 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
     if len(mechanism.parameters()) > LARGEST:
         return None
-    robot = replace(mechanism, reference=mode.reference)
+    try:
+        # Coordinates that are independent in one mode may hardly be so in another.
+        robot, _ = _closed_at(mechanism, mode.reference)
+    except LoopidError:
+        return None
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     for spread in SPREADS:
         with suppress(LoopidError):
@@ -271,7 +276,7 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
     """Configurations and what their loops stay open by (m), from the most to the least wanted."""
     start = mechanism.reference[None]
-    left_out = [joint for joint in mechanism.joints if joint not in given]
+    left_out = sorted({*mechanism.joints} - {*given}, key=mechanism.joint_ranks.__getitem__)
     either = {*mechanism.passive, *left_out}
     passive = mechanism.velocity_indices(mechanism.passive)
     movable = mechanism.velocity_indices([name for name in mechanism.joints if name in either])

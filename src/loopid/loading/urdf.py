@@ -74,6 +74,7 @@ SLACK = 1.5
 ROOT_JOINT = "root_joint"
 PACKAGE = "package://"
 CLOSING_FRAME = re.compile(r"closing_(.+)_([12])")
+CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
 Z = (0.0, 0.0, 1.0)
 AXIAL = ("hinge", "cylindrical", "prismatic", "universal")
 # Kinds of closures by the types of joints, of URDF+ and of others.
@@ -128,9 +129,12 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
             joint_terms=terms,
         ),
         left_out=tuple(left_out),
-        notes=tuple(
-            f"{label(joint)} gives its link a second parent: it closes a loop"
-            for joint in urdf.second
+        notes=(
+            *(
+                f"{label(joint)} gives its link a second parent: it closes a loop"
+                for joint in urdf.second
+            ),
+            *_unread_plugins(urdf),
         ),
     )
 
@@ -237,9 +241,10 @@ def parse_xml(path: Path) -> Element:
 
 
 def refuse_entities(root: Element) -> None:
-    """Refuse entities that an XML file declares."""
+    """Refuse entities that an XML file declares, or uses without."""
     declared = root.getroottree().docinfo.internalDTD
     names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
+    names += [str(entity.text)[1:-1] for entity in root.iter(etree.Entity)]
     if names:
         raise RobotFileError(
             f"XML entities are not read: write out what &{names[0]:.60}; stands for"
@@ -653,6 +658,19 @@ def _ends(element: Element, urdf: UrdfFile) -> tuple[str, str]:
     return found[0], found[1]
 
 
+def _unread_plugins(urdf: UrdfFile) -> list[str]:
+    """Sentences about plugins of Gazebo that couple joints, or close loops, which no tag tells."""
+    followers, notes = {j.name for j in urdf.robot.joints if j.mimic is not None}, list[str]()
+    for plugin in urdf.root.iterfind("gazebo//plugin"):
+        file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
+        what = f"plugin {file!r:.80} is not read"
+        if follower and follower not in followers:
+            notes.append(f"{what}: give joint {follower!r:.60} a <mimic>")
+        elif CLOSING_PLUGIN.search(file):
+            notes.append(f"{what}: write its closure into a YAML beside it")
+    return notes
+
+
 # Forces in joints: <dynamics>, transmissions, and what simulators add.
 
 # Attributes of <dynamics>, and tags of simulators, by the term that they are a coefficient of.
@@ -695,7 +713,8 @@ def _joint_forces(urdf: UrdfFile) -> tuple[dict[str, dict[str, float]], list[Lef
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", weights))
     for transmission in urdf.root.iter("transmission", "{*}transmission"):
         _read_transmission(transmission, given, left_out)
-    left_out += [LeftOut(f"<{element.tag!s}>") for element in _all(urdf.root, PULLING)]
+    pulling = (str(element.tag).rpartition("}")[2] for element in _all(urdf.root, PULLING))
+    left_out += [LeftOut(f"<{tag}>") for tag in pulling]
     for key, names in others.items():
         what = f"{key} in <dynamics> of {shortened(names)}: not known"
         left_out.append(LeftOut(what, is_force=False))

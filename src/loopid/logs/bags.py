@@ -27,7 +27,7 @@ from loopid.logs.formats import (
     refusals,
     require_few_rows,
 )
-from loopid.yaml_files import LARGE, load_yaml
+from loopid.yaml_files import load_yaml
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -198,7 +198,7 @@ def _refuse_elsewhere(path: Path) -> None:
             f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
             "give one of the files in it"
         )
-    content = load_yaml(description, LogError, LARGE, any_text=True)  # rosbags reads any size
+    content = load_yaml(description, LogError, any_text=True)  # rosbags reads any size
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     names = about.get("relative_file_paths") if isinstance(about, dict) else None
     if not isinstance(names, list):

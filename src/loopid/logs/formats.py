@@ -50,6 +50,7 @@ NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 # Wider matrices of an HDF5 file are pictures or the like, not columns.
 WIDEST = 1000
+DEEPEST = 50  # groups of an HDF5 file in each other
 # Bytes of unpacked chunks of an HDF5 file that are kept for each array, and of one of them.
 CACHE_BYTES, LARGEST_CHUNK = 2**24, 2**28
 LONGEST_REASON = 200
@@ -461,6 +462,11 @@ class Hdf5Format(ArrayFormat):
                     self._collect_from(item, streams.setdefault(item.parent.name, {}))
 
             def list_group(name: str, item: Any) -> None:
+                if name.count("/") > DEEPEST or len(groups) > MOST_COLUMNS:
+                    raise LogError(
+                        f"{self.path} has more than {MOST_COLUMNS:,} groups, or {DEEPEST} in "
+                        "each other"
+                    )
                 if isinstance(item, h5py.Group):
                     groups.append(name)
 
@@ -502,6 +508,9 @@ class ParquetFormat(LogFormat):
 
         with refusals(self.path, "Parquet file"):
             frame = self._scan()
+            for name, kind in frame.select(names).collect_schema().items():
+                if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
+                    raise LogError(f"{self.path}: column {name!r} holds {kind}, not numbers")
             count = frame.select(polars.len()).collect().item()
             common_length(self.path, dict.fromkeys(names, count))
             require_plausible(self.path, 8 * count * len(names), self.path.stat().st_size)

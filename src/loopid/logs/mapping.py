@@ -276,7 +276,7 @@ class ColumnFinder:
             if len(places) != len(joints):
                 raise LogError(
                     f"{self.source} has {len(places)} columns for the {quantity} "
-                    f"({', '.join(place.column for place in places)}), but the robot has "
+                    f"({_listed([place.column for place in places])}), but the robot has "
                     f"{len(joints)} motors: {', '.join(joints)}"
                 )
             scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
@@ -412,11 +412,9 @@ class ColumnFinder:
         """The columns, for messages."""
         several = len(self.streams) > 1
         names = [str(place) if several else place.column for place in self._places]
-        more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-        listed = ", ".join(f"{name:.60}" for name in names[:MOST_LISTED])
         nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
         ends = f" (no header in {', '.join(nameless)})" if nameless else ""
-        return f"choose among {listed}{more}{ends}"
+        return f"choose among {_listed(names)}{ends}"
 
     @cached_property
     def _places(self) -> list[Place]:
@@ -429,6 +427,11 @@ class ColumnFinder:
         for place in self._places:
             found.setdefault(place.column.casefold(), []).append(place)
         return found
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(f"{name:.60}" for name in names[:MOST_LISTED]) + more
 
 
 def _are_numbered(names: Sequence[str]) -> bool:

@@ -189,6 +189,9 @@ class Mechanism:
     closures : tuple of LoopClosure
     actuated : tuple of str
         Joints with motors.
+    motors_listed : bool
+        Whether their order is that of a YAML's ``name_mot``: of motors that depend on each other
+        the first are kept.
     bodies : tuple of Body
         Bodies with an inertial, in the order of the file's links.
     reference : FloatArray
@@ -242,6 +245,7 @@ class Mechanism:
     couplings: tuple[JointCoupling, ...] = ()
     free: tuple[str, ...] = ()
     redundant: tuple[str, ...] = ()
+    motors_listed: bool = True
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
@@ -553,19 +557,38 @@ class Mechanism:
     def joint_ranks(self) -> dict[str, int]:
         """Rank of each joint in an order that neither names nor the order of a file decide.
 
-        Joints follow their parents, and siblings one another by where and how they move.
+        Joints follow their parents, and siblings one another by where and how they move, and what
+        they carry.
         """
-        paths: list[tuple[Any, ...]] = [()]
+        own, neutral = list[tuple[float, ...]]([()]), pin.neutral(self.model)
         for k in range(1, self.model.njoints):
             joint, place = self.model.joints[k], self.model.jointPlacements[k]
-            data, neutral = joint.createData(), pin.neutral(self.model)
-            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            data, q = joint.createData(), slice(joint.idx_q, joint.idx_q + joint.nq)
+            joint.calc(data, neutral[q])
             inertia = self.model.inertias[k].toDynamicParameters()
-            parts = (place.translation, place.rotation, data.S, inertia)
-            own = [float(x) for part in parts for x in np.ravel(np.round(part, 9)) + 0.0]
-            paths.append((*paths[self.model.parents[k]], (*own, joint.shortname())))
+            values = [values[q] for values in (*self.position_limits, self.reference)]
+            parts = (place.translation, place.rotation, data.S, inertia, *values)
+            own.append(tuple(round(float(x), 9) + 0.0 for p in parts for x in np.ravel(p)))
+        paths: list[tuple[Any, ...]] = [()]
+        for k in range(1, self.model.njoints):
+            carried = sorted(own[j] for j in self.model.subtrees[k])
+            paths.append((*paths[self.model.parents[k]], own[k], carried))
         order = sorted(range(1, len(paths)), key=lambda k: paths[k])
         return {self.joints[k - 1]: rank for rank, k in enumerate(order)}
+
+    @cached_property
+    def precedence(self) -> IntArray:
+        """Rank (nv,) of each coordinate where some are chosen or random values are drawn.
+
+        Motors that are listed come first, all others in the order of ``joint_ranks``.
+        """
+        listed = self.actuated if self.motors_listed else ()
+        others = sorted({*self.joints} - {*listed}, key=self.joint_ranks.__getitem__)
+        return np.argsort(self.velocity_indices((*listed, *others)))
+
+    def draw_places(self, coordinates: IntArray) -> IntArray:
+        """Which of k random values is that of each of k coordinates, given by velocity indices."""
+        return np.argsort(np.argsort(self.precedence[coordinates]))
 
     @cached_property
     def coordinate_order(self) -> tuple[str, ...]:
