@@ -384,22 +384,27 @@ def _single_joint(file: Path, model: pin.Model, name: str) -> pin.JointModel:
 
 
 def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
-    """Refuse linear equations that no coordinates satisfy."""
+    """Refuse linear equations that no coordinates satisfy, and name those that say nothing new."""
     if not couplings:
         return
+    before = 0
     matrix = np.zeros((len(couplings), 1 + max(max(c.q_indices) for c in couplings)))
     for row, coupling in zip(matrix, couplings, strict=True):
         row[list(coupling.q_indices)] = coupling.coefficients
     matrix /= np.abs(matrix).max(axis=1, keepdims=True)
     offsets = np.array([c.offset / max(map(abs, c.coefficients)) for c in couplings])
     for k in range(1, len(couplings) + 1):
-        solution = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=1e-10)[0]
+        solution, _, rank, _ = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=1e-10)
         left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
         if left > 1e-9 * max(1.0, np.abs(offsets).max()):
             raise RobotFileError(
                 f"{file}: coupling {couplings[k - 1].name} contradicts the ones before it: leave "
                 "one of them out, those of the tree's own file by 'remove_closures' in a YAML"
             )
+        if rank == before:
+            name = couplings[k - 1].name
+            warn(f"{file}: coupling {name} follows from the ones before it", ModelWarning)
+        before = rank
 
 
 def frame_named(file: Path, model: pin.Model, name: str) -> int:
