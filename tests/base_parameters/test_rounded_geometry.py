@@ -10,7 +10,7 @@ import pytest
 
 from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
-from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid import JointTerms, find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import analyse
 from loopid.errors import AccuracyWarning, ClosureWarning, RankError, ReferenceWarning
 from loopid.kinematics import geometry_accuracy, same_motion, within_accuracy
@@ -194,3 +194,39 @@ def test_other_geometry_keeps_what_is_drawn_special_and_closes_again(load):
     assert largest_residual(other, q)[0] > 1e-8
     assert largest_residual(other, motion.configurations)[0] < 1e-12
     np.testing.assert_array_equal(motion.configurations[0, 0], q[0, 0])
+
+
+FINGER = """<body name="{n}" pos="0 {a!r} 0.059091">{inertial}<joint name="{n}" axis="{y} 0 0"
+    range="0 49" armature="0.005" damping="0.1" frictionloss="1"/>
+  <body name="{n}_tip" pos="0 {b!r} 0.044037">{inertial}<joint name="{n}_tip" axis="{y} 0 0"
+    range="-49 0" armature="0.1"/></body></body>
+<body name="{n}_link" pos="0 {c!r} 0.076091">{inertial}<joint name="{n}_link" axis="{y} 0 0"
+    range="0 49" stiffness="0.05" springref="150"/></body>"""
+INERTIAL = '<inertial pos="0 0.01 0.02" mass="0.03" diaginertia="2e-5 1.5e-5 1e-5"/>'
+
+
+@pytest.mark.filterwarnings("ignore:the condition number")
+def test_numbers_of_six_digits_may_be_exact(tmp_path):
+    """Two fingers on parallelograms that are equal to the last digit, with springs."""
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    fingers = "".join(
+        FINGER.format(n=n, y=y, a=0.03 * y, b=0.031463 * y, c=0.018 * y, inertial=INERTIAL)
+        for n, y in (("left", 1), ("right", -1))
+    )
+    (tmp_path / "robot.xml").write_text(
+        f"""<mujoco><worldbody>{fingers}</worldbody><equality>
+        <connect body1="left_tip" body2="left_link" anchor="0 -0.012 0.017"/>
+        <connect body1="right_tip" body2="right_link" anchor="0 0.012 0.017"/>
+        <joint joint1="left" joint2="right"/></equality>
+        <actuator><motor joint="left"/></actuator></mujoco>"""
+    )
+
+    def rank(**options):
+        robot = load_mechanism(tmp_path / "robot.xml", **options)
+        terms = JointTerms.of(robot, "file")
+        return analyse(structural_observation(robot, "full", joint_terms=terms)).rank
+
+    with pytest.raises(RankError, match=r"if they are exact, say so by --rounding 0$"):
+        rank()
+    # Weight, inertia with that of the drives, Fc, Fv, Ks and Fo.
+    assert rank(rounding=0.0) == 7

@@ -307,6 +307,13 @@ def test_an_axis_has_a_direction_and_no_size(size, write_files):
     assert robot.independent == robot.actuated
 
 
+def test_a_coupling_that_follows_from_others_is_named(write_files):
+    again = coupled({"elbow": -4, "shoulder": -2})
+    description = {"closures": [GEAR, again], "name_mot": ["shoulder", "rail", "ball"]}
+    with pytest.warns(ModelWarning, match=r"4 elbow - 2 shoulder = 0 follows from the"):
+        load_mechanism(write_files(*files(PARTS, description)))
+
+
 # Whatever a YAML says of closures.
 
 FUNCTION_SCOPED = [HealthCheck.function_scoped_fixture]

@@ -295,7 +295,10 @@ def _concerned(
         loops = dict.fromkeys(loop for name in names for loop in places.get(name.link, ()))
         text += f" of loop {', '.join(loops)}" if loops else ""
         alike = "; ".join(observation.geometry.alike[:NAMED])
-        how += f", or alike what is meant to be equal, as --snap makes it: {alike}" if alike else ""
+        if alike:
+            how += f", or alike what is meant to be equal, as --snap makes it: {alike}"
+        elif not made:
+            how += ", or, if they are exact, say so by --rounding 0"
     return f"it is about {text}: {how}"
 
 

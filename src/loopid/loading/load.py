@@ -56,6 +56,7 @@ from loopid.robot import (
     inertia_defects,
     link_frames,
     odd_masses,
+    shortened,
     unequal_links,
 )
 
@@ -383,22 +384,27 @@ def _single_joint(file: Path, model: pin.Model, name: str) -> pin.JointModel:
 
 
 def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
-    """Refuse linear equations that no coordinates satisfy."""
+    """Refuse linear equations that no coordinates satisfy, and name those that say nothing new."""
     if not couplings:
         return
+    before = 0
     matrix = np.zeros((len(couplings), 1 + max(max(c.q_indices) for c in couplings)))
     for row, coupling in zip(matrix, couplings, strict=True):
         row[list(coupling.q_indices)] = coupling.coefficients
     matrix /= np.abs(matrix).max(axis=1, keepdims=True)
     offsets = np.array([c.offset / max(map(abs, c.coefficients)) for c in couplings])
     for k in range(1, len(couplings) + 1):
-        solution = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=1e-10)[0]
+        solution, _, rank, _ = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=1e-10)
         left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
         if left > 1e-9 * max(1.0, np.abs(offsets).max()):
             raise RobotFileError(
                 f"{file}: coupling {couplings[k - 1].name} contradicts the ones before it: leave "
                 "one of them out, those of the tree's own file by 'remove_closures' in a YAML"
             )
+        if rank == before:
+            name = couplings[k - 1].name
+            warn(f"{file}: coupling {name} follows from the ones before it", ModelWarning)
+        before = rank
 
 
 def frame_named(file: Path, model: pin.Model, name: str) -> int:
@@ -476,16 +482,17 @@ def _warn_of_findings(
     free = [name for name in mechanism.free if name not in floating]
     if free:
         warn(
-            f"{path}: the motors leave {', '.join(free)} free: no force acts there, and "
+            f"{path}: the motors leave {shortened(free)} free: no force acts there, and "
             "rows '= 0' say so; lock what does not move",
             MobilityWarning,
         )
     if mechanism.rows:
         _warn_of_closures(mechanism, around)
     # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.
-    impossible = [str(defect) for defect in inertia_defects(mechanism) if defect.impossible]
+    impossible = [defect for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
-        warn(f"{path}: no body has these inertias: {'; '.join(impossible)}", InertiaWarning)
+        links = shortened([defect.link for defect in impossible])
+        warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", InertiaWarning)
     if odd := odd_masses(mechanism):
         warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
     for difference in unequal_links(mechanism):

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+from warnings import catch_warnings
 
 import mujoco
 import numpy as np
@@ -24,7 +25,7 @@ from loopid.files import why_no_file
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf import naming, refuse_entities
-from loopid.robot import LeftOut
+from loopid.robot import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
 # MuJoCo lets 'nan' and 'inf' through.
@@ -176,7 +177,8 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     except MUJOCO_ERRORS as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         try:
-            compiled, notes = _compile_without_assets(path)
+            with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
+                compiled, notes = _compile_without_assets(path)
         except RobotFileError:
             raise
         except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
@@ -283,7 +285,8 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         tag.clear()
         tag.attrib.update(ends)
     etree.strip_elements(root, "plugin", "extension", with_tail=False)
-    etree.strip_attributes(root, "material")  # of textures that may be missing
+    for tag in root.iter("model"):  # to be attached
+        tag.set("file", str(path.parent.resolve() / tag.get("file", "")))
     spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
     notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
@@ -297,12 +300,14 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
         for element in list(group):
             spec.delete(element)
+    for geom in spec.geoms:
+        geom.material = ""  # of textures that may be missing
     for body in spec.bodies if needed else ():
         body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
     compiled = spec.compile()
     if needed:
         raise RobotFileError(
-            f"{path}: inertias of {', '.join(needed)} come from geometry that MuJoCo cannot read "
+            f"{path}: inertias of {shortened(needed)} come from geometry that MuJoCo cannot read "
             f"({reason}): give these bodies an <inertial>, or restore the files"
         )
     return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
@@ -593,7 +598,7 @@ def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]
         else:
             what = "limits of tendons are not modelled: "
         notes.setdefault(what, []).append(name)
-    return tight, [what + ", ".join(names) for what, names in notes.items()]
+    return tight, [what + shortened(names) for what, names in notes.items()]
 
 
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
@@ -643,7 +648,7 @@ def _motors(
             [""] if scene.compiled.nu and not joints else []
         ),
     }
-    return joints, [what + ", ".join(which) for what, which in notes.items() if which]
+    return joints, [what + shortened(which) for what, which in notes.items() if which]
 
 
 def _leaders(
@@ -682,7 +687,7 @@ def _left_out(scene: Scene) -> list[str]:
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
     }
-    notes = [f"{what}: {', '.join(which)}" for what, which in left_out.items() if which]
+    notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
     hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
     turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
     if 0 < turn < 2 * math.pi:
