@@ -154,8 +154,16 @@ def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, nam
     [
         (moved(1.0, 0.05, 1), "positions of leg2_stroke"),
         (exchanged(True, True), "the positions and forces of leg1_stroke and leg2_stroke"),
+        (offset(50.0), "the force of leg1_stroke seems to have an offset of "),
     ],
 )
 def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
     said = [" ".join(runs("3ups_rpu", seed, spoil).sentences) for seed in range(10)]
     assert sum(words in each for each in said) >= 9, said
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("seed", [7, 11, 15])
+def test_a_leg_that_leads_to_another_assembly_mode_is_named(runs, seed):
+    (said,) = runs("3ups_rpu", seed, moved(1.0, 0.05, 3)).sentences
+    assert said.startswith("the positions of leg4_stroke look shifted by 0.0")
