@@ -167,6 +167,10 @@ def mjcf(rest="", body=BODY):
             mjcf(body=BODY.replace('pos="0 0 0"', 'pos="1e200 0 0"')),
             "body_ipos of MuJoCo's model must be finite",
         ),
+        (
+            mjcf(body=BODY.replace('axis="1 0 0"', 'axis="1e308 0 0"')),
+            "jnt_axis of MuJoCo's model has an axis of length 0",
+        ),
         (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
         (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "printable and on one line"),
         (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "&body; stands for"),

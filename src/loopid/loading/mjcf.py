@@ -193,10 +193,11 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
             raise RobotFileError(
                 f"{path}: {name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
             )
-    for name in ("body_quat", "body_iquat", "site_quat"):
+    for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model has a quaternion of length 0")
+            what = "an axis" if name == "jnt_axis" else "a quaternion"
+            raise RobotFileError(f"{path}: {name} of MuJoCo's model has {what} of length 0")
     return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
 
 
