@@ -1,6 +1,7 @@
 """What an MJCF says: names, limits, closures, motors, reference, what is left out or refused."""
 
 import importlib
+import re
 import sys
 
 import numpy as np
@@ -503,6 +504,19 @@ def test_meshes_and_plugins_are_not_needed_where_inertias_are_given(tmp_path):
     assert source.notes[1].startswith("geometry is left out, as inertias are given without it")
     assert [inertia.mass for inertia in source.model.inertias] == [0, 2, 3]
     assert source.description.name_mot == ["elbow"]
+
+
+def test_a_model_without_its_meshes_can_be_attached(tmp_path):
+    arm = re.sub("<extension>.*?</extension>|<plugin[^>]*/>", "", MESHES)
+    (tmp_path / "arm.xml").write_text(arm)
+    (tmp_path / "robot.xml").write_text(
+        f"""<mujoco><asset><model name="arm" file="arm.xml"/></asset><worldbody>
+        <body name="base">{INERTIAL}<joint name="turn"/><frame pos="0 0 1">
+        <attach model="arm" body="arm" prefix="a_"/></frame></body></worldbody></mujoco>"""
+    )
+    source = read_mjcf(tmp_path / "robot.xml")
+    assert list(source.model.names)[1:] == ["turn", "a_elbow", "a_wrist"]
+    assert any(note.startswith("geometry is left out") for note in source.notes)
 
 
 def test_a_body_whose_inertia_is_that_of_a_missing_mesh_is_named(read, refusal):

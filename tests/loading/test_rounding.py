@@ -15,6 +15,7 @@ from loopid.errors import (
     AccuracyWarning,
     ClosureWarning,
     MobilityError,
+    OptionError,
     RankError,
     RobotFileError,
 )
@@ -30,6 +31,12 @@ COUNTS = {
     "prismatic slider-crank": (2, 6),
 }
 BENNETT = (2, 7)
+
+
+@pytest.mark.parametrize("rounding", [-1.0, 1.0])
+def test_a_rounding_is_small(rounding):
+    with pytest.raises(OptionError, match="rounding must be from 0 to"):
+        load_mechanism("five_bar", rounding=rounding)
 
 
 def count(robot):

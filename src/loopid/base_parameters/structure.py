@@ -16,7 +16,7 @@ import scipy.linalg
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import AccuracyWarning, DataError, RankError, warn
 from loopid.observation import Observation
-from loopid.parameters import ParameterSet
+from loopid.parameters import KINDS, ParameterSet
 from loopid.workers import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.
@@ -181,9 +181,14 @@ def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def warn_of_faint(observation: Observation, structure: Structure) -> None:
     """Name combinations that count although forces hardly depend on them."""
-    values, right = _decomposed(structure.row_factor * _scales(observation)[structure.columns])
+    if structure.noise:
+        return
+    F = structure.row_factor * _scales(observation)[structure.columns]
+    # Terms of joints have units, hence sizes, of their own.
+    sizes, of_joint = np.linalg.norm(F, axis=0), [p.kind not in KINDS for p in structure.parameters]
+    values, right = _decomposed(F * np.where(of_joint, sizes.max() / sizes, 1.0))
     rank, most = structure.rank, int((values >= FAINT * values[0]).sum())
-    if most == rank or structure.noise:
+    if most == rank:
         return
     least = values[-1] / values[0]
     warn(

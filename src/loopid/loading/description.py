@@ -44,6 +44,7 @@ def _known_term(kind: object) -> object:
 
 
 JointKind = Annotated[str, BeforeValidator(_known_term)]
+LARGEST_ROUNDING = 1e-2  # m and rad
 
 
 def _among(*kinds: str) -> BeforeValidator:
@@ -160,7 +161,7 @@ class Description(Section):
     reference: dict[str, float | list[float]] = Field(default={})
     limits: dict[str, tuple[float, float] | None] = Field(default={})
     gravity: tuple[Component, Component, Component] | None = None
-    rounding: float | None = Field(default=None, ge=0, le=1e-2)
+    rounding: float | None = Field(default=None, ge=0, le=LARGEST_ROUNDING)
     snap: bool = False
     margin: float | None = Field(default=None, ge=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)

@@ -26,6 +26,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import mobility, rounding_that_closes
 from loopid.loading.description import (
+    LARGEST_ROUNDING,
     ClosureDescription,
     Description,
     RobotFiles,
@@ -125,6 +126,9 @@ ModelWarning
     >>> loopid.load_mechanism("3ups_rpu", lock=["leg1_stroke"]).actuated
     ('leg2_stroke', 'leg3_stroke', 'leg4_stroke')
     """
+    if rounding is not None and not 0 <= rounding <= LARGEST_ROUNDING:
+        least_most = f"from 0 to {LARGEST_ROUNDING:g} m and rad"
+        raise OptionError(f"rounding must be {least_most}, not {rounding:g}")
     files = find_files(path)
     file = files.named
     source = _read_tree(files, floating_base, free_mimics)

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+from warnings import catch_warnings
 
 import mujoco
 import numpy as np
@@ -176,7 +177,8 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     except MUJOCO_ERRORS as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         try:
-            compiled, notes = _compile_without_assets(path)
+            with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
+                compiled, notes = _compile_without_assets(path)
         except RobotFileError:
             raise
         except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
@@ -283,7 +285,8 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         tag.clear()
         tag.attrib.update(ends)
     etree.strip_elements(root, "plugin", "extension", with_tail=False)
-    etree.strip_attributes(root, "material")  # of textures that may be missing
+    for tag in root.iter("model"):  # to be attached
+        tag.set("file", str(path.parent.resolve() / tag.get("file", "")))
     spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
     notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
@@ -297,6 +300,8 @@ def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
         for element in list(group):
             spec.delete(element)
+    for geom in spec.geoms:
+        geom.material = ""  # of textures that may be missing
     for body in spec.bodies if needed else ():
         body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
     compiled = spec.compile()
