@@ -154,7 +154,7 @@ def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, nam
     [
         (moved(1.0, 0.05, 1), "positions of leg2_stroke"),
         (exchanged(True, True), "the positions and forces of leg1_stroke and leg2_stroke"),
-        (offset(50.0), "the force of leg1_stroke seems to have an offset of "),
+        (offset(70.0), "the force of leg1_stroke seems to have an offset of "),
     ],
 )
 def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
