@@ -33,8 +33,8 @@ FREE = {
     # Two such rods, and a cross whose one hinge has become a ball: it turns about the other.
     "gepetto/disney_like/robot.yaml": [
         "ankle_universal_2_rev0",
-        "shin_tigh_mirror1_rev1",
-        "motor_link_2_tigh_mirror2_2_rev0",
+        "motor_link_tigh_mirror2_rev1",
+        "motor_link_2_tigh_mirror2_2_rev1",
     ],
     # A pelvis that flies. Each leg has 13 coordinates, 5 independent equations and 5 motors: the
     # spin of a rod is left, and what the springs of shin and heel hold.
@@ -44,7 +44,7 @@ FREE = {
         "right-achilles-rod.wx",
         "right-heel-spring",
         "left-heel-spring",
-        "left-tarsus",
+        "left-shin",
         "right-tarsus",
     ],
     # Each finger is a five-bar linkage with two freedoms, of which the motor has one.

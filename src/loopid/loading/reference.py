@@ -61,7 +61,7 @@ CLEAR = 3.0  # times such a step is the least singularity measure, up to that of
 ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
 # Parts of the limits that their poses are from: near by they take a step or two, farther away more
 # shows.
-SPREADS = (0.1, 1.0)
+SPREADS = (0.05, 1.0)
 # Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
 TILT, LARGEST_TILT = 30.0, 0.1
 LARGEST = 600  # parameters of a robot whose modes are compared
@@ -164,10 +164,11 @@ def _closed_reference(
         found, first = _closed_at(mechanism, q), not closed
         closed.append(found)
         suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
-        if first and _is_drawn(found, mechanism.reference, given):
+        moved = _moved(found[0], mechanism.reference)
+        if first and _is_drawn(found, moved, given):
             chosen = found
         elif first or suits:
-            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first)
+            chosen = _in_a_mode(found, mechanism.reference, first and moved <= NEAR)
         if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
@@ -188,13 +189,17 @@ def _excluded(mechanism: Mechanism) -> list[str]:
     return found
 
 
-def _is_drawn(closed: ClosedReference, drawn: FloatArray, given: Collection[str]) -> bool:
-    """Whether a closed configuration is the one that a drawn one (nq,) means: nothing to choose."""
+def _moved(mechanism: Mechanism, drawn: FloatArray) -> float:
+    """The largest step from a drawn configuration (nq,) to the reference."""
+    steps = difference(mechanism, drawn[None], mechanism.reference[None])
+    return float(np.abs(steps / mechanism.coordinate_scales).max(initial=0.0))
+
+
+def _is_drawn(closed: ClosedReference, moved: float, given: Collection[str]) -> bool:
+    """Whether a configuration that is closed by a step is the one drawn: nothing to choose."""
     mechanism, measure = closed[0], _measure(closed)
     if mechanism.rows == 0:
         return True
-    steps = difference(mechanism, drawn[None], mechanism.reference[None])
-    moved = float(np.abs(steps / mechanism.coordinate_scales).max())
     # Other modes are as far away as the singularity where they meet, or farther.
     clear = measure >= max(NEAR_SINGULARITY, min(FOLDED, CLEAR * moved))
     inside = set(mechanism.joints) <= {*given} or not _outside(mechanism)
