@@ -12,8 +12,14 @@ from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
 from loopid import JointTerms, find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import analyse
-from loopid.errors import AccuracyWarning, ClosureWarning, RankError, ReferenceWarning
-from loopid.kinematics import geometry_accuracy, same_motion, within_accuracy
+from loopid.errors import (
+    AccuracyWarning,
+    ClosureWarning,
+    RankError,
+    ReferenceWarning,
+    RobotFileError,
+)
+from loopid.kinematics import geometry_accuracy, nearly_special, same_motion, within_accuracy
 from loopid.kinematics.constraint import largest_residual
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -94,18 +100,39 @@ def test_branched_parallelograms_whose_closures_contradict_each_other(load):
     assert structure.rank == COUNTS["full"]
 
 
-def test_a_delta_with_six_digits_has_the_count_of_the_delta(tmp_path):
-    def rounded(match):
-        return f'{match[1]}="{" ".join(repr(round(float(x), 6)) for x in match[2].split())}"'
+@pytest.fixture
+def rounded_delta(tmp_path):
+    def write(digits):
+        def rounded(match):
+            return (
+                f'{match[1]}="{" ".join(repr(round(float(x), digits)) for x in match[2].split())}"'
+            )
 
-    text = re.sub(r'\b(xyz|rpy)="(.*?)"', rounded, (URDF / "delta.urdf").read_text())
-    (tmp_path / "delta.urdf").write_text(text)
-    (tmp_path / "delta.yaml").write_text((URDF / "delta.yaml").read_text())
-    observation = structural_observation(load_mechanism(tmp_path / "delta.yaml"), "full")
+        text = re.sub(r'\b(xyz|rpy)="(.*?)"', rounded, (URDF / "delta.urdf").read_text())
+        (tmp_path / "delta.urdf").write_text(text)
+        (tmp_path / "delta.yaml").write_text((URDF / "delta.yaml").read_text())
+        return tmp_path / "delta.yaml"
+
+    return write
+
+
+def test_a_delta_with_six_digits_has_the_count_of_the_delta(rounded_delta):
+    observation = structural_observation(load_mechanism(rounded_delta(6)), "full")
     with pytest.warns(AccuracyWarning, match="6 decimals"):
         structure = analyse(observation)
     assert structure.rank == 34
     assert 1e-7 < structure.noise < 1e-5
+
+
+def test_lengths_that_contradict_each_other_are_not_snapped(rounded_delta):
+    """With four digits different lengths are as near as equal ones: no robot has all alike."""
+    file = rounded_delta(4)
+    robot = load_mechanism(file, rounding=5e-5)
+    assert nearly_special(robot) is None
+    with pytest.warns(AccuracyWarning, match="the rank is 34"):
+        assert analyse(structural_observation(robot, "full")).rank == 34
+    with pytest.raises(RobotFileError, match=r"cannot all be made equal: leave --snap out"):
+        load_mechanism(file, rounding=5e-5, snap=True)
 
 
 def test_what_is_not_clear_is_refused_by_name_and_its_advice_helps(load):

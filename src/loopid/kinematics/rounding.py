@@ -20,6 +20,7 @@ import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray
+from loopid.errors import RobotFileError
 from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (
@@ -193,7 +194,10 @@ def largest_gap(rounding: float, length: float) -> float:
 def nearly_special(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
     """The robot with nearly special geometry made so, and by how much; None where there is none."""
     rounding = SIX_DIGITS if mechanism.rounding is None else mechanism.rounding
-    exact = exact_geometry(mechanism, mechanism.reference, rounding, lengths=True)
+    try:
+        exact = exact_geometry(mechanism, mechanism.reference, rounding, lengths=True)
+    except RobotFileError:
+        return None
     if exact is mechanism:
         return None
     shift, turn = changes(mechanism, exact)
@@ -208,7 +212,7 @@ def exact_geometry(
 
     Directions that are parallel, or square to each other or to gravity, but for the rounding are
     made so; with ``lengths`` also lengths that are equal or zero but for the rounding, and axes
-    that meet in one point but for it.
+    that meet in one point but for it. A RobotFileError says that these contradict each other.
     """
     world = _World.of(mechanism, q)
     _align(mechanism, world, NEARLY * rounding)
@@ -216,9 +220,16 @@ def exact_geometry(
     if lengths:
         world = _World.of(redrawn, q)
         rods = _fit_lengths(redrawn, world, NEARLY * rounding)
-        fitted = _redrawn(redrawn, q, world, rods)
-        if changes(redrawn, fitted)[0] < 2.0 * largest_gap(rounding, mechanism.length):
-            redrawn = fitted  # else there is no such robot nearby
+        fitted = None if rods is None else _redrawn(redrawn, q, world, rods)
+        if fitted is None or changes(redrawn, fitted)[0] >= 2.0 * largest_gap(
+            rounding, mechanism.length
+        ):
+            raise RobotFileError(
+                f"{mechanism.path}: lengths that differ by less than {NEARLY * rounding:g} m, "
+                f"{NEARLY:g} times the rounding, cannot all be made equal: leave --snap out, or "
+                "write alike what is meant to be equal"
+            )
+        redrawn = fitted
     shift, turn = changes(mechanism, redrawn)
     return mechanism if max(shift / mechanism.length, turn) < 10 * EXACT else redrawn
 
@@ -424,8 +435,11 @@ def _nodes(mechanism: Mechanism, world: _World) -> list[_Node]:
     return nodes
 
 
-def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[int, float]:
-    """Move points so that lengths in bodies that are nearly equal or zero are so; gives rods."""
+def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[int, float] | None:
+    """Move points so that lengths in bodies that are nearly equal or zero are so.
+
+    Gives the lengths of rods; None where that is not possible for all.
+    """
     nodes = _nodes(mechanism, world)
     points = [getattr(world, n.places[0][0])[n.places[0][1]].translation for n in nodes]
     x = np.reshape(points, (-1, 3))  # none of a robot that only slides
@@ -461,6 +475,8 @@ def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[
         )
         step = np.linalg.lstsq(rows.reshape(len(rows), -1), values, rcond=REGULAR)[0]
         x = x - step.reshape(x.shape)
+    if np.abs(values).max(initial=0.0) > EXACT * mechanism.length:
+        return None
     for node, move in zip(nodes, x - start, strict=True):
         for kind, k in node.places:
             places = getattr(world, kind)
