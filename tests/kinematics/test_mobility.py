@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from closure_robots import body, joint, loop
+from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
@@ -165,6 +166,17 @@ def test_motors_that_cannot_move_are_named(load_files, linkage):
     with pytest.warns(MobilityWarning, match="do not let the motors arm_joint move"):
         load_mechanism(robot.path)
     assert mobility(linkage("redundant five-bar")).held == ()
+
+
+def test_a_robot_that_moves_to_first_order_only_is_named(load_files):
+    """A flat linkage, drawn folded, whose closure has the wrong axis: the one of no tag at all."""
+    parts, description = folded_four_bar(cranks=(0.4, 0.6), coupler=0.7)
+    (closure,) = description["closures"]
+    wrong = closure | {"type": "hinge", "axes": [[1, 0, 0]] * 2}
+    robot = load_files(parts, description | {"closures": [wrong]})
+    assert mobility(robot).degrees_of_freedom == 1
+    with pytest.warns(MobilityWarning, match="no other closed pose was found near the reference"):
+        load_mechanism(robot.path)
 
 
 def rank(robot):

@@ -24,7 +24,7 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import mobility, rounding_that_closes
+from loopid.kinematics import difference, mobility, rounding_that_closes
 from loopid.loading.description import (
     LARGEST_ROUNDING,
     ClosureDescription,
@@ -62,6 +62,7 @@ from loopid.robot import (
 )
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
+STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
 @checked
@@ -499,8 +500,8 @@ def _warn_of_findings(
         warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", InertiaWarning)
     if odd := odd_masses(mechanism):
         warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
-    for difference in unequal_links(mechanism):
-        warn(f"{path}: {difference}", InertiaWarning)
+    for unequal in unequal_links(mechanism):
+        warn(f"{path}: {unequal}", InertiaWarning)
 
 
 def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
@@ -508,6 +509,13 @@ def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     reason = why_singular(mechanism, around)
     if reason:
         warn(f"{mechanism.path}: the reference is singular {reason}", SingularityWarning)
+    walks = difference(mechanism, np.repeat(around[:1], len(around), axis=0), around)
+    if np.abs(walks / mechanism.coordinate_scales).max() < STILL:
+        warn(
+            f"{mechanism.path}: no other closed pose was found near the reference: what seems free "
+            "to move there leads nowhere, as where a closure has the wrong axis",
+            MobilityWarning,
+        )
     found = mobility(mechanism, around=around)
     if found.held:
         warn(
