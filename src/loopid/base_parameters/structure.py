@@ -186,11 +186,12 @@ def warn_of_faint(observation: Observation, structure: Structure) -> None:
     F = structure.row_factor * _scales(observation)[structure.columns]
     # Terms of joints have units, hence sizes, of their own.
     sizes, of_joint = np.linalg.norm(F, axis=0), [p.kind not in KINDS for p in structure.parameters]
-    values, right = _decomposed(F * np.where(of_joint, sizes.max() / sizes, 1.0))
+    F *= np.where(of_joint, sizes.max() / sizes, 1.0)
+    values = np.linalg.svd(F, compute_uv=False)
     rank, most = structure.rank, int((values >= FAINT * values[0]).sum())
     if most == rank:
         return
-    least = values[-1] / values[0]
+    least, (_, right) = values[-1] / values[0], _decomposed(F)
     warn(
         f"{rank - most} of the {rank} singular values that count, of columns in common units, are "
         f"below {FAINT:g} of the largest, down to {least:.1e}: rounded or nearly special "

@@ -519,7 +519,7 @@ def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     found = mobility(mechanism, around=around)
     if found.held:
         warn(
-            f"{mechanism.path}: the loops do not let the motors {', '.join(found.held)} move: look "
+            f"{mechanism.path}: the loops do not let the motors {shortened(found.held)} move: look "
             "where the frames of their closures are",
             MobilityWarning,
         )

@@ -168,7 +168,7 @@ def _closed_reference(
         if first and _is_drawn(found, moved, given):
             chosen = found
         elif first or suits:
-            chosen = _in_a_mode(found, mechanism.reference, first and moved <= NEAR)
+            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first and moved <= NEAR)
         if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
