@@ -170,9 +170,9 @@ def _tried(
     columns = jacobian[:, :, movable]
 
     def moved(columns: FloatArray) -> FloatArray:
-        transposed = columns.swapaxes(1, 2)
-        normal = transposed @ columns + damping[:, None, None] ** 2 * np.eye(len(movable))
-        step = np.asarray(-np.linalg.solve(normal, transposed @ open_by[:, :, None])[:, :, 0])
+        # Normal equations would lift round-off, and let processors find other poses.
+        factors = Factorisation.of(columns, mechanism.closure_rank_tolerance)
+        step = -factors.solve(open_by[:, :, None], damping)[:, :, 0]
         return _moved(mechanism, q, movable, step)
 
     ahead = moved(columns)

@@ -64,12 +64,18 @@ class Factorisation:
             tuple(parts), matrices.shape[2], values, (values > least[:, None]).sum(axis=1), least
         )
 
-    def solve(self, right_hand_sides: FloatArray) -> FloatArray:
-        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c)."""
+    def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
+        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
+
+        With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
+        """
         count, _, width = right_hand_sides.shape
         solutions = np.zeros((count, self.width, width))
         for rows, columns, left, values, right in self.blocks:
-            inverse = 1.0 / np.where(values > self.least[:, None, None], values, np.inf)
+            values = np.where(values > self.least[:, None, None], values, np.inf)
+            inverse = 1.0 / values
+            if damping is not None:
+                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
             projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
             solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
         return solutions
