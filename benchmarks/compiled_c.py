@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from loopid.experiment import ForceModel
 from loopid.export import RegressorCode
+from loopid.identification import ForceModel
 
 NUMBERS = ctypes.POINTER(ctypes.c_double)
 

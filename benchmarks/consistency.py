@@ -20,10 +20,18 @@ import numpy as np
 from loopid import JointTerms, find_force_model, joint_motion, load_mechanism
 from loopid.arguments import FloatArray
 from loopid.base_parameters import BaseParameters
-from loopid.consistency import REGULARISATIONS, ConsistentFit, consistent_fit, pseudo_inertia
-from loopid.identification import FitProblem, FitResult, FitSamples, WeightedLeastSquares
+from loopid.identification import (
+    REGULARISATIONS,
+    ConsistentFit,
+    FitProblem,
+    FitResult,
+    FitSamples,
+    WeightedLeastSquares,
+    consistent_fit,
+)
+from loopid.inertia import pseudo_inertia
 from loopid.kinematics import platform_coordinates
-from loopid.trajectories import FourierSeries
+from loopid.motion import FourierSeries
 from tables import show, write_json
 
 RUNS = 9

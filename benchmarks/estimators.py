@@ -33,15 +33,19 @@ from loopid import (
     read_motion_program,
 )
 from loopid.errors import LoopidError
-from loopid.experiment import ForceModel, cad_prior
 from loopid.identification import (
     BayesianRidge,
     Estimator,
     FitResult,
     FitSamples,
+    ForceModel,
+    cad_prior,
     quiet_fit,
 )
-from loopid.trajectories import Motion, differentiate
+from loopid.motion import (
+    Motion,
+    differentiate,
+)
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 

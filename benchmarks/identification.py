@@ -34,7 +34,11 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.identification import WeightedLeastSquares, eliminate, quiet_fit
+from loopid.diagnosis import eliminate
+from loopid.identification import (
+    WeightedLeastSquares,
+    quiet_fit,
+)
 from tables import show, write_json
 
 RUNS = 5

@@ -30,11 +30,10 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.experiment import ForceModel
-from loopid.identification import quiet_fit
+from loopid.identification import ForceModel, quiet_fit
 from loopid.logs import Log
-from loopid.simulation import Measurement, scaled_bodies
-from loopid.trajectories import Motion
+from loopid.motion import Motion, scaled_bodies
+from loopid.motion.simulation import Measurement
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 

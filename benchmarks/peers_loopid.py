@@ -16,7 +16,11 @@ from loopid import (
     load_mechanism,
 )
 from loopid.base_parameters import BaseParameters
-from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.identification import (
+    FitProblem,
+    FitResult,
+    OrdinaryLeastSquares,
+)
 from loopid.kinematics import torque_regressors
 from loopid.observation import triangular_factor
 from loopid.parameters import Parameter

@@ -24,7 +24,10 @@ from loopid.base_parameters import (
     SubgroupSearch,
     analyse,
 )
-from loopid.base_parameters.choice import CHUNK, promising
+from loopid.base_parameters.choice import (
+    CHUNK,
+    promising,
+)
 from loopid.regressors import structural_observation
 from tables import show, write_json
 

@@ -19,9 +19,16 @@ import numpy as np
 
 from loopid import Mechanism, find_base_parameters, load_mechanism, random_configurations
 from loopid.kinematics import platform_coordinates
-from loopid.paper.symbolic import Geometry, base_parameter_rows, read_geometry
-from loopid.paper.symbolic import gravity_regressor as symbolic_regressor
-from loopid.regressors import gravity_regressor, structural_observation
+from loopid.paper.symbolic import (
+    Geometry,
+    base_parameter_rows,
+    gravity_regressor as symbolic_regressor,
+    read_geometry,
+)
+from loopid.regressors import (
+    gravity_regressor,
+    structural_observation,
+)
 from tables import show, write_json
 
 URDF = Path(__file__).parents[1] / "urdf"

@@ -6,10 +6,20 @@ import numpy as np
 
 from closure_robots import body, urdf
 from loopid import JointTerms
-from loopid.kinematics import measured_coordinates, platform_coordinates
+from loopid.kinematics import (
+    measured_coordinates,
+    platform_coordinates,
+)
 from loopid.logs import Recording
-from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import FourierSeries, Motion, Waypoint, joint_motion, point_to_point
+from loopid.motion import (
+    FourierSeries,
+    Motion,
+    Noise,
+    Waypoint,
+    joint_motion,
+    point_to_point,
+    simulate_measurement,
+)
 
 FRICTION = {"Fc": (17.0, 22.0, 19.0, 230.0), "Fv": (320.0, 320.0, 320.0, 2000.0)}
 HINGE = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>

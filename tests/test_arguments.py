@@ -11,7 +11,12 @@ import numpy as np
 import pytest
 
 from loopid import random_configurations, structural_observation
-from loopid.arguments import FloatArray, affordable, checked, checked_fields
+from loopid.arguments import (
+    FloatArray,
+    affordable,
+    checked,
+    checked_fields,
+)
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
 

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from loopid.arguments import LARGEST, finite
+from loopid.arguments import (
+    LARGEST,
+    finite,
+)
 from loopid.errors import DataError
 
 SIZES = st.floats(-LARGEST, LARGEST)

@@ -4,10 +4,15 @@ import pickle
 import warnings
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.errors import LoopidError, MissingExtraError, ModelWarning, one_line, warn
+from loopid.errors import (
+    LoopidError,
+    MissingExtraError,
+    ModelWarning,
+    one_line,
+    warn,
+)
 
 
 @given(st.text(st.characters(), max_size=8))

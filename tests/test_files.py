@@ -5,8 +5,15 @@ import stat
 
 import pytest
 
-from loopid.errors import LoopidError, OutputError
-from loopid.files import require_folder, write_file, write_files
+from loopid.errors import (
+    LoopidError,
+    OutputError,
+)
+from loopid.files import (
+    require_folder,
+    write_file,
+    write_files,
+)
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
 

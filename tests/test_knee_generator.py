@@ -6,8 +6,7 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from lxml import etree
 
 from loopid import assemble, load_mechanism, random_configurations

@@ -4,12 +4,14 @@ from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from loopid import Observation, ParameterSet
 from loopid.errors import DataError
-from loopid.observation import add_rows, triangular_factor
+from loopid.observation import (
+    add_rows,
+    triangular_factor,
+)
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)

@@ -3,12 +3,17 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.consistency import pseudo_inertia
-from loopid.consistency.program import matrix, vector
-from loopid.pseudo_inertia import parameters_of, upper_factor
+from loopid.identification.consistent_program import (
+    matrix,
+    vector,
+)
+from loopid.inertia import (
+    parameters_of,
+    pseudo_inertia,
+    upper_factor,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -10,12 +10,26 @@ import pytest
 from ruamel.yaml import YAML
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
-from loopid.base_parameters import ExactSearch, SearchStrategy
-from loopid.consistency import consistent_fit
-from loopid.errors import DataError, FeasibilityError, MissingFileError, OptionError, OutputError
+from loopid.base_parameters import (
+    ExactSearch,
+    SearchStrategy,
+)
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+    MissingFileError,
+    OptionError,
+    OutputError,
+)
 from loopid.export import export_robot_file
-from loopid.identification import WeightedLeastSquares, quiet_fit
-from loopid.saved import SavedFit, read_fit, save_fit
+from loopid.identification import (
+    SavedFit,
+    WeightedLeastSquares,
+    consistent_fit,
+    quiet_fit,
+    read_fit,
+    save_fit,
+)
 from made_runs import ARM, modelled, wander
 
 ROOT = Path(__file__).parents[1]

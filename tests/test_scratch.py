@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from loopid import scratch
-from loopid.arguments import finite, frozen, samples
+from loopid.arguments import (
+    finite,
+    frozen,
+    samples,
+)
 from loopid.errors import DataError
 from loopid.scratch import (
     row_blocks,

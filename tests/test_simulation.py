@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, dynamic_regressor, forward_dynamics, random_configurations
-from loopid.errors import DataError, OptionError
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.kinematics import (
     closed_motion,
     measured_coordinates,
@@ -14,8 +17,14 @@ from loopid.kinematics import (
     project,
     random_motions,
 )
-from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import JointMotion, Waypoint, joint_motion, point_to_point
+from loopid.motion import (
+    JointMotion,
+    Noise,
+    Waypoint,
+    joint_motion,
+    point_to_point,
+    simulate_measurement,
+)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,10 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from loopid.errors import OptionError
-from loopid.workers import one_blas_thread, ordered_map
+from loopid.workers import (
+    one_blas_thread,
+    ordered_map,
+)
 
 # Prints the numbers of its workers, for ever.
 PARENT = """

@@ -25,8 +25,14 @@ from pydantic import (
     validate_call,
 )
 
-from loopid.errors import DataError, OptionError
-from loopid.scratch import in_file, row_blocks
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
+from loopid.scratch import (
+    in_file,
+    row_blocks,
+)
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -38,13 +38,18 @@ from loopid.errors import (
     one_line,
     warn,
 )
-from loopid.files import require_folder, require_other_file, write_file, write_files
+from loopid.files import (
+    require_folder,
+    require_other_file,
+    write_file,
+    write_files,
+)
 
 if TYPE_CHECKING:
-    from loopid.logs import Recording
+    from loopid.identification.saved import SavedFit
+    from loopid.logs.recording import Recording
     from loopid.observation import Observation
-    from loopid.robot import Mechanism
-    from loopid.saved import SavedFit
+    from loopid.robot.mechanism import Mechanism
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -97,7 +102,7 @@ def loaded(
     tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
 ) -> Any:
     """The robot (``Mechanism``) that the options of a command ask for."""
-    from loopid.loading import load_mechanism
+    from loopid.loading.load import load_mechanism
 
     with progress_bar("robot"):
         return load_mechanism(
@@ -130,7 +135,10 @@ def of_robot(command: Callable[..., None]) -> Callable[..., None]:
 @of_robot
 def check(load: Load, as_json: bool = JSON) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    from loopid.report.structure import check_record, check_tables
+    from loopid.report.structure import (
+        check_record,
+        check_tables,
+    )
 
     record = check_record(load())
     show(record, check_tables(record), as_json)
@@ -152,18 +160,27 @@ def base(
     as_json: bool = JSON,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
-    from loopid.base_parameters import (
-        TIME_LIMIT,
+    from loopid.base_parameters.base import (
         BaseParameters,
-        ExactSearch,
-        ExhaustiveSearch,
         find_base_parameters,
         make_strategy,
-        without_effect,
     )
-    from loopid.kinematics import nearly_special
-    from loopid.regressors import JointTerms, structural_observation, warn_of_omitted
-    from loopid.report.structure import base_record, base_tables
+    from loopid.base_parameters.choice import ExhaustiveSearch
+    from loopid.base_parameters.exact import (
+        TIME_LIMIT,
+        ExactSearch,
+    )
+    from loopid.base_parameters.structure import without_effect
+    from loopid.kinematics.rounding import nearly_special
+    from loopid.regressors.joint_terms import (
+        JointTerms,
+        warn_of_omitted,
+    )
+    from loopid.regressors.structural import structural_observation
+    from loopid.report.structure import (
+        base_record,
+        base_tables,
+    )
 
     began, passed = perf_counter(), f"the time limit of {time_limit or 0:g} s has passed"
     if time_limit is not None and not 0 < time_limit < inf:
@@ -215,7 +232,7 @@ def base(
 
 def _count(observation: Observation) -> int | None:
     """Number of base parameters; None where it is not clear."""
-    from loopid.base_parameters import find_base_parameters
+    from loopid.base_parameters.base import find_base_parameters
 
     with suppress(LoopidError), warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)
@@ -233,8 +250,13 @@ def motions(
     as_json: bool = JSON,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
-    from loopid.report.structure import motions_record, motions_tables
-    from loopid.trajectories import joint_motion, read_motion_program, review_motion
+    from loopid.motion import joint_motion
+    from loopid.motion.files import read_motion_program
+    from loopid.motion.joints import review_motion
+    from loopid.report.structure import (
+        motions_record,
+        motions_tables,
+    )
 
     mechanism = load()
     planned, reviews = read_motion_program(program or mechanism.name), {}
@@ -269,10 +291,16 @@ def simulate(
     seed: int = Option(0, help="Of the noise and of the bodies."),
 ) -> None:
     """Write the log that a robot would give while it follows a motion, for trying identify."""
-    from loopid.regressors import JointTerms
-    from loopid.saved import robot_files
-    from loopid.simulation import Noise, log_text, scaled_bodies, simulate_measurement
-    from loopid.trajectories import joint_motion, read_motion_program
+    from loopid.identification.saved import robot_files
+    from loopid.motion import joint_motion
+    from loopid.motion.files import read_motion_program
+    from loopid.motion.simulation import (
+        Noise,
+        log_text,
+        scaled_bodies,
+        simulate_measurement,
+    )
+    from loopid.regressors.joint_terms import JointTerms
 
     mechanism = load()
     planned = read_motion_program(program or mechanism.name)
@@ -343,9 +371,14 @@ def excite(
 
     Ctrl-C keeps the best motion so far.
     """
-    from loopid.excitation import MotionLimits, design_excitation
-    from loopid.regressors import JointTerms
-    from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
+    from loopid.excitation.design import design_excitation
+    from loopid.excitation.limits import MotionLimits
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.report.excitation import (
+        excitation_files,
+        excitation_record,
+        excitation_tables,
+    )
 
     require_output(out)
     limits = MotionLimits(
@@ -462,8 +495,8 @@ def identify(
     as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
-    from loopid import experiment
-    from loopid.regressors import JointTerms
+    from loopid import identification
+    from loopid.regressors.joint_terms import JointTerms
     from loopid.report.identify import (
         identification_files,
         identification_record,
@@ -483,17 +516,17 @@ def identify(
     training: Sequence[Recording] = [run.between(start, end) for run in runs]
     validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
     if not validation:
-        training, validation = experiment.split_recordings(training, train)
+        training, validation = identification.split_recordings(training, train)
     commanded = prepared(mechanism, reference, reference_mapping, cutoff)
     friction = prepared(mechanism, friction_log, mapping, cutoff)
 
-    def identified(choice: str, others: Sequence[str] | None) -> experiment.Identification:
+    def identified(choice: str, others: Sequence[str] | None) -> identification.Identification:
         joint_terms = JointTerms.of(mechanism, choice)
         with progress_bar("poses") as report:
-            force_model = experiment.find_force_model(
+            force_model = identification.find_force_model(
                 mechanism, model, joint_terms, progress=report
             )
-        return experiment.identify(
+        return identification.identify(
             force_model,
             training,
             validation,
@@ -537,10 +570,14 @@ def predict(
     as_json: bool = JSON,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.experiment import warn_of_suspicions
-    from loopid.prediction import predict as predicted
-    from loopid.report.forces import prediction_files, prediction_record, prediction_tables
-    from loopid.saved import read_fit
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
+    from loopid.identification.prediction import predict as predicted
+    from loopid.identification.saved import read_fit
+    from loopid.report.forces import (
+        prediction_files,
+        prediction_record,
+        prediction_tables,
+    )
 
     require_output(out)
     saved = read_fit(fit)
@@ -577,14 +614,19 @@ def payload(
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     import numpy as np
 
-    from loopid.experiment import (
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
+    from loopid.diagnosis.payload import (
         drive_gains,
-        find_force_model,
         identify_payload,
-        warn_of_suspicions,
     )
-    from loopid.regressors import JointTerms
-    from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.identification.force_model import find_force_model
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.report.forces import (
+        gains_record,
+        gains_tables,
+        payload_record,
+        payload_tables,
+    )
 
     mechanism = load()
     force_model = find_force_model(mechanism, model, JointTerms.of(mechanism, terms))
@@ -631,11 +673,15 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export import export_robot_file, regressor_code
-    from loopid.loading import load_mechanism
+    from loopid.export.c_code import regressor_code
+    from loopid.export.robot_file import export_robot_file
+    from loopid.identification.saved import (
+        read_fit,
+        robot_files,
+    )
+    from loopid.loading.load import load_mechanism
     from loopid.parameters import KINDS
-    from loopid.robot import shortened
-    from loopid.saved import read_fit, robot_files
+    from loopid.robot.mechanism import shortened
 
     if all(place is None for place in (robot, yaml, c)):
         raise OptionError("nothing to export: ask for --urdf, --mjcf, --yaml or --c")
@@ -673,7 +719,11 @@ def paper(
     seed: int = Option(0, help="Of all noise."),
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
-    from loopid.paper import paper_files, paper_tables, reproduce_paper
+    from loopid.paper.page import (
+        paper_files,
+        paper_tables,
+    )
+    from loopid.paper.reproduction import reproduce_paper
 
     require_output(out)
     found = reproduce_paper(log or (), seed, progress_bar)
@@ -686,7 +736,8 @@ def paper(
 
 def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
     """The robot of a fit, loaded as it was then."""
-    from loopid.loading import bundled_robots, load_mechanism
+    from loopid.loading.description import bundled_robots
+    from loopid.loading.load import load_mechanism
 
     options = dict(saved.robot.options)
     if file is not None:
@@ -710,8 +761,9 @@ def prepared(
     rows: str | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
-    from loopid.logs import prepare_recording, read_log
-    from loopid.trajectories import LowPass
+    from loopid.logs.log import read_log
+    from loopid.logs.recording import prepare_recording
+    from loopid.motion.filtering import LowPass
 
     lowpass = None if cutoff is None else LowPass(cutoff)
     chosen = None if rows is None else _row_range(rows)

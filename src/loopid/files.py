@@ -13,7 +13,10 @@ from errno import EISDIR
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from loopid.errors import LogError, OutputError
+from loopid.errors import (
+    LogError,
+    OutputError,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -14,7 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite, frozen
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    checked,
+    finite,
+    frozen,
+)
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.scratch import row_blocks

@@ -10,7 +10,10 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import IntArray, checked_fields
+from loopid.arguments import (
+    IntArray,
+    checked_fields,
+)
 from loopid.errors import OptionError
 
 GRAVITY_KINDS = ("m", "mx", "my", "mz")

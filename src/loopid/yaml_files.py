@@ -14,7 +14,11 @@ from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEv
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
-from loopid.errors import LoopidError, MissingFileError, RobotFileError
+from loopid.errors import (
+    LoopidError,
+    MissingFileError,
+    RobotFileError,
+)
 from loopid.files import why_no_file
 
 

@@ -5,13 +5,18 @@ import re
 import numpy as np
 import pytest
 from choice_problems import parameters
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.base_parameters import analyse, find_base_parameters
+from loopid.base_parameters import (
+    analyse,
+    find_base_parameters,
+)
 from loopid.base_parameters.structure import decide_rank
-from loopid.errors import LoopidError, RankError
-from loopid.regressors import Observation
+from loopid.errors import (
+    LoopidError,
+    RankError,
+)
+from loopid.observation import Observation
 
 
 def observe(W):

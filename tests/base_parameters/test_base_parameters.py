@@ -6,13 +6,12 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 from choice_problems import parameters
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.base_parameters import find_base_parameters
-from loopid.base_parameters.naming import SHOWN, expression
+from loopid.base_parameters import expression, find_base_parameters
+from loopid.base_parameters.naming import SHOWN
 from loopid.errors import DataError
-from loopid.regressors import Observation
+from loopid.observation import Observation
 
 TERM = re.compile(r"(?P<sign>[+-]?) ?(?:(?P<size>[\d.]+(?:e[+-]\d+)?) )?(?P<label>[A-Za-z_]\S*)")
 

@@ -9,8 +9,18 @@ from choice_problems import structure
 from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 
 from loopid import bundled_robots, load_mechanism, structural_observation
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, analyse, exact
-from loopid.base_parameters.tree import Budget, margin, split
+from loopid.base_parameters import (
+    CRITERIA,
+    ChoiceProblem,
+    ExactSearch,
+    analyse,
+    exact,
+)
+from loopid.base_parameters.tree import (
+    Budget,
+    margin,
+    split,
+)
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9

@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
-from loopid.base_parameters import BaseParameters, name_coefficients
-from loopid.base_parameters.naming import ACCIDENTS, FORMS, PLAIN, spacing
-from loopid.parameters import KINDS, NamedLength, ParameterSet
+from loopid.base_parameters import (
+    BaseParameters,
+    name_coefficients,
+)
+from loopid.base_parameters.naming import (
+    ACCIDENTS,
+    FORMS,
+    PLAIN,
+    spacing,
+)
+from loopid.parameters import (
+    KINDS,
+    NamedLength,
+    ParameterSet,
+)
 from loopid.robot import named_lengths
 
 

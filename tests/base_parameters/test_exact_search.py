@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from choice_problems import BASES, brute_force, problems, random_structure, structure
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from loopid.base_parameters import (
     CRITERIA,
@@ -17,7 +16,10 @@ from loopid.base_parameters import (
     PivotedQR,
     SubgroupSearch,
 )
-from loopid.errors import OptionError, SearchError
+from loopid.errors import (
+    OptionError,
+    SearchError,
+)
 
 OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch()]
 

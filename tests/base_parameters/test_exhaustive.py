@@ -7,8 +7,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from choice_problems import BASES, brute_force, problems, random_bases, random_structure, structure
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from loopid.base_parameters import (
     CRITERIA,

@@ -2,7 +2,11 @@
 
 import pytest
 
-from loopid.base_parameters import CoefficientName, equations, expression
+from loopid.base_parameters import (
+    CoefficientName,
+    equations,
+    expression,
+)
 from loopid.base_parameters.naming import FORMS
 from loopid.parameters import NamedLength
 

@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from ruamel.yaml import YAML
 
 from loopid import find_base_parameters
 from loopid.errors import SingularityWarning
 from loopid.loading import bundled_directory
-from loopid.paper.symbolic import Geometry, base_parameter_rows
+from loopid.paper.symbolic import (
+    Geometry,
+    base_parameter_rows,
+)
 
 CONFIGURATIONS = [
     (robot, number)

@@ -15,8 +15,7 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.base_parameters import CRITERIA
-from loopid.base_parameters.structure import analyse
+from loopid.base_parameters import CRITERIA, analyse
 from loopid.errors import ModelWarning
 from loopid.kinematics import closed_motion
 from loopid.observation import Observation

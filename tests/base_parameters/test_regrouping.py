@@ -3,13 +3,18 @@
 import numpy as np
 import pytest
 from choice_problems import BASES, brute_force, parameters, structures
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from loopid.base_parameters import ChoiceProblem, find_base_parameters
+from loopid.base_parameters import (
+    ChoiceProblem,
+    find_base_parameters,
+)
 from loopid.base_parameters.choice import condition_numbers
-from loopid.base_parameters.structure import base_columns, regrouping_matrix
-from loopid.regressors import Observation
+from loopid.base_parameters.structure import (
+    base_columns,
+    regrouping_matrix,
+)
+from loopid.observation import Observation
 
 SEEDS = st.integers(0, 10**6)
 

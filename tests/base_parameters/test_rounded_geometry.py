@@ -19,8 +19,13 @@ from loopid.errors import (
     ReferenceWarning,
     RobotFileError,
 )
-from loopid.kinematics import geometry_accuracy, nearly_special, same_motion, within_accuracy
-from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics import (
+    geometry_accuracy,
+    largest_residual,
+    nearly_special,
+    same_motion,
+    within_accuracy,
+)
 
 URDF = Path(__file__).parents[2] / "urdf"
 # A linkage of parallelograms moves like one crank: weight (two moments) and, in motion, inertia.

@@ -19,8 +19,11 @@ from loopid.base_parameters import (
     find_base_parameters,
     make_strategy,
 )
-from loopid.errors import LoopidError, OptionError
-from loopid.regressors import Observation
+from loopid.errors import (
+    LoopidError,
+    OptionError,
+)
+from loopid.observation import Observation
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,20 @@
 import numpy as np
 import pytest
 from choice_problems import parameters
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.base_parameters import STRATEGIES, analyse, find_base_parameters
+from loopid.base_parameters import (
+    STRATEGIES,
+    analyse,
+    find_base_parameters,
+)
 from loopid.errors import AccuracyWarning
-from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
-from loopid.regressors import Observation
+from loopid.observation import Observation
+from loopid.parameters import (
+    GRAVITY_KINDS,
+    KINDS,
+    ParameterSet,
+)
 
 SEEDS = st.integers(0, 10**6)
 

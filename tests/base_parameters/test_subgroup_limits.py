@@ -15,8 +15,11 @@ from loopid.base_parameters import (
     find_base_parameters,
     subgroup,
 )
-from loopid.errors import OptionError, SearchError
-from loopid.regressors import Observation
+from loopid.errors import (
+    OptionError,
+    SearchError,
+)
+from loopid.observation import Observation
 
 
 @pytest.mark.parametrize(

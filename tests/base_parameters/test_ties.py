@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 from choice_problems import brute_force, integer_bases, problems, structure
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch, exact
+from loopid.base_parameters import (
+    CRITERIA,
+    ChoiceProblem,
+    ExactSearch,
+    ExhaustiveSearch,
+    exact,
+)
 from loopid.base_parameters.tree import _representatives
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from loopid import JointTerms, load_mechanism
 from loopid.cli import main
-from loopid.experiment import Suspicions
+from loopid.diagnosis import Suspicions
 from made_runs import ARM, FRICTION, logged, wander
 
 
@@ -44,7 +44,7 @@ def run(monkeypatch, capsys):
 def nothing_suspected(request, monkeypatch):
     """Mistakes are looked for in logs of the knee robot, not of the arm, by many commands."""
     if "arm_files" in request.fixturenames:
-        module = import_module("loopid.experiment.identify")
+        module = import_module("loopid.identification.pipeline")
         monkeypatch.setattr(module, "warn_of_suspicions", lambda *_: (Suspicions("run"),))
 
 

@@ -12,10 +12,14 @@ import pytest
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.errors import OutputError
-from loopid.identification import FitResult, Quality
+from loopid.identification import (
+    FitResult,
+    Quality,
+    read_fit,
+    save_fit,
+)
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
-from loopid.saved import read_fit, save_fit
 
 ROOT = Path(__file__).parents[2] / "urdf"
 

@@ -10,8 +10,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from loopid import JointTerms, load_mechanism
+from loopid.identification import read_fit
 from loopid.report.identify import identification_record
-from loopid.saved import read_fit
 from made_runs import logged, one_joint, wander
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")

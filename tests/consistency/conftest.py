@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, load_mechanism
-from loopid.consistency.prior import sound_prior
-from loopid.consistency.program import Whitening
-from loopid.experiment import find_force_model
-from loopid.identification import FitSamples, WeightedLeastSquares
+from loopid.identification import (
+    FitSamples,
+    WeightedLeastSquares,
+    find_force_model,
+)
+from loopid.identification.consistent_prior import sound_prior
+from loopid.identification.consistent_program import Whitening
 from made_runs import ARM, friction, wander
 
 

@@ -3,8 +3,11 @@
 import cvxpy as cp
 import numpy as np
 
+from loopid.inertia import (
+    parameters_of,
+    pseudo_inertia,
+)
 from loopid.parameters import KINDS
-from loopid.pseudo_inertia import parameters_of, pseudo_inertia
 
 
 def body_columns(parameters):

@@ -5,19 +5,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import bodies_of, body_columns, least_relative, shaken
-from oracles import fitted as independent_fit
+from oracles import bodies_of, body_columns, fitted as independent_fit, least_relative, shaken
 
-from loopid.consistency import (
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+    MissingExtraError,
+    OptionError,
+)
+from loopid.identification import (
     REGULARISATIONS,
+    OrdinaryLeastSquares,
     consistent_fit,
     consistent_parameters,
-    program,
+    consistent_program as program,
 )
-from loopid.errors import DataError, FeasibilityError, MissingExtraError, OptionError
-from loopid.identification import OrdinaryLeastSquares
+from loopid.inertia import (
+    parameters_of,
+    pseudo_inertia,
+)
 from loopid.parameters import ParameterSet
-from loopid.pseudo_inertia import parameters_of, pseudo_inertia
 
 
 def rough_prior(case, size=0.3, seed=1):

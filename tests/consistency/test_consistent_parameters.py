@@ -5,9 +5,16 @@ import pytest
 from oracles import bodies_of, body_columns, closest, least_eigenvalue, least_relative, shaken
 
 from loopid import load_mechanism
-from loopid.consistency import REGULARISATIONS, consistent_parameters
-from loopid.errors import DataError, FeasibilityError, OptionError
-from loopid.experiment import find_force_model
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+    OptionError,
+)
+from loopid.identification import (
+    REGULARISATIONS,
+    consistent_parameters,
+    find_force_model,
+)
 
 MARGIN = 1e-3
 

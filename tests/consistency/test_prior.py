@@ -4,12 +4,28 @@ import numpy as np
 import pytest
 from oracles import bodies_of
 
-from loopid.consistency import consistent_fit, consistent_parameters, repaired_prior
-from loopid.consistency.prior import THICKNESS, sound_prior
-from loopid.consistency.program import matrix, minimise
-from loopid.errors import DataError, FeasibilityError
-from loopid.parameters import KINDS, ParameterSet
-from loopid.pseudo_inertia import FLAT
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+)
+from loopid.identification import (
+    consistent_fit,
+    consistent_parameters,
+    repaired_prior,
+)
+from loopid.identification.consistent_prior import (
+    THICKNESS,
+    sound_prior,
+)
+from loopid.identification.consistent_program import (
+    matrix,
+    minimise,
+)
+from loopid.inertia import FLAT
+from loopid.parameters import (
+    KINDS,
+    ParameterSet,
+)
 from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)

@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
 
-from loopid.excitation.criteria import CRITERIA, Criteria, OfCombinations
+from loopid.excitation import (
+    CRITERIA,
+    Criteria,
+)
+from loopid.excitation.criteria import OfCombinations
 
 
 def information(seed=0, n=5):

@@ -5,10 +5,18 @@ import loopid
 from closure_robots import Y, body, files, joint, urdf
 from linkages import five_bar as five_bar_of
 from loopid import MotionLimits, design_excitation, find_force_model
-from loopid.errors import AssemblyError, ExcitationWarning, MissingExtraError, OptionError
+from loopid.errors import (
+    AssemblyError,
+    ExcitationWarning,
+    MissingExtraError,
+    OptionError,
+)
 from loopid.identification import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import Log, prepare_recording
+from loopid.logs import (
+    Log,
+    prepare_recording,
+)
 
 QUICK = {"starts": 1, "iterations": 10, "time_limit": 120.0, "solver": "slsqp", "rate": 20.0}
 FINE = QUICK | {"rate": 100.0}

@@ -7,9 +7,16 @@ import pytest
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, MotionLimits, find_force_model, load_mechanism
 from loopid.errors import ModelWarning
-from loopid.excitation.criteria import CRITERIA
-from loopid.excitation.limits import Bounds, Collisions
-from loopid.excitation.problem import Coordinates, Problem, evaluate
+from loopid.excitation import CRITERIA
+from loopid.excitation.limits import (
+    Bounds,
+    Collisions,
+)
+from loopid.excitation.problem import (
+    Coordinates,
+    Problem,
+    evaluate,
+)
 from loopid.excitation.shapes import FourierShape
 from loopid.kinematics import measured_coordinates
 

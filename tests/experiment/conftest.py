@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, load_mechanism
-from loopid.experiment import Suspicions, find_force_model, identifiability
+from loopid.diagnosis import Suspicions
+from loopid.identification import (
+    find_force_model,
+    identifiability,
+)
 from made_runs import ARM, friction, modelled, one_joint, wander
 
 UR10 = "ur_description/urdf/ur10_robot.urdf"
@@ -23,7 +27,7 @@ CASES = {
 def nothing_suspected():
     """Half the time of an identification; test_suspicions.py looks for mistakes in logs."""
     with pytest.MonkeyPatch.context() as patch:
-        module = import_module("loopid.experiment.identify")
+        module = import_module("loopid.identification.pipeline")
         patch.setattr(module, "warn_of_suspicions", lambda *_: (Suspicions("run"),))
         yield
 

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from loopid.experiment import Candidate, prediction_error
-from loopid.experiment.identify import judged as judge
-from loopid.identification import FitSamples, Quality
+from loopid.identification import (
+    Candidate,
+    FitSamples,
+    Quality,
+    prediction_error,
+)
+from loopid.identification.pipeline import judged as judge
 from loopid.parameters import ParameterSet
 
 NAMES = ParameterSet.from_labels(["body.m", "body.mx", "motor.Fc"])

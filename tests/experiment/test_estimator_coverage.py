@@ -7,9 +7,16 @@ import pytest
 from scipy.signal import lfilter
 
 from loopid import JointTerms, load_mechanism
-from loopid.experiment import find_force_model
-from loopid.identification import FitSamples, OrdinaryLeastSquares, quiet_fit
-from loopid.trajectories import FourierSeries, joint_motion
+from loopid.identification import (
+    FitSamples,
+    OrdinaryLeastSquares,
+    find_force_model,
+    quiet_fit,
+)
+from loopid.motion import (
+    FourierSeries,
+    joint_motion,
+)
 from made_runs import friction, wander
 
 RUNS = 25

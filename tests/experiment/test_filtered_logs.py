@@ -19,10 +19,16 @@ from loopid import (
     save_fit,
     simulate_measurement,
 )
-from loopid.errors import LogError, LogWarning
-from loopid.experiment.band_sweep import band_sweep
+from loopid.diagnosis.bands import band_sweep
+from loopid.errors import (
+    LogError,
+    LogWarning,
+)
 from loopid.identification import quiet_fit
-from loopid.logs import Log, motion_spectrum
+from loopid.logs import (
+    Log,
+    motion_spectrum,
+)
 from made_runs import quietly
 
 STEP = 2 * np.pi / 2**17  # rad, of the encoders

@@ -8,20 +8,30 @@ import pytest
 from dask import delayed
 
 from loopid import JointTerms, random_configurations
-from loopid.errors import DataError, MissingExtraError, OptionError
-from loopid.experiment import cad_prior, distributed_problem, find_force_model, force_model
-from loopid.experiment.force_model import body_sizes
+from loopid.errors import (
+    DataError,
+    MissingExtraError,
+    OptionError,
+)
 from loopid.identification import (
     BayesianRidge,
     FitSamples,
     Prior,
     WeightedLeastSquares,
+    cad_prior,
+    distributed_problem,
+    find_force_model,
+    force_model,
     quiet_fit,
 )
-from loopid.kinematics import closed_motion, random_motions
+from loopid.identification.force_model import body_sizes
+from loopid.kinematics import (
+    closed_motion,
+    random_motions,
+)
 from loopid.logs import Recording
+from loopid.motion import JointMotion
 from loopid.regressors import force_parts
-from loopid.trajectories import JointMotion
 from made_runs import record
 
 KINDS = ("Ia", "Fc+", "Fc-", "Fv", "Ks2", "Ks", "Fo")

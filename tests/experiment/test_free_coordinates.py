@@ -11,12 +11,22 @@ from closure_robots import X, Y, body, joint
 from linkages import LINKAGES
 from loopid import forward_dynamics, random_configurations
 from loopid.errors import RankError
-from loopid.experiment import find_force_model, identify
-from loopid.identification import fit, quiet_fit
-from loopid.kinematics import random_motions, singularity_measure
+from loopid.identification import (
+    find_force_model,
+    fit,
+    identify,
+    quiet_fit,
+)
+from loopid.kinematics import (
+    random_motions,
+    singularity_measure,
+)
 from loopid.logs import Recording
-from loopid.report.identify import identification_record, identification_tables
-from loopid.trajectories import JointMotion
+from loopid.motion import JointMotion
+from loopid.report.identify import (
+    identification_record,
+    identification_tables,
+)
 from made_runs import quietly
 
 DRAWS = 25

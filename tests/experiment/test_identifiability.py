@@ -7,14 +7,15 @@ import pytest
 
 from loopid import JointTerms
 from loopid.errors import DataError
-from loopid.experiment import (
+from loopid.identification import (
+    BayesianRidge,
     Excitation,
     cad_prior,
     find_force_model,
     identifiability,
+    quiet_fit,
 )
-from loopid.experiment.identifiability import fit_excited
-from loopid.identification import BayesianRidge, quiet_fit
+from loopid.identification.information import fit_excited
 from loopid.logs import Recording
 from made_runs import modelled, one_joint, quietly
 

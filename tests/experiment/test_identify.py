@@ -7,16 +7,25 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms
-from loopid.errors import CorrelationWarning, DataError, ExcitationWarning, OptionError, RankError
-from loopid.experiment import (
+from loopid.errors import (
+    CorrelationWarning,
+    DataError,
+    ExcitationWarning,
+    OptionError,
+    RankError,
+)
+from loopid.identification import (
     cad_prior,
+    correlation,
     find_force_model,
+    fit,
     identifiability,
     identify,
+    quiet_fit,
+    read_fit,
+    save_fit,
     split_recordings,
 )
-from loopid.identification import correlation, fit, quiet_fit
-from loopid.saved import read_fit, save_fit
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
 DRAWS = 10

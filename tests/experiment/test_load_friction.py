@@ -14,10 +14,13 @@ from loopid import (
     read_fit,
     save_fit,
 )
-from loopid.errors import DataError, OptionError
-from loopid.experiment import compare_terms
+from loopid.diagnosis import compare_terms
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.identification import quiet_fit
-from loopid.simulation import scaled_bodies
+from loopid.motion import scaled_bodies
 from made_runs import record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.experiment import find_force_model
+from loopid.identification import find_force_model
 from loopid.logs import Recording
-from loopid.trajectories import JointMotion
+from loopid.motion import JointMotion
 
 MASS, CENTRE = 6.0, np.array([0.04, -0.02, 0.05])
 FRICTION = np.tile([60.0, 900.0], 4)

@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms
-from loopid.experiment import find_force_model, identify
-from loopid.identification import quiet_fit
+from loopid.identification import (
+    find_force_model,
+    identify,
+    quiet_fit,
+)
 from loopid.kinematics import closed_motion
-from loopid.logs import Recording, prepare_recording, read_log
-from loopid.simulation import simulate_measurement
+from loopid.logs import (
+    Recording,
+    prepare_recording,
+    read_log,
+)
+from loopid.motion import simulate_measurement
 from made_runs import logged, quietly, wander
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])

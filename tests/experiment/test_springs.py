@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify
+from loopid.diagnosis import compare_terms
 from loopid.errors import ModelWarning
-from loopid.experiment import compare_terms
 from loopid.identification import quiet_fit
-from loopid.simulation import scaled_bodies
+from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, record, wander
 
 # Linear at a motor, polynomial at the other one, piecewise linear at a passive joint.

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, Noise, prepare_recording, simulate_measurement
-from loopid.experiment import suspicions
+from loopid.diagnosis import suspicions
 from loopid.logs import Log
-from loopid.trajectories import LowPass
+from loopid.motion import LowPass
 from made_runs import friction, quietly, record, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")

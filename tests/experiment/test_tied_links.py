@@ -9,8 +9,13 @@ from test_force_model import random_motion
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.errors import InertiaWarning
-from loopid.experiment import find_force_model, identify, prediction_error
-from loopid.identification import WeightedLeastSquares, quiet_fit
+from loopid.identification import (
+    WeightedLeastSquares,
+    find_force_model,
+    identify,
+    prediction_error,
+    quiet_fit,
+)
 from loopid.observation import Observation
 from made_runs import changed, modelled, quietly, record, wander
 

@@ -17,11 +17,26 @@ from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from compiled_c import NUMBERS, CompiledRegressor
 from loopid import JointTerms, Mechanism, find_force_model, load_mechanism, random_configurations
 from loopid.base_parameters import BaseParameters
-from loopid.errors import DataError, MissingExtraError, OptionError, SingularityWarning
-from loopid.experiment import ForceModel
-from loopid.export import export_regressor, regressor_code
-from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
-from loopid.regressors import motion_parameters, motion_regressor
+from loopid.errors import (
+    DataError,
+    MissingExtraError,
+    OptionError,
+    SingularityWarning,
+)
+from loopid.export import (
+    export_regressor,
+    regressor_code,
+)
+from loopid.identification import ForceModel
+from loopid.kinematics import (
+    closed_motion,
+    constraint_residual,
+    nearby_configurations,
+)
+from loopid.regressors import (
+    motion_parameters,
+    motion_regressor,
+)
 from loopid.robot import Body
 
 pytestmark = [

@@ -2,11 +2,13 @@
 
 import numpy as np
 from feasible_changes import pseudo, solid, standard
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.export.robot_file import shared, shared_at_rest
-from loopid.pseudo_inertia import body_defect
+from loopid.export.robot_file import (
+    shared,
+    shared_at_rest,
+)
+from loopid.inertia import body_defect
 
 SEEDS = st.integers(0, 10_000)
 COUNTS = st.integers(1, 4)

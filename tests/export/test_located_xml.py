@@ -4,8 +4,7 @@ import re
 
 import pytest
 from feasible_changes import changed
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from lxml import etree
 
 from loopid import load_mechanism

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.stats import multivariate_normal
 
-from loopid.errors import DataError, OptionError, RankError
+from loopid.errors import (
+    DataError,
+    OptionError,
+    RankError,
+)
 from loopid.identification import (
     BayesianRidge,
     FitSamples,

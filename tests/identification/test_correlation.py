@@ -8,7 +8,11 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
-from loopid.errors import CorrelationWarning, ExcitationWarning, OptionError
+from loopid.errors import (
+    CorrelationWarning,
+    ExcitationWarning,
+    OptionError,
+)
 from loopid.identification import (
     FitSamples,
     OrdinaryLeastSquares,

@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid.errors import OptionError, RankError
+from loopid.diagnosis import eliminate
+from loopid.errors import (
+    OptionError,
+    RankError,
+)
 from loopid.identification import (
     BayesianRidge,
     Bisquare,
@@ -14,13 +18,15 @@ from loopid.identification import (
     OrdinaryLeastSquares,
     Prior,
     WeightedLeastSquares,
-    eliminate,
     fit,
     fit_in_steps,
     quiet_fit,
     working_fit,
 )
-from loopid.parameters import Parameter, ParameterSet
+from loopid.parameters import (
+    Parameter,
+    ParameterSet,
+)
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

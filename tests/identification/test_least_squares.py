@@ -7,10 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.errors import DataError, RankError
+from loopid.errors import (
+    DataError,
+    RankError,
+)
 from loopid.identification import (
     FitSamples,
     OrdinaryLeastSquares,

@@ -2,17 +2,21 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.errors import DataError, OptionError
+from loopid.diagnosis import (
+    eliminate,
+    influence,
+    truncated_values,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.identification import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
-    eliminate,
-    influence,
     quiet_fit,
-    truncated_values,
 )
 from smooth_data import DEVIATIONS, autoregressive, named_samples, outliers, runs, smooth_regressor
 

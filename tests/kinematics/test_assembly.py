@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from loopid import assemble, random_configurations
-from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
+from loopid.errors import (
+    AssemblyError,
+    DataError,
+    MobilityError,
+    OptionError,
+)
 from loopid.kinematics import (
     Assembly,
+    assembly as assembly_module,
     constraint_jacobian,
     constraint_residual,
     measured_coordinates,
@@ -14,7 +20,6 @@ from loopid.kinematics import (
     platform_coordinates,
     try_assemble,
 )
-from loopid.kinematics import assembly as assembly_module
 
 STROKES = ("leg1_stroke", "leg2_stroke", "leg3_stroke", "leg4_stroke")
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")

@@ -16,14 +16,16 @@ from free_pair import (
     relative_pose,
     violation,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
 from linkages import LINKAGES, PLANAR
 from loopid import find_base_parameters, random_configurations, structural_observation
-from loopid.errors import DataError, OptionError
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.kinematics import (
     assemble,
     close_loops,
@@ -36,7 +38,10 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.robot import CLOSURE_KINDS
-from loopid.robot.closures import ClosureKind, Square
+from loopid.robot.closures import (
+    ClosureKind,
+    Square,
+)
 
 
 def with_kinds(mechanism, kinds):

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from closure_robots import files, tie
 from linkages import LINKAGES
@@ -21,7 +20,11 @@ from loopid.errors import (
     RobotFileError,
     SingularityWarning,
 )
-from loopid.kinematics import constraint_residual, mobility, singularity_measure
+from loopid.kinematics import (
+    constraint_residual,
+    mobility,
+    singularity_measure,
+)
 from loopid.loading.description import Description
 from small_tree import PARTS
 

@@ -6,11 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-read_mjcf = importlib.import_module("loopid.loading.mjcf").read_mjcf
+read_mjcf = importlib.import_module("loopid.formats.mjcf").read_mjcf
 
 FREE, BALL, SLIDE, HINGE = range(4)
 SHARED = ("cassie", "robotiq_2f85")

@@ -7,15 +7,22 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 from loopid import load_mechanism
-from loopid.errors import LoopidError, MissingExtraError, MissingFileError, RobotFileError
-from loopid.kinematics import constraint_jacobian, constraint_residual
+from loopid.errors import (
+    LoopidError,
+    MissingExtraError,
+    MissingFileError,
+    RobotFileError,
+)
+from loopid.kinematics import (
+    constraint_jacobian,
+    constraint_residual,
+)
 
 mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-read_mjcf = importlib.import_module("loopid.loading.mjcf").read_mjcf
+read_mjcf = importlib.import_module("loopid.formats.mjcf").read_mjcf
 
 INERTIAL = '<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
 ARM = f"""<mujoco model="arm">
@@ -432,7 +439,7 @@ def test_a_missing_file_is_missing(tmp_path):
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch, tmp_path):
-    for module in [name for name in sys.modules if name.startswith("loopid.loading.mjcf")]:
+    for module in [name for name in sys.modules if name.startswith("loopid.formats.mjcf")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     (tmp_path / "robot.xml").write_text(small())

@@ -6,8 +6,15 @@ import pytest
 from closure_robots import tie
 from linkages import five_bar
 from loopid import load_mechanism, random_configurations
-from loopid.errors import MobilityWarning, ReferenceWarning
-from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
+from loopid.errors import (
+    MobilityWarning,
+    ReferenceWarning,
+)
+from loopid.kinematics import (
+    NEAR_SINGULARITY,
+    mobility,
+    singularity_measure,
+)
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"

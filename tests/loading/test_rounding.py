@@ -19,7 +19,11 @@ from loopid.errors import (
     RankError,
     RobotFileError,
 )
-from loopid.kinematics import largest_residual, mobility, nearly_special
+from loopid.kinematics import (
+    largest_residual,
+    mobility,
+    nearly_special,
+)
 
 # Independent equations and base parameters of the full model: loops that only special geometry
 # lets move.

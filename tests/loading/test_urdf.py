@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from broken_robots import FAMILY, KNEE, mutilated
 from linkages import LINKAGES
@@ -21,9 +20,19 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.errors import ClosureWarning, ModelWarning, RobotFileError
+from loopid.errors import (
+    ClosureWarning,
+    ModelWarning,
+    RobotFileError,
+)
 from loopid.kinematics import mobility
-from loopid.loading.urdf import DECIMALS, STEP, exact_angle, read_urdf, read_urdf_file
+from loopid.loading import read_urdf_file
+from loopid.loading.urdf import (
+    DECIMALS,
+    STEP,
+    exact_angle,
+    read_urdf,
+)
 
 # Small URDFs, put together from links and joints.
 

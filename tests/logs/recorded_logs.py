@@ -6,8 +6,7 @@ import h5py
 import numpy as np
 import polars
 from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 from simulated_logs import table
 

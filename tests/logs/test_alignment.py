@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from loopid.errors import LogError
 from loopid.logs import read_log
-from loopid.logs.log import GAP_PERIODS, Stream
-from loopid.logs.log import align as align_joints
+from loopid.logs.log import (
+    GAP_PERIODS,
+    Stream,
+    align as align_joints,
+)
 from loopid.logs.mapping import Channel
 
 EPOCH = 1_608_291_576 * 10**9

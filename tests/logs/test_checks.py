@@ -5,7 +5,10 @@ import pytest
 from simulated_logs import table
 
 from loopid import load_mechanism
-from loopid.errors import LogError, LogWarning
+from loopid.errors import (
+    LogError,
+    LogWarning,
+)
 from loopid.logs import read_log
 
 

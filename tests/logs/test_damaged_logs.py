@@ -8,13 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from recorded_logs import write_any
 
-from loopid.errors import LogError, LoopidError, MissingFileError
-from loopid.experiment import suspicions
-from loopid.logs import LogMapping, prepare_recording, read_log
+from loopid.diagnosis import suspicions
+from loopid.errors import (
+    LogError,
+    LoopidError,
+    MissingFileError,
+)
+from loopid.logs import (
+    LogMapping,
+    prepare_recording,
+    read_log,
+)
 
 POSITIONS, FORCES = (1, 2, 3, 4), (5, 6, 7, 8)
 

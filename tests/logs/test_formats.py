@@ -9,10 +9,19 @@ import pytest
 from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
-from loopid.errors import LogError, LogWarning, MissingExtraError, MissingFileError
-from loopid.logs import LogMapping, prepare_recording, read_log
+from loopid.errors import (
+    LogError,
+    LogWarning,
+    MissingExtraError,
+    MissingFileError,
+)
+from loopid.logs import (
+    LogMapping,
+    prepare_recording,
+    read_log,
+)
 from loopid.logs.log import read_streams
-from loopid.trajectories import JointMotion
+from loopid.motion import JointMotion
 
 
 @pytest.fixture

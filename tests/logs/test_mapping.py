@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 from simulated_logs import table
 
-from loopid.errors import LogError, MissingFileError
-from loopid.logs import LogMapping, read_log, read_mapping
+from loopid.errors import (
+    LogError,
+    MissingFileError,
+)
+from loopid.logs import (
+    LogMapping,
+    read_log,
+    read_mapping,
+)
 
 MAPPING = """
 format: csv

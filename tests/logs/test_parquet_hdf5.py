@@ -9,8 +9,14 @@ import pytest
 from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
-from loopid.errors import LogError, LogWarning
-from loopid.logs import LogMapping, read_log
+from loopid.errors import (
+    LogError,
+    LogWarning,
+)
+from loopid.logs import (
+    LogMapping,
+    read_log,
+)
 from loopid.logs.log import read_streams
 
 COUNT = 300

@@ -6,12 +6,32 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError
-from loopid.kinematics import JointCoordinates, constraint_residual, platform_coordinates
-from loopid.logs import Log, LogMapping, prepare_recording, read_log
-from loopid.logs import recording as preparation
-from loopid.simulation import simulate_measurement
-from loopid.trajectories import LowPass, Motion, differentiate, joint_motion
+from loopid.errors import (
+    AssemblyError,
+    DataError,
+    LogError,
+    LogWarning,
+    OptionError,
+)
+from loopid.kinematics import (
+    JointCoordinates,
+    constraint_residual,
+    platform_coordinates,
+)
+from loopid.logs import (
+    Log,
+    LogMapping,
+    prepare_recording,
+    read_log,
+    recording as preparation,
+)
+from loopid.motion import (
+    LowPass,
+    Motion,
+    differentiate,
+    joint_motion,
+    simulate_measurement,
+)
 from made_runs import quietly, wander
 from real_streams import read_stream
 

@@ -9,10 +9,13 @@ from linkages import PLATE, five_bar, four_bar, rssr
 from loopid import load_mechanism, random_configurations
 from loopid.errors import OptionError
 from loopid.kinematics import closed_motion
-from loopid.logs import Log, prepare_recording, read_log
+from loopid.logs import (
+    Log,
+    prepare_recording,
+    read_log,
+)
 from loopid.logs.recording import on_independent
-from loopid.simulation import simulate_measurement
-from loopid.trajectories import JointMotion
+from loopid.motion import JointMotion, simulate_measurement
 from made_runs import wander
 
 MOTORS = ("left_crank_joint", "right_crank_joint", "left_coupler_joint")

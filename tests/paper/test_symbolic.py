@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from scipy.optimize import brentq
 
-from loopid import assemble, load_mechanism, random_configurations
-from loopid import gravity_regressor as numeric_regressor
-from loopid.errors import DataError, SingularityError
+from loopid import (
+    assemble,
+    gravity_regressor as numeric_regressor,
+    load_mechanism,
+    random_configurations,
+)
+from loopid.errors import (
+    DataError,
+    SingularityError,
+)
 from loopid.kinematics import platform_coordinates
 from loopid.paper.symbolic import (
     GRAVITY,

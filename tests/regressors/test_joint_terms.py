@@ -15,8 +15,14 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import OptionError
-from loopid.kinematics import closed_motion, random_motions
-from loopid.regressors.joint_terms import JOINT_TERMS, JointTerm
+from loopid.kinematics import (
+    closed_motion,
+    random_motions,
+)
+from loopid.regressors import (
+    JOINT_TERMS,
+    JointTerm,
+)
 
 
 @pytest.fixture

@@ -7,7 +7,10 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from loopid import gravity_regressor, random_configurations, structural_observation
-from loopid.errors import OptionError, SingularityWarning
+from loopid.errors import (
+    OptionError,
+    SingularityWarning,
+)
 
 # Gravity never does work on these, in the paper's link frames (m11, m21, m31, m41, m41 y, m42 z).
 WITHOUT_EFFECT = {

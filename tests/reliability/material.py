@@ -21,8 +21,8 @@ from loopid import (
     prepare_recording,
     read_log,
 )
+from loopid.identification import save_fit
 from loopid.loading import bundled_directory
-from loopid.saved import save_fit
 from made_runs import ARM, logged, wander
 
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")

@@ -8,9 +8,12 @@ import pytest
 from material import LAUGHS
 
 from loopid import load_mechanism, read_fit
-from loopid.errors import LoopidError, RobotFileError
+from loopid.errors import (
+    LoopidError,
+    RobotFileError,
+)
 from loopid.logs import read_mapping
-from loopid.trajectories import read_motion_program
+from loopid.motion import read_motion_program
 from made_runs import ARM
 
 MERGES = "a0: &a0 {x: 1}\n" + "\n".join(

@@ -11,16 +11,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from loopid import load_mechanism
 from loopid.errors import MissingExtraError
-from loopid.experiment import find_force_model, identifiability, identify
-from loopid.report import identify as identify_figures
-from loopid.report import look as figures
+from loopid.identification import (
+    find_force_model,
+    identifiability,
+    identify,
+)
+from loopid.report import identify as identify_figures, look as figures
 from loopid.report.identify import (
     draw_forces,
     draw_parameters,
     draw_reduction,
     draw_spectrum,
 )
-from loopid.report.look import COLUMN, MOST_POINTS, RESOLUTION, thinned
+from loopid.report.look import (
+    COLUMN,
+    MOST_POINTS,
+    RESOLUTION,
+    thinned,
+)
 from made_runs import ARM, modelled, stand, wander
 
 DRAWERS = {

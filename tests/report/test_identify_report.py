@@ -10,13 +10,13 @@ import pytest
 from rich.console import Console
 from ruamel.yaml import YAML
 
+from loopid.identification import SavedFit
 from loopid.report.identify import (
     findings,
     identification_files,
     identification_record,
     identification_tables,
 )
-from loopid.saved import SavedFit
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 

@@ -14,6 +14,10 @@ from linkages import rssr
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import expression
 from loopid.errors import MobilityWarning
+from loopid.motion import (
+    JointRange,
+    MotionReview,
+)
 from loopid.report.structure import (
     base_record,
     base_tables,
@@ -22,7 +26,6 @@ from loopid.report.structure import (
     motions_record,
     motions_tables,
 )
-from loopid.trajectories import JointRange, MotionReview
 
 REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})
 

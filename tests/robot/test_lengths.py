@@ -8,7 +8,10 @@ from lxml import etree
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import name_coefficients
-from loopid.robot import LoopClosure, named_lengths
+from loopid.robot import (
+    LoopClosure,
+    named_lengths,
+)
 
 ARM = """<robot name="arm"><link name="base"/>
   <link name="upper"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>

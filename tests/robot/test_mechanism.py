@@ -7,7 +7,10 @@ import pytest
 from lxml import etree
 
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, model_kinds
+from loopid.parameters import (
+    KINDS,
+    model_kinds,
+)
 from loopid.robot import LoopClosure
 
 

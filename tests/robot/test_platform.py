@@ -4,11 +4,14 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from loopid.errors import DataError
-from loopid.robot import ROTATIONS, TRANSLATIONS, Platform
+from loopid.robot import (
+    ROTATIONS,
+    TRANSLATIONS,
+    Platform,
+)
 
 some_translations = st.lists(st.sampled_from(TRANSLATIONS), unique=True)
 some_turns = st.sampled_from([turns for n in range(4) for turns in permutations(ROTATIONS, n)])

@@ -6,13 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from closure_robots import body, joint
 from loopid import load_mechanism
 from loopid.errors import InertiaWarning
-from loopid.robot import inertia_defects, odd_masses
+from loopid.robot import (
+    inertia_defects,
+    odd_masses,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 

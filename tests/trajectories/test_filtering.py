@@ -2,11 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.errors import DataError, OptionError
-from loopid.trajectories import LowPass, differentiate
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
+from loopid.motion import (
+    LowPass,
+    differentiate,
+)
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))

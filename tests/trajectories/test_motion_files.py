@@ -4,13 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from ruamel.yaml import YAML
 
 from loopid import load_mechanism
-from loopid.errors import DataError, MissingFileError, OptionError, RobotFileError
-from loopid.trajectories import joint_motion, read_motion_program
+from loopid.errors import (
+    DataError,
+    MissingFileError,
+    OptionError,
+    RobotFileError,
+)
+from loopid.motion import (
+    joint_motion,
+    read_motion_program,
+)
 
 NAMES = ("a", "b")
 SPEEDS = {"a": 0.1, "b": 0.4}

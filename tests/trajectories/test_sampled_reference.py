@@ -4,11 +4,19 @@ import gzip
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from loopid.errors import LogError, MissingFileError, OptionError
-from loopid.trajectories import LowPass, joint_motion, read_reference, review_motion
+from loopid.errors import (
+    LogError,
+    MissingFileError,
+    OptionError,
+)
+from loopid.motion import (
+    LowPass,
+    joint_motion,
+    read_reference,
+    review_motion,
+)
 
 NAMES = ("x", "y")
 RATE = 100.0

@@ -10,7 +10,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, finite, frozen
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    finite,
+    frozen,
+)
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     ExhaustiveSearch,
@@ -28,7 +33,11 @@ from loopid.base_parameters.structure import (
     warn_of_faint,
 )
 from loopid.base_parameters.subgroup import SubgroupSearch
-from loopid.errors import DataError, OptionError, SearchError
+from loopid.errors import (
+    DataError,
+    OptionError,
+    SearchError,
+)
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 

@@ -16,10 +16,25 @@ from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, checked_fields
-from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
-from loopid.errors import OptionError, SearchError
-from loopid.workers import Progress, one_blas_thread
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+    checked_fields,
+)
+from loopid.base_parameters.structure import (
+    Structure,
+    base_columns,
+    regrouping_matrix,
+)
+from loopid.errors import (
+    OptionError,
+    SearchError,
+)
+from loopid.workers import (
+    Progress,
+    one_blas_thread,
+)
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")

@@ -17,7 +17,10 @@ from time import perf_counter
 
 import numpy as np
 
-from loopid.arguments import IntArray, checked
+from loopid.arguments import (
+    IntArray,
+    checked,
+)
 from loopid.base_parameters.choice import (
     NOTHING,
     TIE_TOLERANCE,
@@ -29,7 +32,11 @@ from loopid.base_parameters.choice import (
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.guess import FRACTIONS, good_selection, walked
+from loopid.base_parameters.guess import (
+    FRACTIONS,
+    good_selection,
+    walked,
+)
 from loopid.base_parameters.tree import (
     UNIT_ROUND_OFF,
     Block,

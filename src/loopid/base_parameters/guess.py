@@ -16,10 +16,23 @@ from math import comb
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, random_generator
-from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    random_generator,
+)
+from loopid.base_parameters.choice import (
+    ChoiceProblem,
+    SearchResult,
+    SearchStrategy,
+)
 from loopid.base_parameters.structure import base_columns
-from loopid.base_parameters.tree import Block, Budget, Levels, OutOfBudgetError
+from loopid.base_parameters.tree import (
+    Block,
+    Budget,
+    Levels,
+    OutOfBudgetError,
+)
 
 # Remaining norms that differ by less than this fraction are equal: the first vector is taken.
 EQUAL_NORMS = 1e-6

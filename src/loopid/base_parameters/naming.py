@@ -16,9 +16,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+)
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, NamedLength, Parameter
+from loopid.parameters import (
+    KINDS,
+    NamedLength,
+    Parameter,
+)
 
 if TYPE_CHECKING:
     from loopid.base_parameters.base import BaseParameters

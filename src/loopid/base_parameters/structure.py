@@ -13,10 +13,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
-from loopid.errors import AccuracyWarning, DataError, RankError, warn
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+    finite,
+    frozen,
+)
+from loopid.errors import (
+    AccuracyWarning,
+    DataError,
+    RankError,
+    warn,
+)
 from loopid.observation import Observation
-from loopid.parameters import KINDS, ParameterSet
+from loopid.parameters import (
+    KINDS,
+    ParameterSet,
+)
 from loopid.workers import one_blas_thread
 
 # A column is zero below this fraction of the largest, kg m columns times the characteristic length.

@@ -16,7 +16,12 @@ from math import ceil, comb
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+)
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchResult,
@@ -24,7 +29,10 @@ from loopid.base_parameters.choice import (
     condition_numbers,
 )
 from loopid.base_parameters.guess import pivots
-from loopid.errors import OptionError, SearchError
+from loopid.errors import (
+    OptionError,
+    SearchError,
+)
 
 VARIANTS = ("gap", "pseudocode")
 MEMORY_BOUND = 2**30  # bytes that the combinations and matrices of one group may take

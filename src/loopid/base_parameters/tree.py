@@ -33,9 +33,16 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+)
 from loopid.base_parameters.choice import ChoiceProblem
-from loopid.base_parameters.structure import base_columns, independent_blocks
+from loopid.base_parameters.structure import (
+    base_columns,
+    independent_blocks,
+)
 
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10

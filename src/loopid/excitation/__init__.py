@@ -1,7 +1,5 @@
 """Which motion to run: excitation designed within what the robot can do."""
 
-from loopid.excitation.criteria import CRITERIA, Criteria
-from loopid.excitation.design import ExcitationDesign, design_excitation
-from loopid.excitation.limits import MotionLimits
-from loopid.excitation.problem import Check
-from loopid.excitation.shapes import SHAPES
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,11 +18,34 @@ from time import monotonic
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, checked, frozen
-from loopid.errors import ExcitationWarning, OptionError, SingularityWarning, warn
-from loopid.excitation.criteria import CRITERIA, Criteria, Criterion, OfCombinations
-from loopid.excitation.limits import Bounds, Collisions, MotionLimits
-from loopid.excitation.problem import Check, Coordinates, Problem, check_motion
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    frozen,
+)
+from loopid.errors import (
+    ExcitationWarning,
+    OptionError,
+    SingularityWarning,
+    warn,
+)
+from loopid.excitation.criteria import (
+    CRITERIA,
+    Criteria,
+    Criterion,
+    OfCombinations,
+)
+from loopid.excitation.limits import (
+    Bounds,
+    Collisions,
+    MotionLimits,
+)
+from loopid.excitation.problem import (
+    Check,
+    Coordinates,
+    Problem,
+    check_motion,
+)
 from loopid.excitation.search import (
     SOLVERS,
     DesignProgress,
@@ -31,18 +54,51 @@ from loopid.excitation.search import (
     random_margin,
     searched,
 )
-from loopid.excitation.shapes import SHAPES, PosesShape, Shape
-from loopid.experiment import Excitation, ForceModel, excited_samples, find_force_model
-from loopid.identification import FitSamples, quiet_fit
-from loopid.kinematics import DEFAULT_MARGIN, JointCoordinates, project, random_configurations
-from loopid.logs import Log, Recording, prepare_recording
+from loopid.excitation.shapes import (
+    SHAPES,
+    PosesShape,
+    Shape,
+)
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.force_model import (
+    ForceModel,
+    find_force_model,
+)
+from loopid.identification.information import (
+    Excitation,
+    excited_samples,
+)
+from loopid.identification.problem import FitSamples
+from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.projection import project
+from loopid.kinematics.sampling import (
+    DEFAULT_MARGIN,
+    random_configurations,
+)
+from loopid.logs.log import Log
+from loopid.logs.recording import (
+    Recording,
+    prepare_recording,
+)
+from loopid.motion import joint_motion
+from loopid.motion.joints import JointMotion
+from loopid.motion.trajectories import (
+    Motion,
+    Waypoint,
+)
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
-from loopid.regressors import JointTerms
-from loopid.robot import Mechanism, lock_options, shortened
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import (
+    Mechanism,
+    lock_options,
+    shortened,
+)
 from loopid.scratch import row_blocks
-from loopid.trajectories import JointMotion, Motion, Waypoint, joint_motion
-from loopid.workers import one_blas_thread, require_processes
+from loopid.workers import (
+    one_blas_thread,
+    require_processes,
+)
 
 # Seconds of a motion where nothing else is said.
 DURATIONS = {"gravity": 20.0, "full": 10.0}

@@ -8,19 +8,30 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, checked_fields
-from loopid.errors import ModelWarning, OptionError, warn
-from loopid.kinematics import (
+from loopid.arguments import (
+    FloatArray,
+    checked_fields,
+)
+from loopid.errors import (
+    ModelWarning,
+    OptionError,
+    warn,
+)
+from loopid.kinematics.assembly import platform_coordinates
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.poses import frame_poses
+from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     ClosedMotion,
-    Constraint,
-    frame_poses,
     partition,
-    platform_coordinates,
     project,
 )
-from loopid.loading import find_files, unread_mesh
-from loopid.robot import ROTATIONS, Mechanism
+from loopid.loading.description import find_files
+from loopid.loading.urdf import unread_mesh
+from loopid.robot.mechanism import (
+    ROTATIONS,
+    Mechanism,
+)
 
 # Turns, characteristic lengths or weights beyond which a limit of the robot file is none.
 UNLIMITED = 1e3

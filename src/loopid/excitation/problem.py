@@ -20,17 +20,23 @@ from loopid.errors import SingularityError
 from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
-from loopid.experiment import ForceModel
-from loopid.kinematics import (
+from loopid.identification.force_model import ForceModel
+from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
-    ClosedMotion,
-    closed_motion,
-    integrate,
-    largest_residual,
     platform_motion,
     try_assemble,
 )
-from loopid.regressors import OF_FILE, JointTerms, motion_regressor
+from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import (
+    ClosedMotion,
+    closed_motion,
+)
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.joint_terms import (
+    OF_FILE,
+    JointTerms,
+)
 
 # Steps of the differences, in parts of a coordinate's unit: half the digits of a double would be
 # 1e-8, and closures are left open by the square of the step.

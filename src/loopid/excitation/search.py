@@ -22,11 +22,25 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray
-from loopid.errors import AssemblyError, MissingExtraError
-from loopid.excitation.problem import Problem, Value, evaluate
-from loopid.kinematics import measured_coordinates, singularity_measure, try_assemble
-from loopid.robot import Mechanism
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+)
+from loopid.errors import (
+    AssemblyError,
+    MissingExtraError,
+)
+from loopid.excitation.problem import (
+    Problem,
+    Value,
+    evaluate,
+)
+from loopid.kinematics.assembly import (
+    measured_coordinates,
+    try_assemble,
+)
+from loopid.kinematics.projection import singularity_measure
+from loopid.robot.mechanism import Mechanism
 from loopid.workers import ordered_map
 
 # How many of the best random poses are improved, how often, and how: by steps of a part of

@@ -17,7 +17,13 @@ from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.trajectories import FourierCurve, Motion, SplineCurve, Waypoint, point_to_point
+from loopid.motion.trajectories import (
+    FourierCurve,
+    Motion,
+    SplineCurve,
+    Waypoint,
+    point_to_point,
+)
 
 # Samples of the grid: of the shortest period of a series, and between two waypoints or poses.
 SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8

@@ -10,11 +10,20 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-from loopid.arguments import FloatArray, checked, checked_fields, finite
-from loopid.errors import DataError, MissingExtraError, OptionError
-from loopid.experiment import ForceModel
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+)
+from loopid.errors import (
+    DataError,
+    MissingExtraError,
+    OptionError,
+)
 from loopid.files import write_files
-from loopid.kinematics import partition
+from loopid.identification.force_model import ForceModel
+from loopid.kinematics.projection import partition
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.

@@ -18,15 +18,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite
-from loopid.errors import DataError, FeasibilityError, OptionError, OutputError, RobotFileError
-from loopid.export.located_xml import LocatedXml, Tag, written
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    checked,
+    finite,
+)
+from loopid.errors import (
+    DataError,
+    FeasibilityError,
+    OptionError,
+    OutputError,
+    RobotFileError,
+)
+from loopid.export.located_xml import (
+    LocatedXml,
+    Tag,
+    written,
+)
 from loopid.files import write_file
-from loopid.loading import read_urdf_file
-from loopid.loading.description import MJCF, find_files
-from loopid.loading.urdf import MOMENTS
-from loopid.parameters import KINDS, MODELS, ParameterSet
-from loopid.pseudo_inertia import (
+from loopid.inertia import (
     body_defect,
     central_moments,
     centre,
@@ -34,10 +45,23 @@ from loopid.pseudo_inertia import (
     inertia_tensor,
     pseudo_inertia,
 )
-from loopid.robot import Mechanism, link_frames
+from loopid.loading.description import (
+    MJCF,
+    find_files,
+)
+from loopid.loading.urdf import MOMENTS, read_urdf_file
+from loopid.parameters import (
+    KINDS,
+    MODELS,
+    ParameterSet,
+)
+from loopid.robot.mechanism import (
+    Mechanism,
+    link_frames,
+)
 
 if TYPE_CHECKING:
-    from loopid.loading.mjcf import Scene  # which needs MuJoCo
+    from loopid.formats.mjcf import Scene  # which needs MuJoCo
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -365,7 +389,11 @@ def _updated_mjcf(
     """Content of an MJCF with ``<inertial>`` tags updated, or added where geoms stood for them."""
     import mujoco  # only what reads an MJCF needs it
 
-    from loopid.loading.mjcf import MUJOCO_ERRORS, Scene, compile_mjcf
+    from loopid.formats.mjcf import (
+        MUJOCO_ERRORS,
+        Scene,
+        compile_mjcf,
+    )
 
     scene = Scene(tree, compile_mjcf(tree)[0])
     old = _mjcf_inertials(scene)

@@ -19,13 +19,24 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+)
 from loopid.errors import OptionError
-from loopid.experiment import ForceModel
-from loopid.kinematics import partition
-from loopid.parameters import KINDS, Parameter
-from loopid.regressors import JointState, JointTerms, joint_term
-from loopid.robot import Mechanism, SymbolicPose
+from loopid.identification.force_model import ForceModel
+from loopid.kinematics.projection import partition
+from loopid.parameters import (
+    KINDS,
+    Parameter,
+)
+from loopid.regressors.joint_terms import (
+    JointState,
+    JointTerms,
+    joint_term,
+)
+from loopid.robot.closures import SymbolicPose
+from loopid.robot.mechanism import Mechanism
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 OPTIONS: dict[str, Any] = {

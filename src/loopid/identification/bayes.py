@@ -26,7 +26,10 @@ from loopid.arguments import (
     frozen,
     rectangular,
 )
-from loopid.errors import DataError, OptionError
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.identification.correlation import with_correlated_errors
 from loopid.identification.least_squares import (
     Estimator,
@@ -36,8 +39,15 @@ from loopid.identification.least_squares import (
     result_of,
     solved,
 )
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import FitResult, NoiseModel
+from loopid.identification.problem import (
+    ROUND_OFF,
+    FitProblem,
+    FitSamples,
+)
+from loopid.identification.result import (
+    FitResult,
+    NoiseModel,
+)
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.workers import one_blas_thread

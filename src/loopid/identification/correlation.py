@@ -20,12 +20,28 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from loopid.arguments import BoolArray, FloatArray, IntArray
-from loopid.errors import CorrelationWarning, warn
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+)
+from loopid.errors import (
+    CorrelationWarning,
+    warn,
+)
 from loopid.identification.least_squares import WorkingFit
-from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, NoiseModel
-from loopid.scratch import mapped_rows, row_blocks
+from loopid.identification.problem import (
+    ROUND_OFF,
+    FitSamples,
+)
+from loopid.identification.result import (
+    FitResult,
+    NoiseModel,
+)
+from loopid.scratch import (
+    mapped_rows,
+    row_blocks,
+)
 from loopid.workers import one_blas_thread
 
 # Keeps models of very slow errors stationary.

@@ -8,7 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.errors import ExcitationWarning, OptionError, warn
+from loopid.errors import (
+    ExcitationWarning,
+    OptionError,
+    warn,
+)
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.correlation import (
     warn_of_correlation,
@@ -25,7 +29,11 @@ from loopid.identification.least_squares import (
     WorkingFit,
 )
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
+from loopid.identification.result import (
+    LEAST_FREEDOM,
+    FitResult,
+    fit_quality,
+)
 from loopid.identification.robust import Bisquare
 
 ESTIMATORS: dict[str, type[Estimator]] = {

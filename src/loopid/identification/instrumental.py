@@ -13,7 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.errors import OptionError, RankError
+from loopid.errors import (
+    OptionError,
+    RankError,
+)
 from loopid.identification.least_squares import (
     Estimator,
     WorkingFit,
@@ -22,9 +25,15 @@ from loopid.identification.least_squares import (
     require_rows,
     result_of,
 )
-from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.problem import (
+    FitProblem,
+    FitSamples,
+)
 from loopid.observation import triangular_factor
-from loopid.scratch import mapped_rows, row_blocks
+from loopid.scratch import (
+    mapped_rows,
+    row_blocks,
+)
 from loopid.workers import one_blas_thread
 
 # Statistic F of the regression of the regressor on the instruments, in the direction that these

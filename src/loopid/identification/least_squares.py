@@ -15,10 +15,24 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
-from loopid.arguments import ComparedByFields, FloatArray
-from loopid.errors import DataError, OptionError, RankError
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import FitResult, fit_quality
+from loopid.arguments import (
+    ComparedByFields,
+    FloatArray,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+    RankError,
+)
+from loopid.identification.problem import (
+    ROUND_OFF,
+    FitProblem,
+    FitSamples,
+)
+from loopid.identification.result import (
+    FitResult,
+    fit_quality,
+)
 from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 

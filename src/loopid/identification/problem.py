@@ -29,7 +29,11 @@ from loopid.arguments import (
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
-from loopid.scratch import mapped_rows, row_blocks, spooled
+from loopid.scratch import (
+    mapped_rows,
+    row_blocks,
+    spooled,
+)
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10

@@ -6,10 +6,23 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from loopid.arguments import ComparedByFields, FloatArray, IntArray, checked, finite, frozen
-from loopid.errors import DataError, OptionError
+from loopid.arguments import (
+    ComparedByFields,
+    FloatArray,
+    IntArray,
+    checked,
+    finite,
+    frozen,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.identification.problem import FitProblem
-from loopid.parameters import ParameterSet, html_table
+from loopid.parameters import (
+    ParameterSet,
+    html_table,
+)
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12

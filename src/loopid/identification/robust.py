@@ -14,8 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked_fields, frozen
-from loopid.errors import DataError, OptionError
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    checked_fields,
+    frozen,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.identification.least_squares import (
     Estimator,
     WeightedLeastSquares,
@@ -25,9 +33,19 @@ from loopid.identification.least_squares import (
     result_of,
     solved,
 )
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import Robustness, fit_quality
-from loopid.scratch import mapped_rows, row_blocks
+from loopid.identification.problem import (
+    ROUND_OFF,
+    FitProblem,
+    FitSamples,
+)
+from loopid.identification.result import (
+    Robustness,
+    fit_quality,
+)
+from loopid.scratch import (
+    mapped_rows,
+    row_blocks,
+)
 from loopid.workers import one_blas_thread
 
 HUBER_LIMIT = 1.345  # in units of the scale, 95 % as efficient where errors are normal

@@ -23,9 +23,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, samples
-from loopid.errors import AssemblyError, MobilityError, OptionError
-from loopid.kinematics.constraint import Constraint, scaled_residual
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    samples,
+)
+from loopid.errors import (
+    AssemblyError,
+    MobilityError,
+    OptionError,
+)
+from loopid.kinematics.constraint import (
+    Constraint,
+    scaled_residual,
+)
 from loopid.kinematics.poses import (
     BLOCK,
     FramePoses,
@@ -35,8 +48,16 @@ from loopid.kinematics.poses import (
     frame_poses,
     integrate,
 )
-from loopid.kinematics.projection import Factorisation, Solver, partition
-from loopid.robot import Mechanism, Platform, relative_quaternion
+from loopid.kinematics.projection import (
+    Factorisation,
+    Solver,
+    partition,
+)
+from loopid.robot.closures import relative_quaternion
+from loopid.robot.mechanism import (
+    Mechanism,
+    Platform,
+)
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach

@@ -7,11 +7,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
-from loopid.kinematics.constraint import Constraint, largest_residual
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    random_generator,
+)
+from loopid.kinematics.constraint import (
+    Constraint,
+    largest_residual,
+)
 from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import Factorisation, null_space, partition, velocity_map
-from loopid.robot import Mechanism
+from loopid.kinematics.projection import (
+    Factorisation,
+    null_space,
+    partition,
+    velocity_map,
+)
+from loopid.robot.mechanism import Mechanism
 
 # Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them.
 STEPS = 100

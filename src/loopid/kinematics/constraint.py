@@ -15,9 +15,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, samples
-from loopid.kinematics.poses import blocks, frame_motions, frame_poses
-from loopid.robot import FramePair, Mechanism, PairRates
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    checked,
+    samples,
+)
+from loopid.kinematics.poses import (
+    blocks,
+    frame_motions,
+    frame_poses,
+)
+from loopid.robot.closures import (
+    FramePair,
+    PairRates,
+)
+from loopid.robot.mechanism import Mechanism
 
 ROUND_OFF = 1e-13  # of the characteristic length
 

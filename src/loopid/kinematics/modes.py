@@ -13,7 +13,10 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import FloatArray, random_generator
+from loopid.arguments import (
+    FloatArray,
+    random_generator,
+)
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
     JointCoordinates,
@@ -22,14 +25,23 @@ from loopid.kinematics.assembly import (
 )
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
+from loopid.kinematics.poses import (
+    FramePoses,
+    difference,
+    frame_poses,
+    integrate,
+)
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     Factorisation,
     least_over_largest,
     singularity_measure,
 )
-from loopid.robot import AssemblyMode, Loop, Mechanism
+from loopid.robot.mechanism import (
+    AssemblyMode,
+    Loop,
+    Mechanism,
+)
 
 # Starts of the passive joints, ever further from the drawn pose; each is one of every loop.
 STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8

@@ -14,9 +14,15 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import BoolArray, FloatArray
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+)
 from loopid.parameters import model_kinds
-from loopid.robot import Mechanism, scratch_data
+from loopid.robot.mechanism import (
+    Mechanism,
+    scratch_data,
+)
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024

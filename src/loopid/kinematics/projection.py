@@ -16,11 +16,28 @@ import numpy as np
 from scipy.sparse import block_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import FloatArray, IntArray, checked, samples
-from loopid.errors import MobilityError, SingularityError, SingularityWarning, warn
-from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+    samples,
+)
+from loopid.errors import (
+    MobilityError,
+    SingularityError,
+    SingularityWarning,
+    warn,
+)
+from loopid.kinematics.constraint import (
+    Constraint,
+    constraint_jacobian,
+    scaled_jacobian,
+)
 from loopid.kinematics.poses import blocks
-from loopid.robot import RANK_TOLERANCE, Mechanism
+from loopid.robot.mechanism import (
+    RANK_TOLERANCE,
+    Mechanism,
+)
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3

@@ -14,13 +14,27 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import BoolArray, FloatArray
-from loopid.errors import DataError, OptionError
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.poses import blocks, tree_reactions
-from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
+from loopid.kinematics.poses import (
+    blocks,
+    tree_reactions,
+)
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    ClosedMotion,
+    Solver,
+    partition,
+)
 from loopid.parameters import KINDS
-from loopid.robot import Mechanism
+from loopid.robot.mechanism import Mechanism
 
 UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
 

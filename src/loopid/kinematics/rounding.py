@@ -21,7 +21,10 @@ from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
-from loopid.kinematics.constraint import Constraint, scaled_residual
+from loopid.kinematics.constraint import (
+    Constraint,
+    scaled_residual,
+)
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (
     ClosedMotion,
@@ -30,7 +33,13 @@ from loopid.kinematics.projection import (
     partition,
     velocity_map,
 )
-from loopid.robot import CLOSURE_KINDS, FramePair, LoopClosure, Mechanism, PairRates
+from loopid.robot.closures import (
+    CLOSURE_KINDS,
+    FramePair,
+    LoopClosure,
+    PairRates,
+)
+from loopid.robot.mechanism import Mechanism
 
 # Numbers with fewer decimals are round by design, those between the first two may be; those with
 # more than the last have all the digits there are.

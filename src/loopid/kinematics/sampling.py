@@ -7,8 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, affordable, checked, frozen, random_generator
-from loopid.errors import AssemblyError, OptionError
+from loopid.arguments import (
+    FloatArray,
+    affordable,
+    checked,
+    frozen,
+    random_generator,
+)
+from loopid.errors import (
+    AssemblyError,
+    OptionError,
+)
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
     MeasuredCoordinates,
@@ -16,9 +25,16 @@ from loopid.kinematics.assembly import (
     follow_paths,
     measured_coordinates,
 )
-from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
-from loopid.robot import Mechanism
+from loopid.kinematics.closing import (
+    displaced,
+    nearby_configurations,
+)
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    partition,
+    singularity_measure,
+)
+from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02

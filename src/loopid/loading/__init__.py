@@ -1,10 +1,5 @@
 """Robot files in, checked mechanisms out."""
 
-from loopid.loading.description import (
-    bundled_directory,
-    bundled_robots,
-    find_files,
-    find_motion_file,
-)
-from loopid.loading.load import load_mechanism
-from loopid.loading.urdf import parse_xml, read_urdf_file, unread_mesh
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -15,11 +15,22 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from loopid.errors import MissingFileError, ModelWarning, RobotFileError, warn
+from loopid.errors import (
+    MissingFileError,
+    ModelWarning,
+    RobotFileError,
+    warn,
+)
 from loopid.files import why_no_file
-from loopid.regressors import joint_term
-from loopid.robot import CLOSURE_KINDS, JointCoupling
-from loopid.yaml_files import Section, read_yaml
+from loopid.regressors.joint_terms import joint_term
+from loopid.robot.closures import (
+    CLOSURE_KINDS,
+    JointCoupling,
+)
+from loopid.yaml_files import (
+    Section,
+    read_yaml,
+)
 
 COUPLING = JointCoupling.kind
 ALIASES = {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}

@@ -11,7 +11,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import (
+    FloatArray,
+    checked,
+)
 from loopid.errors import (
     ClosureWarning,
     InertiaWarning,
@@ -24,7 +27,9 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import difference, mobility, rounding_that_closes
+from loopid.kinematics import mobility
+from loopid.kinematics.poses import difference
+from loopid.kinematics.rounding import rounding_that_closes
 from loopid.loading.description import (
     LARGEST_ROUNDING,
     ClosureDescription,
@@ -35,7 +40,10 @@ from loopid.loading.description import (
     merged,
     warn_of_size,
 )
-from loopid.loading.reference import close_reference, why_singular
+from loopid.loading.reference import (
+    close_reference,
+    why_singular,
+)
 from loopid.loading.tree import (
     TreeSource,
     build_tree,
@@ -44,14 +52,16 @@ from loopid.loading.tree import (
     written_reference,
 )
 from loopid.loading.urdf import read_urdf
-from loopid.regressors import joint_term
-from loopid.robot import (
+from loopid.regressors.joint_terms import joint_term
+from loopid.robot.closures import (
     CLOSURE_KINDS,
+    JointCoupling,
+    LoopClosure,
+)
+from loopid.robot.mechanism import (
     RANK_TOLERANCE,
     Body,
-    JointCoupling,
     LinkGroup,
-    LoopClosure,
     Mechanism,
     Platform,
     inertia_defects,
@@ -193,7 +203,7 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
             f"{files.tree}: an MJCF says itself whether its base floats: add a freejoint"
         )
     try:
-        from loopid.loading.mjcf import read_mjcf  # here, as it needs MuJoCo
+        from loopid.formats.mjcf import read_mjcf  # here, as it needs MuJoCo
     except ImportError as error:
         raise MissingExtraError("mujoco", "mjcf") from error
     return read_mjcf(files.tree)

@@ -8,8 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, random_generator
-from loopid.base_parameters import analyse
+from loopid.arguments import (
+    FloatArray,
+    random_generator,
+)
+from loopid.base_parameters.structure import analyse
 from loopid.errors import (
     ClosureWarning,
     LoopidError,
@@ -19,33 +22,46 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import (
-    CLOSURE_TOLERANCE,
-    FOLDED,
-    NEAR_SINGULARITY,
-    ROUND_OFF,
-    SIX_DIGITS,
-    Constraint,
-    Factorisation,
-    assembly_modes,
-    changes,
+from loopid.kinematics import mobility
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE
+from loopid.kinematics.closing import (
     close_by_continuation,
     close_loops,
-    difference,
-    exact_geometry,
-    geometry_accuracy,
-    independent_coordinates,
-    integrate,
-    largest_gap,
-    largest_residual,
-    mobility,
     nearby_configurations,
-    rounding_that_closes,
+)
+from loopid.kinematics.constraint import (
+    Constraint,
+    largest_residual,
+)
+from loopid.kinematics.freedoms import independent_coordinates
+from loopid.kinematics.modes import (
+    FOLDED,
+    assembly_modes,
+)
+from loopid.kinematics.poses import (
+    difference,
+    integrate,
+)
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    Factorisation,
     singularity_measure,
 )
+from loopid.kinematics.rounding import (
+    ROUND_OFF,
+    SIX_DIGITS,
+    changes,
+    exact_geometry,
+    geometry_accuracy,
+    largest_gap,
+    rounding_that_closes,
+)
 from loopid.loading.tree import write_joint
-from loopid.regressors import structural_observation
-from loopid.robot import AssemblyMode, Mechanism
+from loopid.regressors.structural import structural_observation
+from loopid.robot.mechanism import (
+    AssemblyMode,
+    Mechanism,
+)
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16

@@ -10,9 +10,13 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray
-from loopid.errors import LoopidError, OptionError, RobotFileError
+from loopid.errors import (
+    LoopidError,
+    OptionError,
+    RobotFileError,
+)
 from loopid.loading.description import Description
-from loopid.robot import LeftOut
+from loopid.robot.mechanism import LeftOut
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF

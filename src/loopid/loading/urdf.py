@@ -28,9 +28,19 @@ from pydantic import ValidationError
 
 from loopid.arguments import number
 from loopid.errors import RobotFileError
-from loopid.loading.description import ClosureDescription, Description, warn_of_size
-from loopid.loading.tree import TreeSource, add_frame
-from loopid.robot import LeftOut, shortened
+from loopid.loading.description import (
+    ClosureDescription,
+    Description,
+    warn_of_size,
+)
+from loopid.loading.tree import (
+    TreeSource,
+    add_frame,
+)
+from loopid.robot.mechanism import (
+    LeftOut,
+    shortened,
+)
 from loopid.yaml_files import first_problem
 
 if TYPE_CHECKING:

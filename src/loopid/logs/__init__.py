@@ -1,11 +1,5 @@
 """What was measured: logs of positions and forces, made ready for identification."""
 
-from loopid.logs.log import Dropped, Log, read_log
-from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.recording import (
-    SINGULARITY_MARGIN,
-    RateHistory,
-    Recording,
-    prepare_recording,
-)
-from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

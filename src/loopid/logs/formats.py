@@ -22,9 +22,21 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import FloatArray, IntArray, number
-from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import require_plausible, text_blocks, why_no_file
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    number,
+)
+from loopid.errors import (
+    LogError,
+    LoopidError,
+    MissingExtraError,
+)
+from loopid.files import (
+    require_plausible,
+    text_blocks,
+    why_no_file,
+)
 from loopid.scratch import row_blocks
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log

@@ -29,9 +29,16 @@ from loopid.arguments import (
     frozen,
     samples,
 )
-from loopid.errors import DataError, LogError, LogWarning, MissingFileError, OptionError, warn
+from loopid.errors import (
+    DataError,
+    LogError,
+    LogWarning,
+    MissingFileError,
+    OptionError,
+    warn,
+)
 from loopid.files import why_no_file
-from loopid.logs.bags import BagFormat
+from loopid.formats.bags import BagFormat
 from loopid.logs.formats import (
     NO_STAMP,
     Batch,
@@ -54,8 +61,16 @@ from loopid.logs.mapping import (
     TimeColumn,
     read_mapping,
 )
-from loopid.robot import Mechanism, lock_options
-from loopid.scratch import Spool, empty_columns, mapped_rows, release_pages
+from loopid.robot.mechanism import (
+    Mechanism,
+    lock_options,
+)
+from loopid.scratch import (
+    Spool,
+    empty_columns,
+    mapped_rows,
+    release_pages,
+)
 
 # Time over which measured rates are compared with positions, in s; how far they may differ with a
 # warning, and the ratio (or its inverse) from which on they are something else.

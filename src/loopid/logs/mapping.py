@@ -11,10 +11,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from loopid.arguments import IntArray, checked
-from loopid.errors import LogError, OptionError
-from loopid.logs.formats import MOST_LISTED, NO_STAMP, UNITS, LogFormat, stamps_in
-from loopid.yaml_files import Section, first_problem, read_yaml
+from loopid.arguments import (
+    IntArray,
+    checked,
+)
+from loopid.errors import (
+    LogError,
+    OptionError,
+)
+from loopid.logs.formats import (
+    MOST_LISTED,
+    NO_STAMP,
+    UNITS,
+    LogFormat,
+    stamps_in,
+)
+from loopid.yaml_files import (
+    Section,
+    first_problem,
+    read_yaml,
+)
 
 if TYPE_CHECKING:
     import polars

@@ -20,18 +20,37 @@ from loopid.arguments import (
     samples,
     spread_rows,
 )
-from loopid.errors import AssemblyError, DataError, LogError, LogWarning, OptionError, warn
-from loopid.kinematics import (
+from loopid.errors import (
+    AssemblyError,
+    DataError,
+    LogError,
+    LogWarning,
+    OptionError,
+    warn,
+)
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.projection import (
     ClosedMotion,
     closed_motion,
     project,
     singularity_measure,
-    try_assemble,
 )
-from loopid.logs.log import Dropped, Log, require_known_motion
-from loopid.logs.spectrum import MotionSpectrum, motion_spectrum
+from loopid.logs.log import (
+    Dropped,
+    Log,
+    require_known_motion,
+)
+from loopid.logs.spectrum import (
+    MotionSpectrum,
+    motion_spectrum,
+)
+from loopid.motion.filtering import (
+    LowPass,
+    differentiate,
+)
+from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
-from loopid.robot import Mechanism
+from loopid.robot.mechanism import Mechanism
 from loopid.scratch import (
     Spool,
     empty_columns,
@@ -39,7 +58,6 @@ from loopid.scratch import (
     release_pages,
     row_blocks,
 )
-from loopid.trajectories import JointMotion, LowPass, differentiate
 from loopid.workers import Progress
 
 # Samples are kept at no less than this many times the cut-off frequency.

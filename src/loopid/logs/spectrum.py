@@ -11,7 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import FloatArray, frozen
+from loopid.arguments import (
+    FloatArray,
+    frozen,
+)
 from loopid.logs.log import Log
 from loopid.scratch import release_pages
 

@@ -12,8 +12,8 @@ import numpy as np
 from rich.table import Table
 
 from loopid.arguments import FloatArray
-from loopid.base_parameters import expression
-from loopid.identification import FitResult
+from loopid.base_parameters.naming import expression
+from loopid.identification.result import FitResult
 from loopid.paper.reproduction import (
     CONDITION_NUMBERS,
     EIGHT,
@@ -42,7 +42,10 @@ from loopid.report.look import (
     rendered,
     thinned,
 )
-from loopid.report.structure import motions_record, motions_tables
+from loopid.report.structure import (
+    motions_record,
+    motions_tables,
+)
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 

@@ -23,38 +23,66 @@ from loopid.arguments import (
     derived_seed,
     random_generator,
 )
-from loopid.base_parameters import BaseParameters, find_base_parameters
-from loopid.errors import CorrelationWarning, ExcitationWarning, SearchError
-from loopid.experiment import (
+from loopid.base_parameters.base import (
+    BaseParameters,
+    find_base_parameters,
+)
+from loopid.diagnosis.elimination import (
+    influence,
+    truncated_values,
+)
+from loopid.errors import (
+    CorrelationWarning,
+    ExcitationWarning,
+    SearchError,
+)
+from loopid.identification.bayes import BayesianRidge
+from loopid.identification.fitting import (
+    fit_in_steps,
+    quiet_fit,
+)
+from loopid.identification.force_model import (
     ForceModel,
     cad_prior,
     find_force_model,
+)
+from loopid.identification.pipeline import (
     prediction_reach,
     split_recordings,
 )
-from loopid.identification import (
-    BayesianRidge,
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import (
     FitResult,
-    FitSamples,
-    fit_in_steps,
     fit_quality,
-    influence,
-    quiet_fit,
-    truncated_values,
 )
-from loopid.loading import load_mechanism
-from loopid.logs import Log, Recording, prepare_recording, read_log
-from loopid.regressors import ForceParts, JointTerms, force_parts, structural_observation
-from loopid.robot import Mechanism
-from loopid.simulation import Noise, simulate_measurement
-from loopid.trajectories import (
+from loopid.loading.load import load_mechanism
+from loopid.logs.log import (
+    Log,
+    read_log,
+)
+from loopid.logs.recording import (
+    Recording,
+    prepare_recording,
+)
+from loopid.motion import joint_motion
+from loopid.motion.files import read_motion_program
+from loopid.motion.filtering import LowPass
+from loopid.motion.joints import (
     JointMotion,
-    LowPass,
     MotionReview,
-    joint_motion,
-    read_motion_program,
     review_motion,
 )
+from loopid.motion.simulation import (
+    Noise,
+    simulate_measurement,
+)
+from loopid.regressors.closed_loop import (
+    ForceParts,
+    force_parts,
+)
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.structural import structural_observation
+from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress
 
 # What the paper prints.

@@ -19,7 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from ruamel.yaml import YAML
 
-from loopid.arguments import FloatArray, samples
+from loopid.arguments import (
+    FloatArray,
+    samples,
+)
 from loopid.errors import (
     MissingExtraError,
     SingularityError,

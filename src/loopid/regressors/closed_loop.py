@@ -11,12 +11,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, finite, samples
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    finite,
+    samples,
+)
 from loopid.errors import DataError
-from loopid.kinematics import ClosedMotion, closed_motion, project, torque_regressors
-from loopid.parameters import ParameterSet, model_kinds
+from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.projection import (
+    ClosedMotion,
+    closed_motion,
+    project,
+)
+from loopid.parameters import (
+    ParameterSet,
+    model_kinds,
+)
 from loopid.regressors.joint_terms import JointTerms
-from loopid.robot import Mechanism
+from loopid.robot.mechanism import Mechanism
 
 
 @checked

@@ -19,7 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, checked_fields
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+)
 from loopid.errors import (
     AssemblyError,
     ModelWarning,
@@ -28,16 +32,26 @@ from loopid.errors import (
     SingularityWarning,
     warn,
 )
-from loopid.kinematics import (
+from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.projection import (
     ClosedMotion,
-    bearing_forces,
     closed_motion,
+)
+from loopid.kinematics.reactions import bearing_forces
+from loopid.kinematics.sampling import (
     random_configurations,
     random_motions,
-    torque_regressors,
 )
-from loopid.parameters import Parameter, ParameterSet
-from loopid.robot import LeftOut, Mechanism, link_frames, shortened
+from loopid.parameters import (
+    Parameter,
+    ParameterSet,
+)
+from loopid.robot.mechanism import (
+    LeftOut,
+    Mechanism,
+    link_frames,
+    shortened,
+)
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"

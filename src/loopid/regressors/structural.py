@@ -9,23 +9,42 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, random_generator
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    random_generator,
+)
 from loopid.errors import SingularityWarning
-from loopid.kinematics import (
+from loopid.kinematics.projection import closed_motion
+from loopid.kinematics.rounding import (
     Accuracy,
-    closed_motion,
-    configuration_batches,
     geometry_accuracy,
     nearly_equal_lengths,
-    random_motions,
     same_motion,
     within_accuracy,
 )
-from loopid.observation import Observation, RoundedGeometry
-from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
-from loopid.regressors.joint_terms import JointTerms, joint_term
-from loopid.robot import Mechanism
-from loopid.workers import Progress, one_blas_thread
+from loopid.kinematics.sampling import (
+    configuration_batches,
+    random_motions,
+)
+from loopid.observation import (
+    Observation,
+    RoundedGeometry,
+)
+from loopid.regressors.closed_loop import (
+    gravity_regressor,
+    motion_parameters,
+    motion_regressor,
+)
+from loopid.regressors.joint_terms import (
+    JointTerms,
+    joint_term,
+)
+from loopid.robot.mechanism import Mechanism
+from loopid.workers import (
+    Progress,
+    one_blas_thread,
+)
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4

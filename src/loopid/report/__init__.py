@@ -1,1 +1,1 @@
-"""What people and machines read: one module for each command, imported by its own name."""
+"""What people see: tables, pages, records and figures."""

@@ -9,8 +9,13 @@ import numpy as np
 from rich.table import Table
 
 from loopid.arguments import FloatArray
-from loopid.excitation import ExcitationDesign
+from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
+from loopid.motion.trajectories import (
+    FourierCurve,
+    SplineCurve,
+    Waypoint,
+)
 from loopid.report.look import (
     BLUE,
     GREY,
@@ -27,7 +32,6 @@ from loopid.report.look import (
     rendered,
     thinned,
 )
-from loopid.trajectories import FourierCurve, SplineCurve, Waypoint
 from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file

@@ -8,10 +8,13 @@ from typing import Any
 
 from rich.table import Table
 
+from loopid.diagnosis.payload import (
+    GainFit,
+    PayloadFit,
+)
 from loopid.errors import RankError
-from loopid.experiment import GainFit, PayloadFit
-from loopid.identification import Quality
-from loopid.prediction import Prediction
+from loopid.identification.prediction import Prediction
+from loopid.identification.result import Quality
 from loopid.report.look import (
     BLUE,
     GREY,
@@ -24,7 +27,7 @@ from loopid.report.look import (
     rendered,
     thinned,
 )
-from loopid.robot import Mechanism
+from loopid.robot.mechanism import Mechanism
 
 
 def prediction_record(predictions: Sequence[Prediction]) -> dict[str, Any]:

@@ -8,21 +8,28 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import BoolArray, FloatArray
-from loopid.consistency import ConsistentFit
-from loopid.experiment import (
-    BandSweep,
-    Candidate,
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+)
+from loopid.diagnosis.bands import BandSweep
+from loopid.diagnosis.elimination import PredictionError
+from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.diagnosis.term_sets import TermComparison
+from loopid.identification.consistent import ConsistentFit
+from loopid.identification.information import (
     Identifiability,
-    Identification,
-    Suspicions,
-    TermComparison,
     WeakDirection,
+)
+from loopid.identification.pipeline import (
+    Candidate,
+    Identification,
     prediction_reach,
 )
-from loopid.identification import FitResult, PredictionError
-from loopid.logs import Recording
-from loopid.regressors import NO_TERMS
+from loopid.identification.result import FitResult
+from loopid.identification.saved import SavedFit
+from loopid.logs.recording import Recording
+from loopid.regressors.joint_terms import NO_TERMS
 from loopid.report.look import (
     BLUE,
     GREY,
@@ -39,7 +46,6 @@ from loopid.report.look import (
     rendered,
     thinned,
 )
-from loopid.saved import SavedFit
 
 CAPTIONS = {
     "filter": "Accelerations in the log with the cut-off; changes of estimates at lower ones, in "

@@ -21,8 +21,14 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from loopid.arguments import IntArray, spread_rows
-from loopid.errors import MissingExtraError, one_line
+from loopid.arguments import (
+    IntArray,
+    spread_rows,
+)
+from loopid.errors import (
+    MissingExtraError,
+    one_line,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis

@@ -10,34 +10,45 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters import (
-    BaseParameters,
+from loopid.base_parameters.base import BaseParameters
+from loopid.base_parameters.naming import (
     CoefficientName,
     equations,
     expression,
     name_coefficients,
 )
-from loopid.kinematics import (
+from loopid.kinematics import mobility
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Constraint,
     Factorisation,
-    mobility,
     singularity_measure,
 )
-from loopid.regressors import OF_FILE, FileForce, file_forces
-from loopid.report.look import facts, json_fields, json_value, plain_table
-from loopid.robot import (
+from loopid.regressors.joint_terms import (
+    OF_FILE,
+    FileForce,
+    file_forces,
+)
+from loopid.report.look import (
+    facts,
+    json_fields,
+    json_value,
+    plain_table,
+)
+from loopid.robot.closures import (
     JointCoupling,
     LoopClosure,
+)
+from loopid.robot.lengths import named_lengths
+from loopid.robot.mechanism import (
     Mechanism,
     inertia_defects,
-    named_lengths,
     odd_masses,
     unequal_links,
 )
 
 if TYPE_CHECKING:
-    from loopid.trajectories import MotionReview
+    from loopid.motion.joints import MotionReview
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),

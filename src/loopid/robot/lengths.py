@@ -12,7 +12,10 @@ from itertools import combinations
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import (
+    FloatArray,
+    checked,
+)
 from loopid.parameters import NamedLength
 from loopid.robot.mechanism import Mechanism
 

@@ -16,11 +16,30 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, frozen, samples
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    frozen,
+    samples,
+)
 from loopid.errors import OptionError
-from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
-from loopid.pseudo_inertia import body_defect, pseudo_inertia
-from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
+from loopid.inertia import (
+    body_defect,
+    pseudo_inertia,
+)
+from loopid.parameters import (
+    KINDS,
+    ParameterSet,
+    html_table,
+    model_kinds,
+)
+from loopid.robot.closures import (
+    UNIT,
+    JointCoupling,
+    LoopClosure,
+)
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
 # closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.

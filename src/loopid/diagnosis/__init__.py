@@ -1,0 +1,5 @@
+"""Functions on recordings and on a finished identification: what may be wrong with them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

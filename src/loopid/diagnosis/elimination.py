@@ -1,0 +1,438 @@
+"""Which parameters matter: backward elimination, influence, and the bias of truncation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from loopid.arguments import (
+    ComparedByFields,
+    FloatArray,
+    checked,
+    finite,
+    frozen,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
+from loopid.identification.correlation import (
+    Autoregression,
+    burg_covariances,
+    run_lengths,
+)
+from loopid.identification.fitting import (
+    quiet_fit,
+    working_fit,
+)
+from loopid.identification.least_squares import (
+    Estimator,
+    WorkingFit,
+)
+from loopid.identification.problem import (
+    FitProblem,
+    FitSamples,
+)
+from loopid.identification.result import (
+    FitResult,
+    relative_deviation,
+)
+from loopid.parameters import (
+    ParameterSet,
+    html_table,
+)
+
+# Standard errors of a difference that make it clear.
+CLEARLY = 2.0
+# Relative difference of mean squared errors that is worth no parameter.
+NO_CONSEQUENCE = 0.02
+# Names that a ``repr`` lists.
+LISTED = 12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReductionStep(ComparedByFields):
+    """A fit of some of the parameters, the others at their reference.
+
+    Errors are mean squares in units of the error variance of the full model, each actuator's own.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Names that are fitted.
+    dropped : str or None
+        Name that was dropped on the way here.
+    relative_std : float
+        Of the dropped one, in % of its distance from its reference, in the step before; NaN where
+        none was dropped.
+    values : FloatArray
+        (n,).
+    training_error, validation_error : float
+        Over all actuators.
+    standard_error : float
+        Of ``validation_error``.
+    excess, excess_error : float
+        Of ``validation_error`` over that of the best step, and its standard error; 0 for the best.
+    """
+
+    labels: tuple[str, ...]
+    dropped: str | None
+    relative_std: float
+    values: FloatArray
+    training_error: float
+    validation_error: float
+    standard_error: float
+    excess: float
+    excess_error: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", frozen(self.values))
+
+    def __repr__(self) -> str:
+        return (
+            f"ReductionStep({len(self.labels)} parameters, dropped={self.dropped!r}, "
+            f"validation_error={self.validation_error:.4g} ± {self.standard_error:.2g})"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reduction(ComparedByFields):
+    """The parameters that are worth fitting.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        All n.
+    reference : FloatArray
+        (n,), values of parameters that are dropped.
+    steps : tuple of ReductionStep
+        From all parameters to the fewest.
+    chosen : ReductionStep
+        With the fewest parameters of those whose validation error is not clearly above the least.
+    result : FitResult
+        Of the supported parameters; forces of the others are subtracted before.
+    """
+
+    parameters: ParameterSet
+    reference: FloatArray
+    steps: tuple[ReductionStep, ...]
+    chosen: ReductionStep
+    result: FitResult
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reference", frozen(self.reference))
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the supported parameters among all."""
+        return tuple(self.parameters.labels.index(label) for label in self.result.parameters.labels)
+
+    @property
+    def values(self) -> FloatArray:
+        """All parameters (n,): as fitted where supported, the reference elsewhere."""
+        values = self.reference.copy()
+        values[list(self.columns)] = self.result.values
+        return values
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of all parameters (n, n), zero for those at their reference."""
+        covariance = np.zeros((len(self.parameters), len(self.parameters)))
+        covariance[np.ix_(self.columns, self.columns)] = self.result.covariance
+        return covariance
+
+    def __repr__(self) -> str:
+        labels = self.result.parameters.labels
+        more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
+        return (
+            f"Reduction to {len(labels)} of {len(self.parameters)} parameters, validation error "
+            f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
+            f"{', '.join(labels[:LISTED])}{more}"
+        )
+
+    def _repr_html_(self) -> str:
+        head = ("parameters", "dropped", "% std", "training error", "validation error", "±")
+        numbers = "relative_std", "training_error", "validation_error", "standard_error"
+        rows = [
+            (len(step.labels), step.dropped or "", *(getattr(step, name) for name in numbers))
+            for step in self.steps
+        ]
+        return html_table(head, rows)
+
+
+@checked
+def eliminate(
+    training: FitSamples,
+    validation: FitSamples,
+    estimator: str | Estimator = "wls",
+    reference: FloatArray | None = None,
+    keep: Sequence[str] = (),
+) -> Reduction:
+    """Drop the least certain parameters one by one, and keep as few as predict as well.
+
+    At each step the parameter with the largest relative standard deviation goes back to its
+    reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
+    chosen whose validation error is not clearly above the least (``PredictionError``).
+
+    Parameters
+    ----------
+    training, validation : FitSamples
+        Different data, of the same parameters and actuators.
+    estimator : str or Estimator
+        As of ``fit``. Weights and error model are those of the full model at every step.
+    reference : FloatArray, optional
+        (n,), values of dropped parameters, such as the robot file's; by default zero.
+    keep : sequence of str
+        Names that are never dropped.
+
+    Raises
+    ------
+    DataError
+        When the data do not belong together, or the full model fits without error.
+    RankError
+        When the training data do not excite a combination of parameters.
+
+    Examples
+    --------
+    Three columns, of which the last has no effect:
+
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
+    >>> def log(seed):
+    ...     rng = np.random.default_rng(seed)
+    ...     W = rng.normal(size=(500, 1, 3))
+    ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
+    ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> loopid.diagnosis.eliminate(log(0), log(1)).result.parameters.labels
+    ('arm.m', 'arm.mx')
+    """
+    names = training.parameters
+    if (validation.parameters, validation.actuators) != (names, training.actuators):
+        raise DataError("validation data must have the parameters and actuators of the training")
+    start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
+    if start.shape != (len(names),):
+        raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
+    for name in keep:
+        if name not in names.labels:
+            raise OptionError.unknown("parameter to keep", name, names.labels)
+    full = working_fit(training, estimator)
+    scale = _error_scale(full.result)
+    fitted = list(_eliminations(full, training, start, keep, scale))
+    errors = prediction_errors(validation, [values for *_, values, _ in fitted], scale)
+    steps = tuple(ReductionStep(*f, *e[:-1]) for f, e in zip(fitted, errors, strict=True))
+    chosen = [step for step, error in zip(steps, errors, strict=True) if error.as_good][-1]
+    columns = [names.labels.index(label) for label in chosen.labels]
+    result = quiet_fit(training.reduced(columns, start), estimator)
+    return Reduction(names, start, steps, chosen, result)
+
+
+def _error_scale(full: FitResult) -> FloatArray:
+    """What turns residuals (dof,) into units of the full model's errors; 0 without samples."""
+    assert full.noise is not None
+    deviation, present = full.noise.deviation, full.noise.samples > 0
+    if not (deviation[present] > 0).all():
+        raise DataError(
+            "the full model fits the training data without error, so that smaller models cannot be "
+            "compared with it: fit measured forces, or simulated ones with noise"
+        )
+    return np.divide(1.0, deviation, out=np.zeros(len(deviation)), where=present)
+
+
+def _eliminations(
+    full: WorkingFit,
+    training: FitSamples,
+    reference: FloatArray,
+    keep: Sequence[str],
+    scale: FloatArray,
+) -> Iterator[tuple[tuple[str, ...], str | None, float, FloatArray, float]]:
+    """First fields of the steps, from all parameters down to those to keep, or to one.
+
+    Weights, working samples and error model stay those of the full fit, so that no sample is needed
+    again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
+    covariance of the errors as R sees them, and a subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
+    """
+    labels, width, factor = training.parameters.labels, len(reference), full.factor
+    R, force = factor[:width, :width], factor[:width, width]
+    columns, dropped, relative = list(range(width)), None, np.nan
+    while True:
+        values = reference.copy()
+        values[columns] = 0.0
+        Q, T = np.linalg.qr(R[:, columns])
+        values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
+        squares = training.problem.residual_squares(values) * scale**2
+        error = float(squares.sum() / training.problem.rows)
+        yield tuple(labels[j] for j in columns), dropped, relative, values, error
+        free = [k for k, j in enumerate(columns) if labels[j] not in keep]
+        if not free or len(columns) == 1:
+            return
+        response = np.linalg.inv(T) @ Q.T @ R
+        errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
+        deviations = relative_deviation(errors, (values - reference)[columns])
+        worst = max(free, key=lambda k: deviations[k])
+        dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
+
+
+class PredictionError(NamedTuple):
+    """How well values predict data that were not fitted, beside others.
+
+    Attributes
+    ----------
+    mean, standard_error : float
+        Mean square of scaled residuals over all actuators.
+    excess, excess_error : float
+        Of the mean over that of the best values, and its standard error; 0 for the best.
+    as_good : bool
+        Whether the mean is not clearly above the least: within one standard error of it
+        [Breiman1984] and two of the difference, or within 2 %.
+    """
+
+    mean: float
+    standard_error: float
+    excess: float
+    excess_error: float
+    as_good: bool
+
+
+def prediction_errors(
+    validation: FitSamples, candidates: Sequence[FloatArray], scale: FloatArray
+) -> list[PredictionError]:
+    """Errors of several values (n,) on the same data, each beside the best of them.
+
+    Parameters
+    ----------
+    scale : FloatArray
+        (dof,), that residuals are multiplied by; 0 leaves an actuator out.
+    """
+    means = [_mean(validation, _squares(validation, values, scale), scale) for values in candidates]
+    best = int(np.argmin([mean for mean, _ in means]))
+    least, found = _squares(validation, candidates[best], scale), list[PredictionError]()
+    for k, (values, (mean, error)) in enumerate(zip(candidates, means, strict=True)):
+        # Of the differences at each time: what both share, as a disturbance that neither explains,
+        # does not count as uncertainty.
+        excess, excess_error = 0.0, 0.0
+        if k != best:
+            more = _squares(validation, values, scale) - least
+            excess, excess_error = _mean(validation, more, scale)
+        # One standard error of the best is wide where a disturbance that none explains makes all
+        # of them uncertain; two of the difference are not.
+        uncertainty = min(means[best][1], CLEARLY * excess_error)
+        as_good = excess <= max(uncertainty, NO_CONSEQUENCE * means[best][0])
+        found.append(PredictionError(mean, error, excess, excess_error, as_good))
+    return found
+
+
+def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
+    """Squared scaled residuals of all actuators together (N,); a scale of 0 leaves one out."""
+    squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
+
+
+def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
+    """Mean of a series (N,) by forces that count, and its standard error.
+
+    The series is an autoregressive process: neither times nor actuators count as independent.
+    """
+    counts = (samples.used & (scale > 0)).sum(axis=1)
+    total = int(counts.sum())
+    if not total:
+        raise DataError("there is no validation sample of an actuator that was fitted")
+    mean, present = float(series.sum()) / total, counts > 0
+    runs = run_lengths(present, samples.pieces)
+    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
+    return mean, float(np.sqrt(model.sum_variance(present, samples.pieces))) / total
+
+
+@checked
+def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
+    """Size of the forces of the first i parameters, in % of that of the measured forces.
+
+    p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
+    all i up to r. It is a ratio of norms, not an accuracy: it need not grow with i, may exceed 100,
+    and depends on the order of the parameters.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        With the parameters in the order that is asked about.
+    values : FloatArray
+        (r,).
+
+    Returns
+    -------
+    FloatArray
+        (r,).
+
+    Raises
+    ------
+    DataError
+        When the values have another shape, or the forces are all zero.
+    """
+    factor, phi = _weighted_factor(data, values)
+    size = float(np.linalg.norm(factor[:, -1]))
+    if not size > 0:
+        raise DataError("the measured forces are all zero: influence is undefined")
+    sums = np.cumsum(factor[:, :-1] * phi, axis=1)
+    return np.asarray(100 * np.linalg.norm(sums, axis=0) / size, dtype=np.float64)
+
+
+@checked
+def truncated_values(
+    data: FitSamples | FitProblem,
+    values: FloatArray,
+    kept: int | Sequence[str],
+    weights: FloatArray | None = None,
+) -> FloatArray:
+    """Expected values of a fit of some parameters when the true model has all of them.
+
+    The forces of the others bias the kept ones: φ₁ + (W₁ᵀW₁)⁻¹ W₁ᵀW₂ φ₂, whatever the noise.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        Of all n parameters; forces do not matter.
+    values : FloatArray
+        (n,), the true ones.
+    kept : int or sequence of str
+        The first so many parameters, or names.
+    weights : FloatArray, optional
+        (dof,), of the fit, ``FitResult.weights``; by default all actuators alike.
+
+    Returns
+    -------
+    FloatArray
+        In the order of ``kept``.
+    """
+    factor, phi = _weighted_factor(data, values, weights)
+    labels = data.parameters.labels
+    if isinstance(kept, int):
+        if not 0 < kept <= len(labels):
+            raise OptionError(f"the number of parameters kept must be 1 to {len(labels)}: {kept}")
+        kept = labels[:kept]
+    for name in kept:
+        if name not in labels:
+            raise OptionError.unknown("parameter", name, labels)
+    if len(set(kept)) < max(len(kept), 1):
+        raise OptionError("the parameters kept must be at least one, none of them twice")
+    columns = [labels.index(name) for name in kept]
+    others = [j for j in range(len(phi)) if j not in columns]
+    force = factor[:, others] @ phi[others]
+    bias = np.linalg.lstsq(factor[:, columns], force)[0]
+    return np.asarray(phi[columns] + bias, dtype=np.float64)
+
+
+def _weighted_factor(
+    data: FitSamples | FitProblem, values: FloatArray, weights: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Triangular factor (r + 1, r + 1) of the weighted [W | T], and checked values (r,)."""
+    problem = data.problem if isinstance(data, FitSamples) else data
+    phi, dof = finite(values, "values"), len(problem.actuators)
+    if phi.shape != (len(problem.parameters),):
+        raise DataError(f"values must have shape ({len(problem.parameters)},), not {phi.shape}")
+    scale = np.ones(dof) if weights is None else finite(weights, "weights")
+    if scale.shape != (dof,):
+        raise DataError(f"weights must have shape ({dof},), not {scale.shape}")
+    return problem.weighted(scale), phi

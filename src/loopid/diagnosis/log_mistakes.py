@@ -1,0 +1,563 @@
+"""What may be wrong with a log: mistakes that would explain its forces clearly better.
+
+The forces are explained by the bodies of the robot file, whose parameters may be off by half, by
+friction of each motor, which is projected out, and by small offsets. Then each mistake that is
+often made is undone in turn, at the value that explains the forces best: forces of a motor in other
+units or with another sign, an offset, columns of two motors exchanged, positions that are shifted
+or stretched. One that raises the evidence [MacKay1992] of the data clearly is suspected, and undone
+before the next is looked for. Wrong bodies alone do not look like a mistake of one motor: all
+motors carry them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import exp, inf, log, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    checked,
+    spread_rows,
+)
+from loopid.errors import (
+    LogWarning,
+    warn,
+)
+from loopid.identification.force_model import body_sizes
+from loopid.kinematics.assembly import (
+    JointCoordinates,
+    try_assemble,
+)
+from loopid.kinematics.projection import (
+    closed_motion,
+    singularity_measure,
+)
+from loopid.logs.recording import (
+    SINGULARITY_MARGIN,
+    Recording,
+)
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import Mechanism
+from loopid.scratch import picked
+from loopid.workers import one_blas_thread
+
+# Samples that are looked at, evenly spread; fewest of a motor, and that count as independent.
+MOST_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 120, 30, 10
+# Standard deviation of the robot file's parameters, in sizes of the bodies, of joint terms, in
+# forces by the robot file, and of the offset of any drive, or of friction that differs with the
+# direction, in its forces.
+PRIOR, FLAT, OFFSET = 0.5, 10.0, 0.1
+# Errors count as at least this part of the force: no model is exact.
+MODEL_ERROR = 0.003
+# Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
+# from which a mistake is suspected.
+EVIDENCE = 3.0
+ROUNDS, ITERATIONS = 3, 8  # mistakes one after the other, and steps to the weights of a fit
+STEP = 5e-4  # for derivatives, of the sizes that are tried
+COARSE = 0.1  # least part of the way to other positions that is gone at a time
+CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
+LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
+# Gains that are tried first, and the least of one motor and of all that is worth a sentence.
+GAINS, LEAST_GAIN, LEAST_COMMON_GAIN = np.logspace(-4, 4, 17), 1.25, 4.0
+# The same of an offset, as a part of the force, of a shift, as a part of the range of the
+# positions, and of a stretch, all up to three times the usual.
+SIZES = {
+    "offset": np.array([0.1, 0.3, 1.0, 3.0]),
+    "shift": np.array([0.06, 0.2, 0.5, 1.0]),
+    "stretch": np.array([0.03, 0.08, 0.2]),
+}
+LEAST = {"offset": 0.03, "shift": 0.02, "stretch": 0.01}
+# From these errors, as a part of the force, or squares of deviations from the robot file on, a log
+# is strange; errors of motors that were exchanged, over those before.
+STRANGE_ERROR, STRANGE_BODIES, BETTER = 0.05, 12.0, 0.8
+OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
+SILENT = 1e-6  # relative, squared, of combinations of parameters that hardly change a force
+MOVES = "shift", "stretch"  # kinds of mistakes in the positions
+INTERVAL, TINY, HOPELESS = 1.96, 1e-300, 1e9  # the first in standard deviations
+
+
+@dataclass(frozen=True)
+class MotorGain:
+    """Measured force of a motor over what the bodies and the other motors let expect.
+
+    Attributes
+    ----------
+    joint : str
+    gain : float
+        1 where they agree, negative where it points the other way.
+    interval : tuple of float
+        Of 95 %.
+    """
+
+    joint: str
+    gain: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Suspicions:
+    """What is suspected of a log.
+
+    Attributes
+    ----------
+    recording : str
+    gains : tuple of MotorGain
+        Of each motor whose gain the log tells, once mistakes of other motors are undone.
+    sentences : tuple of str
+        One a mistake: which motors, how much with its 95 % interval, and how to undo it.
+    """
+
+    recording: str
+    gains: tuple[MotorGain, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+@checked
+def suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> Suspicions:
+    """Look for mistakes in a log that would explain its forces clearly better.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    recordings : sequence of Recording
+        Parts of one log, at least one.
+    joint_terms : JointTerms, optional
+        Explanations, too, beside friction and drive inertia of the motors.
+
+    Returns
+    -------
+    Suspicions
+        Empty where fewer than 30 samples of each motor can be used.
+    """
+    nothing = Suspicions(recordings[0].name)
+    if mechanism.free or not mechanism.standard_parameters("full").any():
+        return nothing  # positions that were not measured, or nothing to compare with
+    with one_blas_thread():
+        model = _Model(mechanism, recordings, joint_terms)
+        if not model.present:
+            return nothing
+        found, sentences = model.weighed(model.signals), []
+        undone: list[_Mistake] = []
+        for _ in range(ROUNDS):
+            finds = [
+                find
+                for mistake in _mistakes(model, found)
+                if not any(mistake.repeats(other) for other in undone)
+                and (find := _found(model, mistake, found))
+            ]
+            finds.sort(key=lambda find: find.evidence, reverse=True)
+            if not finds or finds[0].evidence - found.evidence < EVIDENCE:
+                break
+            best, *others = finds
+            rivals = [one for one in others if not one.mistake.repeats(best.mistake)]
+            close = [one.sentence for one in rivals if best.evidence - one.evidence < EVIDENCE]
+            sentences.append("; or, nearly as likely, ".join([best.sentence, *close[:1]]))
+            found = model.weighed(best.signals)
+            undone.append(best.mistake)
+        gains = tuple(_gains(model, found))
+    return Suspicions(recordings[0].name, gains, tuple(sentences))
+
+
+def warn_of_suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> tuple[Suspicions, ...]:
+    """``suspicions`` of each log, its parts, which have one name, taken together.
+
+    Warns
+    -----
+    LogWarning
+        Of each mistake.
+    """
+    logs: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        logs.setdefault(recording.name, []).append(recording)
+    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
+    for one in found:
+        for sentence in one.sentences:
+            warn(f"{one.recording}: {sentence}", LogWarning)
+    return found
+
+
+# ---- what is suspected --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """What a log says of d motors, once mistakes are undone."""
+
+    start: FloatArray  # (N, nq), from where other positions are assembled
+    position: FloatArray  # (N, d)
+    rates: FloatArray  # (N, d, 3), filtered sign, velocity, acceleration
+    force: FloatArray  # (N, d)
+    used: BoolArray  # (N, d)
+    size: FloatArray  # (d,), of the measured forces, in the root mean square
+    gain: FloatArray  # (d,), by which the forces were divided
+    columns: _Columns | None = None  # None where they are other ones now
+
+
+@dataclass(frozen=True, eq=False)
+class _Mistake:
+    """A mistake of some motors, of one unknown size unless columns are exchanged."""
+
+    kind: str  # "gain", "offset", "shift", "stretch", or what is exchanged
+    motors: tuple[int, ...]
+    sizes: FloatArray | None = None  # ascending, that are tried first
+    dull: tuple[float, float] = (0.0, 0.0)  # sizes between which it is not worth a sentence
+
+    def repeats(self, other: _Mistake) -> bool:
+        """Whether nothing new is told once another was undone."""
+        alike = self.kind == other.kind or {self.kind, other.kind} == set(MOVES)
+        return alike and self.motors == other.motors
+
+    def undone(self, signals: _Signals, size: float = 1.0) -> _Signals:
+        """The signals without a mistake of that size."""
+        mine = np.isin(np.arange(len(signals.gain)), self.motors)
+        added, factor = np.where(mine, size, 0.0), np.where(mine, size, 1.0)
+        position, rates, force = signals.position, signals.rates, signals.force
+        if self.kind == "gain":
+            scale, gain = signals.size / np.abs(factor), signals.gain * factor
+            return replace(signals, force=force / factor, size=scale, gain=gain)
+        if self.kind == "offset":
+            return replace(signals, force=force - added)
+        if self.kind == "shift":
+            return replace(signals, position=position - added, columns=None)
+        if self.kind == "stretch":
+            rates = rates / np.stack([np.ones_like(factor), factor, factor], axis=1)
+            return replace(signals, position=position / factor, rates=rates, columns=None)
+        order = np.arange(len(mine))
+        order[mine] = order[mine][::-1]
+        if "positions" in self.kind:
+            signals = replace(signals, position=position[:, order], rates=rates[:, order])
+        if "forces" in self.kind:
+            used, scale, gain = signals.used[:, order], signals.size[order], signals.gain[order]
+            signals = replace(signals, force=force[:, order], used=used, size=scale, gain=gain)
+        return replace(signals, columns=None)
+
+    def plausible(self, size: float) -> float:
+        """Density of the size before the forces are looked at."""
+        assert self.sizes is not None
+        if self.kind == "gain":  # any sign, and as large as any other
+            return 1 / (abs(size) * 2 * log(GAINS[-1] / GAINS[0]))
+        none, usual = self.sizes.mean(), np.ptp(self.sizes) / 6
+        return exp(-(((size - none) / usual) ** 2) / 2) / (sqrt(2 * pi) * usual)
+
+
+def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
+    """Those that there may be."""
+
+    def sized(kind: str, motors: tuple[int, ...], none: float, unit: float) -> _Mistake:
+        sizes = np.concatenate([-SIZES[kind][::-1], [0.0], SIZES[kind]])
+        least = unit * LEAST[kind]
+        return _Mistake(kind, motors, none + unit * sizes, (none - least, none + least))
+
+    size, everyone = found.signals.size, tuple(model.present)
+    one_each = [(k,) for k in everyone]
+    possible = found.columns.known**2 + (found.columns.terms**2).sum(axis=2)
+    # Larger gains would have all bodies weigh nothing.
+    largest = LARGEST * np.maximum(size / np.sqrt(possible.mean(axis=0) + TINY), 1.0)
+    for motors in [*one_each, *([everyone] if len(everyone) > 1 else [])]:
+        gains = GAINS[: np.searchsorted(GAINS, largest[list(motors)].max())]
+        least = LEAST_GAIN if len(motors) == 1 else LEAST_COMMON_GAIN
+        yield _Mistake("gain", motors, np.concatenate([-gains[::-1], gains]), (1 / least, least))
+    for (k,) in one_each:
+        yield sized("offset", (k,), 0.0, size[k])
+    moving = [k for k in everyone if model.range[k] > 0]
+    straight = np.isin(model.mechanism.velocity_indices(model.names), model.mechanism.prismatic)
+    alike = [tuple(k for k in moving if straight[k] == flag) for flag in (True, False)]
+    for motors in [*((k,) for k in moving), *(group for group in alike if len(group) > 1)]:
+        yield sized("shift", motors, 0.0, model.range[list(motors)].max())
+        yield sized("stretch", motors, 1.0, 1.0)
+    for pair in combinations(everyone, 2):
+        for kind in ("forces", "positions", "positions and forces"):
+            yield _Mistake(kind, pair)
+
+
+# ---- evidence -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What explains the forces: by the robot file, and by standard deviation of n unknowns."""
+
+    known: FloatArray  # (N, d)
+    terms: FloatArray  # (N, d, n)
+    closed: BoolArray  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """How signals are explained."""
+
+    signals: _Signals
+    columns: _Columns
+    evidence: float  # logarithm
+    values: FloatArray  # (n,), in standard deviations
+    error: FloatArray  # (d,), in the root mean square
+    errors: tuple[FloatArray, ...]  # (R,) of each motor
+
+    def strange(self, motors: Sequence[int]) -> bool:
+        """Whether errors of motors are large, or bodies are far from the robot file's."""
+        large = (self.error > STRANGE_ERROR * self.signals.size)[list(motors)].any()
+        return bool(large or self.values @ self.values > STRANGE_BODIES)
+
+
+class _Model:
+    """Explains the samples of a log."""
+
+    def __init__(
+        self, mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None
+    ) -> None:
+        self.mechanism, self.joint_terms = mechanism, joint_terms
+        self.names: tuple[str, ...] = recordings[0].actuators
+        parts = [self._samples(one, MOST_SAMPLES // len(recordings)) for one in recordings]
+        q, rates, force, used = map(np.concatenate, zip(*parts, strict=True))
+        # Of joints that turn without end, too.
+        position = np.unwrap(JointCoordinates(mechanism, self.names).read(q.copy()), axis=0)
+        self.range, self.middle = np.ptp(position, axis=0), position.mean(axis=0)
+        counts = np.maximum(used.sum(axis=0), 1)
+        size = np.sqrt(np.where(used, force**2, 0.0).sum(axis=0) / counts)
+        signals = _Signals(q, position, rates, force, used, size, np.ones(len(size)))
+        counted = np.isin(self.names, mechanism.actuated) & (counts >= LEAST_SAMPLES)
+        self.present = np.flatnonzero(counted & (size > 0)).tolist()
+        self.independent = np.full(len(self.names), float(LEAST_INDEPENDENT))  # samples of each
+        self.bodies = mechanism.standard_parameters("full")
+        named = () if joint_terms is None else joint_terms.parameters(mechanism)
+        others = [not (one.link in self.names and one.kind in OWN) for one in named]
+        self.kept = np.array([True] * len(self.bodies) + others)
+        K, p = self._regressor(signals, q), len(self.bodies)
+        self.expected = np.sqrt(((K[:, :, :p] @ self.bodies) ** 2).mean(axis=0))
+        per_force = 1 / np.where(self.expected > 0, self.expected, inf)
+        joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
+        flat = FLAT / np.where(joints > 0, joints, inf)
+        sizes = PRIOR * body_sizes(mechanism, "full")
+        table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
+        squares, bodies = np.linalg.eigh(table.T @ table)
+        felt = bodies[:, squares > SILENT * squares[-1]]
+        self.unknowns = block_diag(sizes[:, None] * felt, np.diag(flat))  # by standard deviation
+        self.signals = replace(signals, columns=self._columns(signals, q, np.ones(len(q), bool)))
+
+    def _samples(self, recording: Recording, most: int) -> list[Any]:
+        motion, history = recording.motion, recording.history
+        rows = spread_rows(len(recording), most)
+        if history is None:
+            sign = np.sign(motion.velocities)
+        else:  # friction as the forces are filtered
+            speeds = [history.velocity[:, history.joints.index(name)] for name in self.names]
+            sign = np.column_stack([history.lowpassed(np.sign(speed)) for speed in speeds])
+        rates = [picked(rate, rows) for rate in (sign, motion.velocities, motion.accelerations)]
+        q, force, used = motion.configurations, recording.force, recording.used
+        return [picked(q, rows), np.stack(rates, axis=2), picked(force, rows), picked(used, rows)]
+
+    def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
+        whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])
+        K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
+        return np.asarray(K[:, :, self.kept])
+
+    def _columns(self, signals: _Signals, q: FloatArray, closed: BoolArray) -> _Columns:
+        K = self._regressor(signals, q)
+        offsets = np.broadcast_to(np.diag(OFFSET * self.expected), (len(K), *(K.shape[1],) * 2))
+        terms = np.concatenate([K @ self.unknowns, offsets], axis=2)
+        return _Columns(K[:, :, : len(self.bodies)] @ self.bodies, terms, closed)
+
+    def columns(self, signals: _Signals) -> _Columns | None:
+        """What explains the forces at the positions as they are; None where loops do not close."""
+        if signals.columns is not None:
+            return signals.columns
+        mechanism, q = self.mechanism, signals.start.copy()
+        found = try_assemble(mechanism, signals.position, start=q, shortest_step=COARSE)
+        q[found.assembled] = found.configurations[found.assembled]
+        closed = found.assembled & (singularity_measure(mechanism, q) >= SINGULARITY_MARGIN)
+        q[~closed] = signals.start[~closed]
+        return self._columns(signals, q, closed) if closed.mean() >= CLOSING else None
+
+    def explained(self, signals: _Signals) -> _Explanation | None:
+        """Fit what explains the forces; None where the loops do not close."""
+        present, tables, columns = self.present, [], self.columns(signals)
+        if columns is None:
+            return None
+        for k in present:
+            rows = signals.used[:, k] & columns.closed
+            if rows.sum() < LEAST_INDEPENDENT:
+                return None
+            table = columns.terms[rows, k], columns.known[rows, k], signals.force[rows, k]
+            U, scale, _ = np.linalg.svd(signals.rates[rows, k], full_matrices=False)
+            own = U[:, scale > 1e-9 * scale.max(initial=TINY)]  # its friction and drive inertia
+            tables.append(np.column_stack([one - own @ (own.T @ one) for one in table]))
+        grams = np.stack([table.T @ table / len(table) for table in tables])
+        independent = self.independent[present]
+        least = MODEL_ERROR * signals.size[present]
+        n, sigma = grams.shape[1] - 2, np.maximum(np.sqrt(grams[:, -1, -1]), least)
+        for _ in range(ITERATIONS):
+            total = np.tensordot(independent / sigma**2, grams, 1)
+            H = np.eye(n) + total[:n, :n]
+            z = np.append(np.linalg.solve(H, total[:n, -1] - total[:n, n]), [1.0, -1.0])
+            left = np.maximum((grams @ z) @ z, 0.0)
+            sigma = np.maximum(np.sqrt(left), least)
+        # Of the forces as measured, whatever they were divided by.
+        logs = np.log(sigma * np.abs(signals.gain[present]))
+        evidence = -(logs + left / sigma**2 / 2) @ independent
+        evidence -= (z[:n] @ z[:n] + np.linalg.slogdet(H)[1]) / 2
+        error = np.full(len(self.names), inf)
+        error[present] = sigma
+        errors = tuple(table @ z for table in tables)
+        signals = replace(signals, columns=columns)
+        return _Explanation(signals, columns, float(evidence), z[:n], error, errors)
+
+    def evidence(self, signals: _Signals) -> float:
+        """Of the fit; hardly any where the loops do not close."""
+        explained = self.explained(signals)
+        return -HOPELESS if explained is None else explained.evidence
+
+    def weighed(self, signals: _Signals) -> _Explanation:
+        """Fit what explains the forces, samples counting by how correlated their errors are."""
+        found = self.explained(signals)
+        assert found is not None
+        for k, error in zip(self.present, found.errors, strict=True):
+            lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
+            self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
+        found = self.explained(found.signals)
+        assert found is not None
+        if found.strange(self.present):  # on another branch than the reference, perhaps
+            start = np.repeat(self.mechanism.reference[None], len(found.signals.start), axis=0)
+            found = replace(found, signals=replace(found.signals, start=start))
+        return found
+
+
+# ---- decision -----------------------------------------------------------------------------------
+
+
+class _Find(NamedTuple):
+    """A mistake, and what follows once it is undone."""
+
+    mistake: _Mistake
+    signals: _Signals
+    evidence: float
+    sentence: str
+
+
+def _found(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | None:
+    """A mistake where it is worth a sentence."""
+    if mistake.sizes is None:
+        return _exchanged(model, mistake, found)
+    if mistake.kind in MOVES and not _promising(model, mistake, found):
+        return None
+    evidence, size, deviation = _fit(model, mistake, found)
+    (low, high), reach = mistake.dull, INTERVAL * deviation
+    if low <= size + reach and size - reach <= high:
+        return None
+    # How much of what was possible beforehand still is.
+    part = mistake.plausible(size) * sqrt(2 * pi) * deviation
+    evidence += min(log(max(part, TINY)), 0.0)
+    if len(mistake.motors) == 1:
+        evidence -= log(len(model.present))
+    sentence = _sentence(model, mistake, size, reach)
+    return _Find(mistake, mistake.undone(found.signals, size), evidence, sentence)
+
+
+def _fit(model: _Model, mistake: _Mistake, found: _Explanation) -> tuple[float, float, float]:
+    """Evidence without a mistake, its size, and the standard deviation of that."""
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    def lost(size: float) -> float:
+        return -model.evidence(mistake.undone(found.signals, size))
+
+    sizes = mistake.sizes
+    assert sizes is not None
+    best = int(np.argmin([lost(size) for size in sizes]))
+    low, high = sizes[max(best - 1, 0)], sizes[min(best + 1, len(sizes) - 1)]
+    options = {"xatol": 1e-3 * (high - low), "maxiter": 15}
+    most = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
+    size, deviation = float(most.x), 0.01 * float(high - low)
+    for _ in range(2):  # until the step suits the curvature
+        curvature = lost(size + deviation) + lost(size - deviation) - 2 * float(most.fun)
+        deviation /= sqrt(max(curvature, 1e-6))
+    return -float(most.fun), size, deviation
+
+
+def _promising(model: _Model, mistake: _Mistake, found: _Explanation) -> bool:
+    """Whether it helps as one more unknown, its effect on a line: quick, and most do not.
+
+    Where a log is strange already, any size may help that is far from that line.
+    """
+    sizes, signals, before = mistake.sizes, found.signals, found.columns
+    assert sizes is not None
+    if found.strange(mistake.motors):
+        tried = (model.evidence(mistake.undone(signals, size)) for size in sizes)
+        if any(evidence > found.evidence + EVIDENCE for evidence in tried):
+            return True
+    small = float(sizes.mean() + STEP * np.ptp(sizes))
+    moved = model.columns(mistake.undone(signals, small))
+    if moved is None:
+        return False
+    change = moved.known - before.known + (moved.terms - before.terms) @ found.values
+    terms = np.concatenate([before.terms, change[:, :, None] / STEP], axis=2)
+    columns = replace(before, terms=terms, closed=moved.closed)
+    return model.evidence(replace(signals, columns=columns)) > found.evidence
+
+
+def _exchanged(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | None:
+    """Two motors exchanged, where the log is strange and errors of both are smaller then."""
+    pair = list(mistake.motors)
+    other = model.explained(mistake.undone(found.signals)) if found.strange(pair) else None
+    if other is None or (other.error > BETTER * found.error)[pair].any():
+        return None
+    return _Find(mistake, other.signals, other.evidence, _sentence(model, mistake, 1.0, 0.0))
+
+
+def _gains(model: _Model, found: _Explanation) -> Iterator[MotorGain]:
+    """Of each motor whose gain the log tells."""
+    for mistake in _mistakes(model, found):
+        if mistake.kind == "gain" and len(mistake.motors) == 1:
+            (k,), (_, factor, deviation) = mistake.motors, _fit(model, mistake, found)
+            before = float(found.signals.gain[k])
+            gain, reach = before * factor, abs(before) * INTERVAL * deviation
+            if reach < max(abs(gain), 1.0):
+                yield MotorGain(model.names[k], gain, (gain - reach, gain + reach))
+
+
+# ---- sentence -----------------------------------------------------------------------------------
+
+
+def _sentence(model: _Model, mistake: _Mistake, size: float, reach: float) -> str:
+    """A mistake in words, with half the 95 % interval of its size."""
+    kind, motors = mistake.kind, list(mistake.motors)
+    names, value = ", ".join(model.names[k] for k in motors), f"{size:.3g} ± {reach:.2g}"
+    if kind == "gain" and len(motors) == 1:
+        return (
+            f"the force of {names} is {value} times what the bodies and the other motors let "
+            f"expect: look for another unit, ratio or sign (force_scale {1 / size:.3g} in a "
+            "mapping would undo it)"
+        )
+    if kind == "gain":
+        return (
+            f"all forces are about {value} times what the robot file lets expect: look for "
+            f"another unit (force_scale {1 / size:.2g} in a mapping would undo it)"
+        )
+    if kind == "offset":
+        return (
+            f"the force of {names} seems to have an offset of {value} N or N m: identify it (Fo "
+            f"among the terms), or take it off (force_offset {-size:.3g} in a mapping)"
+        )
+    if kind in MOVES:  # over a short way nearly the same
+        middle = float(model.middle[motors].mean())
+        shift, stretch = value, f"{middle / (middle - size):.3g}"
+        if kind == "stretch":
+            shift, stretch = f"{(1 - 1 / size) * middle:.3g}", value
+        return (
+            f"the positions of {names} look shifted by {shift} m or rad, or {stretch} times as "
+            "large as they are: correct them by position_offset or position_scale in a mapping"
+        )
+    return (
+        f"the {kind} of {names.replace(', ', ' and ')} look exchanged: the bodies explain the "
+        "forces much better with each other's (exchange the columns in a mapping)"
+    )

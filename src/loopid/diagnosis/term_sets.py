@@ -1,0 +1,274 @@
+"""Which joint terms a robot needs: sets of them compared on data that were not fitted."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    checked,
+)
+from loopid.diagnosis.elimination import (
+    PredictionError,
+    prediction_errors,
+)
+from loopid.identification.force_model import (
+    ForceModel,
+    body_sizes,
+    find_force_model,
+)
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import NoiseModel
+from loopid.logs.recording import Recording
+from loopid.parameters import KINDS
+from loopid.regressors.joint_terms import (
+    NO_TERMS,
+    JointTerms,
+)
+from loopid.robot.mechanism import Mechanism
+
+# Singular values of the columns, relative to the largest, below which they count as zero.
+NO_EFFECT = 1e-10
+# Deviation of an actuator's errors, relative to its force, below which it is round-off.
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class TermSet:
+    """A set of joint terms, fitted with the bodies of the robot file and together with them.
+
+    Attributes
+    ----------
+    choice : str
+        As of ``--terms``.
+    parameters : tuple of int
+        What is fitted with the bodies of the robot file, and together with them.
+    errors : tuple of PredictionError
+        The same two on validation data, each beside the other sets; 1 is the variance of the fit's
+        errors.
+    """
+
+    choice: str
+    parameters: tuple[int, int]
+    errors: tuple[PredictionError, PredictionError]
+
+
+@dataclass(frozen=True)
+class TermComparison:
+    """What each set of joint terms buys, from ``compare_terms``.
+
+    Attributes
+    ----------
+    sets : tuple of TermSet
+    chosen : TermSet
+        That of the force model.
+    bodies_pay : bool
+        Whether fitted bodies are clearly better than those of the robot file, each with the terms
+        that are enough for it.
+    """
+
+    sets: tuple[TermSet, ...]
+    chosen: TermSet
+    bodies_pay: bool
+
+    def __repr__(self) -> str:
+        lines = (
+            f"  {each.choice}: {each.errors[1].mean:.3g} ± {each.errors[1].standard_error:.2g}, "
+            f"robot file {each.errors[0].mean:.3g} ± {each.errors[0].standard_error:.2g}"
+            for each in self.sets
+        )
+        return "\n".join([f"TermComparison(enough: {self.enough[1].choice})", *lines])
+
+    @property
+    def enough(self) -> tuple[TermSet, TermSet]:
+        """The set with the fewest parameters of those whose error is not clearly above the least.
+
+        With the bodies of the robot file, and with fitted ones.
+        """
+        with_file, fitted = (self.sets[_enough(self.sets, k)] for k in (0, 1))
+        return with_file, fitted
+
+
+def _enough(sets: Sequence[TermSet], k: int) -> int:
+    good = [j for j, each in enumerate(sets) if each.errors[k].as_good]
+    return min(good, key=lambda j: (sets[j].parameters[k], sets[j].errors[k].mean))
+
+
+@checked
+def compare_terms(
+    force_model: ForceModel,
+    training: Sequence[Recording],
+    validation: Sequence[Recording],
+    noise: NoiseModel,
+    prior_deviation: float | None = None,
+    choices: Sequence[str] = (),
+    n_jobs: int = 1,
+) -> TermComparison:
+    """Fit sets of joint terms, and judge each on data that it has not seen.
+
+    All are fitted to the same data with the same weights.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+        Its joint terms are compared with parts of them, and with constant forces of the motors.
+    training, validation : sequence of Recording
+    noise : NoiseModel
+        Errors of the fit of all parameters, that actuators are weighted by.
+    prior_deviation : float, optional
+        Of the robot file as the prior of the bodies, relative to their sizes; without it they are
+        left to the data.
+    choices : sequence of str
+        Further sets, as of ``JointTerms.of``.
+
+    Examples
+    --------
+    A five-bar that has viscous friction only:
+
+    >>> import loopid, numpy as np
+    >>> from loopid.experiment import compare_terms
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
+    >>> log = loopid.simulate_measurement(
+    ...     robot, motion, loopid.Noise(gaussian=0.01), 0, None, friction, values
+    ... )
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> model = loopid.find_force_model(robot, "gravity", loopid.JointTerms.of(robot, "Fc,Fv"))
+    >>> found = loopid.identify(model, *loopid.split_recordings([run], 0.5))
+    >>> told = compare_terms(model, found.training, found.validation, found.fit.noise)
+    >>> [each.choice for each in told.sets], told.enough[1].choice
+    (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
+    """
+    mechanism, own = force_model.mechanism, force_model.joint_terms
+    asked = [JointTerms.of(mechanism, choice) for choice in choices]
+    sets = _each_once([*_sets(mechanism, own), *({} if t is None else t.of_joints for t in asked)])
+    whole = _model_of_all(force_model, sets)
+    data, unseen = (
+        FitSamples.combined([whole.samples(recording, n_jobs) for recording in recordings])
+        for recordings in (training, validation)
+    )
+    deviation = np.maximum(noise.deviation, ROUND_OFF * data.problem.force_rms)
+    deviation = np.maximum(deviation, data.least_errors)
+    present = (noise.samples > 0) & (deviation > 0)
+    scale = np.divide(1.0, deviation, out=np.zeros(len(deviation)), where=present)
+    worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))
+    factor = data.problem.weighted(scale * worth)
+    fits = [_fits(whole, factor, kinds, prior_deviation) for kinds in sets]
+    errors = [prediction_errors(unseen, [fit[k][1] for fit in fits], scale) for k in (0, 1)]
+    judged = [
+        TermSet(_choice(mechanism, kinds), (fit[0][0], fit[1][0]), (with_file, fitted))
+        for kinds, fit, with_file, fitted in zip(sets, fits, *errors, strict=True)
+    ]
+    chosen = [_pairs(kinds) for kinds in sets].index(_pairs(own.of_joints if own else {}))
+    best = [fits[_enough(judged, k)][k][1] for k in (0, 1)]
+    bodies_pay = not prediction_errors(unseen, best, scale)[0].as_good
+    return TermComparison(tuple(judged), judged[chosen], bodies_pay)
+
+
+Kinds: TypeAlias = Mapping[str, tuple[str, ...]]  # of each joint
+
+
+def _sets(mechanism: Mechanism, own: JointTerms | None) -> list[Kinds]:
+    """No terms, more and more friction of the motors, constant forces, all that was chosen."""
+    chosen = {} if own is None else own.of_joints
+    motors = [name for name in mechanism.actuated if mechanism.joint(name).nv == 1]
+
+    def part(joints: Iterable[str], *beginnings: str) -> Kinds:
+        return {
+            joint: tuple(kind for kind in chosen.get(joint, ()) if kind.startswith(beginnings))
+            for joint in joints
+        }
+
+    viscous, offsets = dict.fromkeys(motors, ("Fv",)), dict.fromkeys(motors, ("Fo",))
+    coulomb = {joint: kinds or ("Fc",) for joint, kinds in part(motors, "Fc").items()}
+    friction = _together(coulomb, viscous)
+    moving = _together(friction, part(chosen, "Fc", "Fv", "Ia"))
+    shifted = _together(moving, offsets)
+    return [{}, viscous, friction, moving, shifted, chosen, _together(shifted, chosen)]
+
+
+def _choice(mechanism: Mechanism, kinds: Kinds) -> str:
+    terms = JointTerms.of_kinds(kinds)
+    return NO_TERMS if terms is None else terms.choice(mechanism)
+
+
+def _each_once(sets: Iterable[Kinds]) -> list[Kinds]:
+    """Sets without those that say the same as one before."""
+    found: dict[frozenset[tuple[str, str]], Kinds] = {}
+    for each in sets:
+        found.setdefault(_pairs(each), each)
+    return list(found.values())
+
+
+def _pairs(kinds: Kinds) -> frozenset[tuple[str, str]]:
+    return frozenset((joint, kind) for joint, own in kinds.items() for kind in own)
+
+
+def _together(*sets: Kinds) -> Kinds:
+    """All kinds that joints have in any of the sets."""
+    joints = dict.fromkeys(joint for each in sets for joint in each)
+    return {
+        joint: tuple(dict.fromkeys(kind for each in sets for kind in each.get(joint, ())))
+        for joint in joints
+    }
+
+
+def _model_of_all(force_model: ForceModel, sets: Sequence[Kinds]) -> ForceModel:
+    """Base parameters of the bodies, and all terms of all sets as columns of their own.
+
+    Sets may hold terms that are nearly the same, such as two widths of smooth friction: what is
+    told apart is for the data to say, set by set.
+    """
+    mechanism, own = force_model.mechanism, force_model.joint_terms
+    with warnings.catch_warnings():  # the same as of the force model
+        warnings.simplefilter("ignore")
+        bodies = find_force_model(mechanism, force_model.model, search="qr")
+    terms, base = JointTerms.of_kinds(_together(*sets)), bodies.base
+    if terms is None:
+        return bodies
+    if own is not None:
+        terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
+    names, first = terms.parameters(mechanism), len(base.parameters)
+    every = np.arange(first, first + len(names))
+    whole = replace(
+        base,
+        parameters=base.parameters + names,
+        base=np.concatenate([base.base, every]),
+        regrouping=np.pad(base.regrouping, ((0, len(names)), (0, 0))),
+    )
+    return ForceModel(mechanism, force_model.model, terms, whole)
+
+
+def _fits(
+    model: ForceModel, factor: FloatArray, kinds: Kinds, prior_deviation: float | None
+) -> list[tuple[int, FloatArray]]:
+    """Numbers of parameters and values (n,), with the bodies of the robot file and fitted ones.
+
+    Least squares of standard parameters, of which the data need not tell all apart; values are
+    those of the base parameters, zero for terms that are not in the set.
+    """
+    base, n = model.base, len(model.base)
+    bodies = np.array([name.kind in KINDS for name in base.parameters])
+    terms = np.array([name.kind in kinds.get(name.link, ()) for name in base.parameters])
+    start = np.where(bodies, model.standard_prior, 0.0)
+    A, force = factor[:n, :n] @ base.matrix, factor[:n, n] - factor[:n, :n] @ base.values(start)
+    units = np.linalg.norm(A, axis=0)
+    units = np.divide(1.0, units, out=np.ones(len(units)), where=units > 0)
+    units[bodies] = (prior_deviation or 1.0) * body_sizes(model.mechanism, model.model)
+    prior = np.diag(bodies.astype(float))[bodies] if prior_deviation else np.zeros((0, len(units)))
+    rows, right = np.vstack([A * units, prior]), np.append(force, np.zeros(len(prior)))
+    found = []
+    for free in (terms, terms | bodies):
+        values = start.copy()
+        values[free] += units[free] * np.linalg.lstsq(rows[:, free], right, rcond=NO_EFFECT)[0]
+        told = np.linalg.matrix_rank(A[:, free] * units[free], rtol=NO_EFFECT) if free.any() else 0
+        found.append((int(told), base.values(values)))
+    return found

@@ -1,0 +1,9 @@
+from .c_code import (
+    RegressorCode as RegressorCode,
+    export_regressor as export_regressor,
+    regressor_code as regressor_code,
+)
+from .robot_file import (
+    export_robot_file as export_robot_file,
+    updated_robot_file as updated_robot_file,
+)

@@ -1,0 +1,1 @@
+"""Formats of robots and of logs beyond the core, one a file, found through registries."""

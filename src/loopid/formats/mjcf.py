@@ -1,0 +1,879 @@
+"""From an MJCF, as MuJoCo compiles it, to the open tree, closures, motors and reference.
+
+Importing this needs MuJoCo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from warnings import catch_warnings
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+from numpy.polynomial import Polynomial
+from pydantic import ValidationError
+
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+)
+from loopid.errors import (
+    MissingFileError,
+    RobotFileError,
+)
+from loopid.files import why_no_file
+from loopid.loading.description import (
+    ClosureDescription,
+    Description,
+)
+from loopid.loading.tree import (
+    TreeSource,
+    add_frame,
+)
+from loopid.loading.urdf import (
+    naming,
+    refuse_entities,
+)
+from loopid.robot.mechanism import (
+    LeftOut,
+    shortened,
+)
+from loopid.yaml_files import first_problem
+
+# MuJoCo lets 'nan' and 'inf' through.
+FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
+          "jnt_pos", "jnt_axis", "qpos0", "site_pos", "site_quat", "eq_data", "wrap_prm",
+          "key_qpos")  # fmt: skip
+# MuJoCo's enumerations do not compare equal to entries of arrays.
+JOINT_KINDS = {
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{kind.upper()}")): kind
+    for kind in ("free", "ball", "slide", "hinge")
+}
+CONNECT, WELD = int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)
+JOINT, TENDON = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
+SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+WRAPS_JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
+DRIVES_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+DRIVES_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+# Gain, bias and dynamics of an actuator whose force is its control times a constant.
+DIRECT = (
+    int(mujoco.mjtGain.mjGAIN_FIXED),
+    int(mujoco.mjtBias.mjBIAS_NONE),
+    int(mujoco.mjtDyn.mjDYN_NONE),
+)
+NUSERS = [f"nuser_{what}" for what in
+          ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")]  # fmt: skip
+# Laws of actuators whose gain and bias are affine in length and rate.
+GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
+BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+# In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
+ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
+# Far more than robots have: joints, bytes of a file, files, elements with all copies.
+MOST_JOINTS, MOST_BYTES, MOST_FILES, MOST_ELEMENTS = 2000, 20_000_000, 100, 20_000
+MOST_ATTRIBUTES = 1000  # of an element: MuJoCo's time grows with their square
+LARGEST = 1e100  # so that no product of a few numbers overflows
+FOLDERS = ("meshdir", "texturedir", "assetdir")
+# What the product of the numbers of some attributes may be at most, in all elements of a file:
+# MuJoCo makes so many entries.
+SIZES: dict[str, dict[tuple[str, ...], float]] = {
+    "hfield": {("nrow", "ncol"): 1e7},
+    "texture": {("width", "height"): 1e8},
+    "composite": {("count",): 1e4},
+    "flexcomp": {("count",): 1e5},
+    "numeric": {("size",): 1e6},
+    "mesh": {("params",): 1e5},
+    "size": {(key,): 1e5 for key in ("nuserdata", "nkey", *NUSERS)},
+}
+AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+# What MuJoCo raises, of which only the text is of use.
+MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
+ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
+# Quaternions have no limits; random configurations need some.
+QUATERNION_LIMIT = np.full(4, 1.01)
+
+
+def read_mjcf(path: Path) -> TreeSource:
+    """Read tree, closures, motors, reference and joint forces of an MJCF file."""
+    compiled, warnings = compile_mjcf(path)
+    with naming(path):
+        scene = Scene(path, compiled)
+        # MuJoCo has a name for models that have none.
+        name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
+    model, child_links = _tree(scene, name)
+    closures = [
+        _closure(scene, model, equality)
+        for equality, active in enumerate(_active(compiled))
+        if active and not _holds_mocap(scene, equality)
+    ]
+    tight, slack = _limited_tendons(scene)
+    closures += tight
+    forces = _joint_forces(scene)
+    motors, notes = _motors(scene, closures)
+    try:
+        description = Description(
+            closures=closures,
+            name_mot=motors or None,
+            reference=_reference(scene),
+            joint_terms={joint: values for joint, values in forces.terms.items() if values},
+        )
+    except ValidationError as error:
+        raise RobotFileError(f"{path}: {first_problem(error)}") from error
+    heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
+    return TreeSource(
+        name=name,
+        file=path,
+        model=model,
+        inertial_links=tuple(_where(scene.bodies, heavy)),
+        child_links=child_links,
+        description=description,
+        notes=(*_left_out(scene), *slack, *notes, *warnings),
+        left_out=tuple(forces.left_out),
+    )
+
+
+# The file as MuJoCo compiles it, with a name for every element.
+
+
+class Scene:
+    """A compiled model, the file that it was read from, and names of its elements.
+
+    Those of bodies and joints are unique: unnamed bodies are called ``<parent>_body`` and unnamed
+    joints ``<body>_hinge``, ``_slide``, ``_ball`` or ``_free``. Of other elements they are empty
+    where the file gives none.
+    """
+
+    def __init__(self, file: Path, compiled: mujoco.MjModel) -> None:
+        self.file, self.compiled = file, compiled
+        bodies, joints, self.sites, self.equalities, self.tendons, self.actuators, self.keys = (
+            [_text(compiled, int(address)) for address in getattr(compiled, f"name_{what}adr")]
+            for what in ("body", "jnt", "site", "eq", "tendon", "actuator", "key")
+        )
+        self.bodies, self.joints, self.taken = bodies, joints, {"", "universe", *bodies, *joints}
+        for body, parent in enumerate(compiled.body_parentid):
+            bodies[body] = bodies[body] or self.fresh(f"{bodies[parent]}_body")
+        for joint, body in enumerate(compiled.jnt_bodyid):
+            # "universe" is Pinocchio's own name of what stands still.
+            if joints[joint] in ("", "universe"):
+                joints[joint] = self.fresh(f"{bodies[body]}_{self.joint_kind(joint)}")
+
+    def fresh(self, wanted: str) -> str:
+        """Take the name that is wanted, or the first numbered one that is not in use."""
+        name, count = wanted, 1
+        while name in self.taken:
+            count += 1
+            name = f"{wanted}_{count}"
+        self.taken.add(name)
+        return name
+
+    def joint_kind(self, joint: int) -> str:
+        return JOINT_KINDS[int(self.compiled.jnt_type[joint])]
+
+
+def _named(names: Sequence[str], k: int) -> str:
+    return names[k] or f"number {k}"
+
+
+def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from."""
+    if not path.is_file():
+        raise MissingFileError(f"{path} is missing")
+    _refuse_excess(path, path.parent, [])
+    # MuJoCo would print its warnings, and append them to a file where it runs.
+    heard: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(heard.append)
+    notes: list[str] = []
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(path))
+    except MUJOCO_ERRORS as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        try:
+            with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
+                compiled, notes = _compile_without_assets(path)
+        except RobotFileError:
+            raise
+        except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
+            raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
+    numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
+    # Limits may be infinite.
+    numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
+    for name, values in numbers.items():
+        if not (np.abs(values) <= LARGEST).all():
+            raise RobotFileError(
+                f"{path}: {name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
+            )
+    for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
+        # What is too long or short for MuJoCo to normalise is zero then.
+        if not np.linalg.norm(getattr(compiled, name), axis=1).all():
+            what = "an axis" if name == "jnt_axis" else "a quaternion"
+            raise RobotFileError(f"{path}: {name} of MuJoCo's model has {what} of length 0")
+    return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
+
+
+def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
+    """Refuse what MuJoCo would hang on, fill the memory with, or read other than it is meant.
+
+    ``folder`` is that of the main file; ``read`` are the files read before.
+    """
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise RobotFileError(f"{path} cannot be read: {error.strerror}") from error
+    if len(content) > MOST_BYTES:
+        raise RobotFileError(f"{path} is longer than the {MOST_BYTES / 1e6:g} MB that are read")
+    parser = etree.XMLParser(recover=True, resolve_entities=False, remove_comments=True)
+    try:
+        root = etree.fromstring(content, parser)
+    except etree.XMLSyntaxError:
+        root = None
+    if root is None:
+        raise RobotFileError(f"{path} is no XML that can be read")
+    # MuJoCo compiles URDFs too, but drops what it does not know in them.
+    if not read and root.tag != "mujoco":
+        raise RobotFileError(f"{path} is not MJCF: its root is <{root.tag!s}>, not <mujoco>")
+    with naming(path):
+        refuse_entities(root)
+    read.append(path)
+    for tags, most in ((("*",), MOST_ELEMENTS), (("joint", "freejoint"), MOST_JOINTS)):
+        made = sum(map(_copies, root.iter(*tags)))
+        if made > most:
+            what = "elements" if most == MOST_ELEMENTS else "joints"
+            raise RobotFileError(f"{path} makes {made:,} {what}, more than the {most:,} read")
+    folders = {""} | {
+        str(tag.get(key)) for tag in root.iter("compiler") for key in FOLDERS if tag.get(key)
+    }
+    entries = Counter[tuple[str, ...]]()
+    for tag in root.iter("*"):
+        if len(tag.attrib) > MOST_ATTRIBUTES:
+            raise RobotFileError(
+                f"{path}: <{tag.tag!s}> has more than {MOST_ATTRIBUTES} attributes"
+            )
+        for size, limit in SIZES.get(str(tag.tag), {}).items():
+            entries[size] += math.prod(
+                _size(word) for key in size for word in tag.get(key, "").split()
+            )
+            if entries[size] > limit:
+                what = " x ".join(f"{key} {tag.get(key)}" for key in size)
+                raise RobotFileError(f"{path}: {what} of <{tag.tag!s}> is too large")
+        for key in tag.attrib:
+            if not str(key).startswith("file"):
+                continue
+            name = tag.get(key, "")
+            ends = (name, Path(name).name)  # the second where the compiler strips paths
+            for place in dict.fromkeys(folder / f / end for f in sorted(folders) for end in ends):
+                problem = why_no_file(place)
+                if problem == "is no regular file":
+                    raise RobotFileError(f"{path}: {place} of <{tag.tag!s}> {problem}")
+                if not problem and tag.tag in ("include", "model") and place not in read:
+                    if len(read) > MOST_FILES:
+                        raise RobotFileError(f"{path} includes more than {MOST_FILES} files")
+                    _refuse_excess(place, folder, read)
+
+
+def _copies(tag: etree._Element) -> int:
+    """How many elements the ``<replicate>`` tags around one make of it."""
+    counts = (_size(around.get("count", "1")) for around in tag.iterancestors("replicate"))
+    return math.prod(counts)
+
+
+def _size(word: str) -> int:
+    """A count in a file; 1 where MuJoCo would not read it."""
+    try:
+        return max(1, int(float(word)))
+    except (ValueError, OverflowError):
+        return 1
+
+
+def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """Compile a file without plugins, then without meshes, where dynamics needs none of them."""
+    root = etree.parse(path).getroot()
+    _include(root, path.parent, [])
+    plugins = {str(tag.get("plugin")) for tag in root.iter("plugin")} - {"None"}
+    for tag in root.findall(".//actuator/plugin"):  # a motor, whatever its law
+        tag.tag, ends = "general", {key: tag.attrib[key] for key in ACTUATOR_ENDS & set(tag.attrib)}
+        tag.clear()
+        tag.attrib.update(ends)
+    etree.strip_elements(root, "plugin", "extension", with_tail=False)
+    for tag in root.iter("model"):  # to be attached
+        tag.set("file", str(path.parent.resolve() / tag.get("file", "")))
+    spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
+    spec.modelfiledir = str(path.parent)
+    notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
+    drawn = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]
+    needed = sorted({geom.parent.name for geom in drawn if _gives_inertia(spec, geom)})
+    try:
+        return spec.compile(), notes
+    except MUJOCO_ERRORS as error:
+        reason = " ".join(str(error).split())
+    unused = (spec.sensors, spec.pairs, spec.skins, spec.materials)
+    for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
+        for element in list(group):
+            spec.delete(element)
+    for geom in spec.geoms:
+        geom.material = ""  # of textures that may be missing
+    for body in spec.bodies if needed else ():
+        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
+    compiled = spec.compile()
+    if needed:
+        raise RobotFileError(
+            f"{path}: inertias of {shortened(needed)} come from geometry that MuJoCo cannot read "
+            f"({reason}): give these bodies an <inertial>, or restore the files"
+        )
+    return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
+
+
+def _include(root: etree._Element, folder: Path, read: list[str]) -> None:
+    """Put what ``<include>`` tags name in their places; MuJoCo takes each file once."""
+    for tag in root.findall(".//include"):
+        name, parent = tag.get("file", ""), tag.getparent()
+        if name in read:
+            raise OSError("a file is included twice")
+        read.append(name)
+        inner = etree.parse(folder / name).getroot()
+        _include(inner, folder, read)
+        if parent is not None:
+            at = parent.index(tag)
+            parent[at : at + 1] = list(inner)
+
+
+def _gives_inertia(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
+    """Whether the inertia of a body that moves comes from a geom."""
+    first, last = spec.compiler.inertiagrouprange
+    body = geom.parent
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    explicit = body.explicitinertial and int(spec.compiler.inertiafromgeom) != always
+    light = geom.mass == 0 or (np.isnan(geom.mass) and geom.density == 0)
+    if explicit or light or not first <= geom.group <= last:
+        return False
+    while body.name != "world":
+        if len(body.joints):
+            return True
+        body = body.parent
+    return False
+
+
+def _text(compiled: mujoco.MjModel, address: int) -> str:
+    # MuJoCo takes any bytes for a name.
+    names = compiled.names
+    text = str(names[address : names.index(b"\0", address)].decode(errors="backslashreplace"))
+    if not text.isprintable():
+        raise RobotFileError(f"names must be printable and on one line, not {text!r:.60}")
+    return text
+
+
+def _placement(position: Sequence[float], quaternion: Sequence[float] = (1, 0, 0, 0)) -> pin.SE3:
+    """Placement by a position and a quaternion in MuJoCo's order: w first."""
+    turn = pin.Quaternion(*(float(value) for value in quaternion))
+    return pin.SE3(turn.normalized().toRotationMatrix(), np.asarray(position, dtype=np.float64))
+
+
+def _where(names: Iterable[str], chosen: BoolArray) -> list[str]:
+    return [name for name, here in zip(names, chosen, strict=True) if here]
+
+
+# The tree.
+
+
+class Mount(NamedTuple):
+    """MuJoCo's frame of a body: Pinocchio's joint and frame that carry it, placement in the joint.
+
+    The frame of a joint has the axes of MuJoCo's body frame and its origin on the joint's anchor.
+    """
+
+    joint: int
+    frame: int
+    placement: pin.SE3
+
+
+def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
+    """The open tree, and the link that each joint carries.
+
+    The joints of a body are a chain, with massless links between them. Bodies without joints become
+    part of the body that carries them.
+    """
+    compiled = scene.compiled
+    model, child_links = pin.Model(), dict[str, str]()
+    model.name = name
+    weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    model.gravity.linear = np.zeros(3) if weightless else np.array(compiled.opt.gravity)
+    mounts: list[Mount] = []
+    for body, link in enumerate(scene.bodies):
+        mount = Mount(0, 0, pin.SE3.Identity())
+        if body > 0:
+            mount = mounts[compiled.body_parentid[body]]
+            there = _placement(compiled.body_pos[body], compiled.body_quat[body])
+            mount = mount._replace(placement=mount.placement * there)
+        first, count = compiled.body_jntadr[body], compiled.body_jntnum[body]
+        for joint in range(first, first + count):
+            mount = _add_joint(scene, model, joint, mount)
+            carried = link
+            if joint < first + count - 1:
+                carried = scene.fresh(f"{scene.joints[joint]}_link")
+                mount = _add_link(model, carried, mount, pin.Inertia.Zero())
+            child_links[scene.joints[joint]] = carried
+        principal = _placement(compiled.body_ipos[body], compiled.body_iquat[body])
+        moments = np.diag(compiled.body_inertia[body])
+        inertia = principal.act(pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments))
+        mounts.append(_add_link(model, link, mount, inertia))
+    # Named sites, for a description beside the file to refer to; links and joints come first.
+    for site, site_name in enumerate(scene.sites):
+        if site_name not in scene.taken:
+            link = scene.bodies[compiled.site_bodyid[site]]
+            there = _placement(compiled.site_pos[site], compiled.site_quat[site])
+            add_frame(model, scene.fresh(site_name), link, there)
+    return model, child_links
+
+
+def _add_link(model: pin.Model, link: str, mount: Mount, inertia: pin.Inertia) -> Mount:
+    frame = pin.Frame(link, *mount, pin.FrameType.BODY, inertia)
+    return mount._replace(frame=int(model.addFrame(frame, True)))
+
+
+def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Mount:
+    """Add a joint where the body is mounted; gives the body frame behind it."""
+    compiled, kind = scene.compiled, scene.joint_kind(joint)
+    start, anchor = pin.SE3.Identity(), pin.SE3.Identity()
+    # The coordinates of a free joint are the whole placement, wherever the file draws the body.
+    if kind != "free":
+        anchor = _placement(compiled.jnt_pos[joint])
+        start = mount.placement * anchor
+    if kind in ("hinge", "slide"):
+        axis = compiled.jnt_axis[joint].copy()
+        # From where the file draws the body to where the coordinate is zero.
+        back = -compiled.qpos0[compiled.jnt_qposadr[joint]] * axis
+        turns, prefix = kind == "hinge", "R" if kind == "hinge" else "P"
+        start = start * (pin.SE3(pin.exp3(back), np.zeros(3)) if turns else _placement(back))
+        aligned = AXES.get(tuple(axis.tolist()))
+        oblique = pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned
+        motion = getattr(pin, f"JointModel{prefix}{aligned}")() if aligned else oblique(axis)
+        limits = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
+        low, high = np.array(limits[:1]), np.array(limits[1:])
+        effort = np.full(1, _effort_limit(compiled, joint))
+    else:
+        motion = pin.JointModelFreeFlyer() if kind == "free" else pin.JointModelSpherical()
+        high = np.concatenate([np.full(motion.nq - 4, np.inf), QUATERNION_LIMIT])
+        low, effort = -high, np.full(motion.nv, np.inf)
+    unlimited, name = np.full(motion.nv, np.inf), scene.joints[joint]
+    index = model.addJoint(mount.joint, motion, start, name, effort, unlimited, low, high)
+    frame = model.addJointFrame(index, mount.frame)
+    return Mount(int(index), int(frame), anchor.inverse())
+
+
+def _effort_limit(compiled: mujoco.MjModel, joint: int) -> float:
+    """Most that the motors of a joint with one coordinate can do; infinite where it is not said."""
+    motors = []
+    for actuator, kind in enumerate(compiled.actuator_trntype):
+        if kind not in DRIVES_JOINT or compiled.actuator_trnid[actuator, 0] != joint:
+            continue
+        view = compiled.actuator(actuator)
+        gear, strength = abs(view.gear[0]), np.inf
+        if view.forcelimited[0]:
+            strength = np.abs(view.forcerange).max()
+        if (view.gaintype[0], view.biastype[0], view.dyntype[0]) == DIRECT and view.ctrllimited[0]:
+            strength = min(strength, abs(view.gainprm[0]) * np.abs(view.ctrlrange).max())
+        motors.append(gear * strength if gear else 0.0)
+    most = sum(motors) if motors else np.inf
+    if compiled.jnt_actfrclimited[joint]:
+        most = min(most, np.abs(compiled.jnt_actfrcrange[joint]).max())
+    return float(most) if most >= 0 else np.inf  # not a number: not said
+
+
+def _reference(scene: Scene) -> dict[str, float | list[float]]:
+    """Joint values of the keyframe ``home``, else of the first one, else as the file is drawn.
+
+    Several coordinates of one joint are in Pinocchio's order: positions, then a quaternion with w
+    last.
+    """
+    compiled, keys = scene.compiled, scene.keys
+    q = np.array(compiled.qpos0)
+    if keys:
+        q = np.array(compiled.key_qpos[keys.index("home") if "home" in keys else 0])
+    values: dict[str, float | list[float]] = {}
+    for joint, name in enumerate(scene.joints):
+        kind, start = scene.joint_kind(joint), int(compiled.jnt_qposadr[joint])
+        if kind in ("hinge", "slide"):
+            values[name] = float(q[start])
+            continue
+        turn = start + (3 if kind == "free" else 0)
+        quaternion = q[turn : turn + 4]
+        w, *xyz = (quaternion / np.linalg.norm(quaternion)).tolist()
+        values[name] = [*q[start:turn].tolist(), *xyz, w]
+    return values
+
+
+# Equalities.
+
+
+def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescription:
+    """Closure of an equality; frames that it joins are added to the model."""
+    compiled, kind = scene.compiled, scene.compiled.eq_type[equality]
+    if kind not in (CONNECT, WELD):
+        try:
+            return _coupling(scene, equality)
+        except ValueError as error:
+            what = f"{scene.file}: equality {_named(scene.equalities, equality)}"
+            raise RobotFileError(f"{what} {error}") from error
+    welded, data = kind == WELD, compiled.eq_data[equality]
+    if compiled.eq_objtype[equality] == SITE:
+        sites = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
+        places = [_placement(compiled.site_pos[site], compiled.site_quat[site]) for site in sites]
+    elif welded:
+        places = [_placement(data[ANCHOR_1], data[QUATERNION]), _placement(data[ANCHOR_2])]
+    else:
+        places = [_placement(data[:3]), _placement(data[3:6])]
+    name, what = scene.equalities[equality], "weld" if welded else "connect"
+    frames = []
+    for number, body in enumerate(_bodies(compiled, equality)):
+        link = scene.bodies[body]
+        frames.append(scene.fresh(f"{name}_{number + 1}" if name else f"{link}_{what}"))
+        add_frame(model, frames[-1], link, places[number])
+    # A weld may leave rotation free.
+    turned = welded and data[TORQUE_SCALE] != 0
+    kind, ends = "6d" if turned else "3d", (frames[0], frames[1])
+    return ClosureDescription(type=kind, name=name or None, frames=ends)
+
+
+def _bodies(compiled: mujoco.MjModel, equality: int) -> tuple[int, int]:
+    first, second = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
+    if compiled.eq_objtype[equality] == SITE:
+        return int(compiled.site_bodyid[first]), int(compiled.site_bodyid[second])
+    return first, second
+
+
+def _holds_mocap(scene: Scene, equality: int) -> bool:
+    """Whether an equality drags the robot along with a motion-capture body."""
+    compiled = scene.compiled
+    if compiled.eq_type[equality] not in (CONNECT, WELD):
+        return False
+    return any(compiled.body_mocapid[body] >= 0 for body in _bodies(compiled, equality))
+
+
+def _coupling(scene: Scene, equality: int) -> ClosureDescription:
+    """Coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
+
+    MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
+    ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
+    is constant.
+    """
+    compiled, data = scene.compiled, scene.compiled.eq_data[equality].tolist()
+    kind = compiled.eq_type[equality]
+    if kind not in (JOINT, TENDON):
+        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
+        raise ValueError(
+            f"is of type {word}, which is not supported: choose among connect, weld, joint, tendon"
+        )
+    y, x = (
+        {} if k < 0 else _fixed_tendon(scene, k) if kind == TENDON else {k: 1.0}
+        for k in (int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality]))
+    )
+    drawn = compiled.qpos0[compiled.jnt_qposadr]
+    y0, x0 = (sum(factor * float(drawn[j]) for j, factor in terms.items()) for terms in (y, x))
+    with np.errstate(all="ignore"):
+        curve = Polynomial(data[:5] if x else data[:1])(Polynomial([-x0, 1.0])).coef.tolist()
+    curve[0] += y0
+    constant, slope, *powers = [*curve, 0.0][: max(2, len(curve))]
+    joints = dict(y)
+    for joint, factor in x.items() if not any(powers) else ():
+        joints[joint] = joints.get(joint, 0.0) - slope * factor
+    if not np.isfinite([*curve, *joints.values()]).all():
+        raise ValueError("has coefficients that are too large")
+    named, of = (
+        {scene.joints[joint]: value for joint, value in terms.items() if value != 0}
+        for terms in (joints, x)
+    )
+    if not named:
+        raise ValueError("couples no joint")
+    name = scene.equalities[equality] or None
+    if not any(powers):
+        return ClosureDescription(type="coupling", name=name, joints=named, offset=constant)
+    return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
+
+
+def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]:
+    """Couplings of fixed tendons that have no room to move, and notes about other limits."""
+    compiled, tight = scene.compiled, list[ClosureDescription]()
+    notes: dict[str, list[str]] = {}
+    for tendon in np.flatnonzero(compiled.tendon_limited):
+        name = _named(scene.tendons, int(tendon))
+        low, high = map(float, compiled.tendon_range[tendon])
+        joints = _driven(scene, int(tendon))
+        held = high - low <= ROOM * max(map(abs, joints.values()), default=1.0)
+        if held and joints:
+            middle = 0.5 * (low + high)
+            tight.append(
+                ClosureDescription(type="coupling", name=name, joints=joints, offset=middle)
+            )
+            what = f"fixed tendons with a range below {ROOM:g} are couplings: "
+        else:
+            what = "limits of tendons are not modelled: "
+        notes.setdefault(what, []).append(name)
+    return tight, [what + shortened(names) for what, names in notes.items()]
+
+
+def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
+    """Coefficients of the joints whose sum is a tendon's length; ValueError of a spatial one."""
+    compiled = scene.compiled
+    first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
+    terms: dict[int, float] = {}
+    for wrap in range(first, first + count):
+        if compiled.wrap_type[wrap] != WRAPS_JOINT:
+            name = scene.tendons[tendon] or tendon
+            raise ValueError(f"is of the spatial tendon {name}: only fixed tendons are supported")
+        joint = int(compiled.wrap_objid[wrap])
+        terms[joint] = terms.get(joint, 0.0) + float(compiled.wrap_prm[wrap])
+    return terms
+
+
+# Actuators, and what is left out.
+
+
+def _motors(
+    scene: Scene, closures: Sequence[ClosureDescription]
+) -> tuple[list[str], Sequence[str]]:
+    """Joints that the actuators drive, in their order, and notes about other actuators.
+
+    A tendon drives its joints. Where couplings let one of them follow joints that are listed
+    already, those stand for it.
+    """
+    joints: list[str] = []
+    idle, shared = [], []
+    for actuator in range(scene.compiled.nu):
+        if _passive_force(scene.compiled, actuator) is not None:
+            continue
+        driven, name = list(_transmission(scene, actuator)), _named(scene.actuators, actuator)
+        if not driven:
+            idle.append(name)
+        if len(driven) > 1:
+            driven = _leaders(closures, joints, driven)
+        if len(driven) > 1:
+            shared.append(name)
+        joints += [joint for joint in driven if joint not in joints]
+    notes = {
+        "actuators that drive no joint are not modelled: ": idle,
+        "actuators of several joints count as a motor at each, though one force drives all: ": (
+            shared
+        ),
+        "no actuator drives a joint: without 'name_mot' all hinges and slides count": (
+            [""] if scene.compiled.nu and not joints else []
+        ),
+    }
+    return joints, [what + shortened(which) for what, which in notes.items() if which]
+
+
+def _leaders(
+    closures: Sequence[ClosureDescription], before: Sequence[str], joints: Sequence[str]
+) -> list[str]:
+    """Joints that couplings let move while those before them stand still."""
+    couplings = [(c.of or {}) | c.joints for c in closures if c.joints is not None]
+    names = sorted({*before, *joints, *(name for terms in couplings for name in terms)})
+    rows = [[0.0] * len(names)]  # so that there is one at least
+    rows += [[terms.get(name, 0.0) for name in names] for terms in couplings]
+    rows += [[float(name == joint) for name in names] for joint in before]
+    leaders = []
+    for joint in joints:
+        own = [float(name == joint) for name in names]
+        if np.linalg.matrix_rank(np.array([*rows, own])) > np.linalg.matrix_rank(np.array(rows)):
+            leaders.append(joint)
+            rows.append(own)
+    return leaders
+
+
+def _left_out(scene: Scene) -> list[str]:
+    """Sentences about what a compiled model has and loopid does not model."""
+    compiled = scene.compiled
+    equalities = [_named(scene.equalities, equality) for equality in range(compiled.neq)]
+    active = _active(compiled)
+    mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
+    limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
+        compiled.jnt_limited != 0
+    )
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
+    left_out = {
+        "a <flag> disables the equalities, so they close no loop: remove it": (
+            equalities if disabled else []
+        ),
+        "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
+        "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
+        "limits of ball joints are not checked": _where(scene.joints, limited_balls),
+    }
+    notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
+    hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
+    turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
+    if 0 < turn < 2 * math.pi:
+        notes.append(
+            f"its hinges turn by {turn:.2g}° at most: if its angles are meant in rad, write "
+            '<compiler angle="radian"/> into it'
+        )
+    if compiled.nflex:
+        notes.append("flexible parts are not modelled")
+    return notes
+
+
+def _active(compiled: mujoco.MjModel) -> BoolArray:
+    """Which equalities hold."""
+    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
+    return np.asarray((compiled.eq_active0 != 0) & (not disabled))
+
+
+def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
+    """Whether the file disables a kind of force, under any of its names."""
+    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
+    return any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
+
+
+# Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
+
+Terms = dict[str, dict[str, float]]
+
+
+class _Forces:
+    """Values of joint terms by joint, and forces that no model has."""
+
+    def __init__(self, joints: Iterable[str]) -> None:
+        self.terms: Terms = {name: {} for name in joints}
+        self.left_out: list[LeftOut] = []
+
+    def act(self, what: str, tendon: Mapping[str, float], values: Mapping[str, float]) -> None:
+        """Add what acts along one joint to its terms; along several or none it is left out."""
+        values = {kind: float(value) for kind, value in values.items() if value}
+        if len(tendon) == 1:
+            ((joint, factor),) = tendon.items()
+            powers, terms = {"Fo": factor, "Fc": abs(factor)}, self.terms[joint]
+            for kind, value in values.items():
+                terms[kind] = terms.get(kind, 0.0) + value * powers.get(kind, factor**2)
+        elif values:
+            given = ", ".join(f"{kind} {value:g}" for kind, value in values.items())
+            known = values if tendon else {}
+            self.left_out.append(LeftOut(f"{given} of {what}", {}, tendon, known))
+
+
+def _joint_forces(scene: Scene) -> _Forces:
+    """What joints, tendons, actuators and gravity compensation do beside the rigid bodies."""
+    compiled, forces = scene.compiled, _Forces(scene.joints)
+    left_out = forces.left_out
+    springs = not _disabled(compiled, "SPRING", "PASSIVE")
+    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
+    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
+    for joint, name in enumerate(scene.joints):
+        dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
+        values = {
+            "Ia": compiled.dof_armature[dof],
+            "Fc": friction * compiled.dof_frictionloss[dof],
+            "Fv": dampers * compiled.dof_damping[dof],
+        }
+        stiffness = float(springs * compiled.jnt_stiffness[joint])
+        if kind in ("hinge", "slide"):
+            slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
+            values |= {"Ks": stiffness, "Fo": -stiffness * slack}
+        elif stiffness:
+            left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
+        forces.act(f"the free joint {name}", {} if kind == "free" else {name: 1.0}, values)
+        for what, poly, index in (
+            ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
+            ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
+        ):
+            if index < len(poly) and poly[index].any():
+                left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
+    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
+    for tendon, name in enumerate(scene.tendons):
+        stiffness = float(springs * compiled.tendon_stiffness[tendon])
+        low, high = map(float, compiled.tendon_lengthspring[tendon])
+        values = {
+            "Ia": armature[tendon],
+            "Fc": friction * compiled.tendon_frictionloss[tendon],
+            "Fv": dampers * compiled.tendon_damping[tendon],
+            "Ks": stiffness,
+            "Fo": -stiffness * low,
+        }
+        bent = any(
+            _poly(compiled, f"tendon_{what}poly")[tendon:][:1].any()
+            for what in ("stiffness", "damping")
+        )
+        simple = not bent and (low == high or not stiffness)
+        forces.act(f"tendon {name or tendon}", _driven(scene, tendon) if simple else {}, values)
+    _add_actuators(scene, forces)
+    for body, part in enumerate(compiled.body_gravcomp):
+        if part and compiled.body_mass[body]:
+            link, mass = scene.bodies[body], float(part * compiled.body_mass[body])
+            weight = {link: (mass, *map(float, compiled.body_ipos[body]))}
+            left_out.append(LeftOut(f"gravity compensation of {link}", weight))
+    if compiled.opt.density or compiled.opt.viscosity:
+        left_out.append(LeftOut("the fluid around the robot"))
+    return forces
+
+
+def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
+    """Higher coefficients of newer versions of MuJoCo; none in older ones."""
+    return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
+
+
+def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
+    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
+    try:
+        terms = _fixed_tendon(scene, tendon)
+    except ValueError:
+        return {}
+    return {scene.joints[j]: gear * factor for j, factor in terms.items() if factor}
+
+
+def _add_actuators(scene: Scene, forces: _Forces) -> None:
+    """Inertia and damping of actuators, the forces of those that are no motors, and gears."""
+    compiled, gears, left_out = scene.compiled, list[str](), forces.left_out
+    armature, damping = (
+        getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
+        for what in ("armature", "damping")
+    )
+    for actuator in range(compiled.nu):
+        name, gear = _named(scene.actuators, actuator), float(compiled.actuator_gear[actuator, 0])
+        tendon, passive = _transmission(scene, actuator), _passive_force(compiled, actuator)
+        values = {"Ia": 0.0, "Fv": 0.0} | (passive or {})
+        values["Ia"] += float(armature[actuator])
+        values["Fv"] += float(damping[actuator])
+        forces.act(f"actuator {name}", tendon, values)
+        if passive is not None:
+            what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
+            left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
+        elif tendon and abs(gear) != 1:
+            gears.append(f"{gear:g} of {name}")
+    if gears:
+        what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
+        left_out.append(LeftOut(what, is_force=False))
+
+
+def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
+    """Joints that an actuator drives, with the factors of its length."""
+    compiled = scene.compiled
+    kind, target = compiled.actuator_trntype[actuator], int(compiled.actuator_trnid[actuator, 0])
+    gear = float(compiled.actuator_gear[actuator, 0])
+    if kind in DRIVES_JOINT:
+        return {scene.joints[target]: gear} if gear else {}
+    return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
+
+
+def _passive_force(compiled: mujoco.MjModel, actuator: int) -> dict[str, float] | None:
+    """Terms of an actuator that no control moves, as a spring or damper; None of a motor.
+
+    Its force is gain times control plus bias, each affine in length and rate. The control of a
+    damper only opens it: as long as it is zero there is no force.
+    """
+    view = compiled.actuator(actuator)
+    laws = view.gaintype[0], view.biastype[0]
+    if laws[0] not in GAINS or laws[1] not in BIASES:
+        return None
+    gain = view.gainprm[:3] * ([1, 0, 0] if laws[0] == GAINS[0] else [1, 1, 1])
+    bias = view.biasprm[:3] * (0 if laws[1] == BIASES[0] else 1)
+    damper = gain[2] and not gain[:2].any() and not bias.any()
+    if gain.any() and not damper:
+        return None
+    constant, length, rate = bias
+    return {"Fo": -float(constant), "Ks": -float(length), "Fv": -float(rate)}

@@ -1,0 +1,492 @@
+"""The model that is fitted: forces as a linear function of base parameters and joint terms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+    finite,
+)
+from loopid.base_parameters.base import (
+    BaseParameters,
+    find_base_parameters,
+)
+from loopid.base_parameters.choice import SearchStrategy
+from loopid.errors import (
+    DataError,
+    MissingExtraError,
+    ModelWarning,
+    OptionError,
+    warn,
+)
+from loopid.identification.bayes import Prior
+from loopid.identification.problem import (
+    FitProblem,
+    FitSamples,
+)
+from loopid.kinematics.projection import (
+    ClosedMotion,
+    closed_motion,
+    project,
+)
+from loopid.kinematics.sampling import (
+    random_configurations,
+    random_motions,
+)
+from loopid.logs.recording import Recording
+from loopid.motion.joints import JointMotion
+from loopid.parameters import (
+    KINDS,
+    ParameterSet,
+    html_table,
+)
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.joint_terms import (
+    JointState,
+    JointTerms,
+    joint_term,
+    warn_of_omitted,
+)
+from loopid.regressors.structural import structural_observation
+from loopid.robot.mechanism import Mechanism
+from loopid.scratch import (
+    mapped_rows,
+    row_blocks,
+    spooled,
+)
+from loopid.workers import (
+    Progress,
+    ordered_map,
+)
+
+# A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
+Source: TypeAlias = Recording | Callable[[], Recording] | Any
+
+# Samples whose regressor of all standard parameters is in memory at a time.
+CHUNK = 2048
+# Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
+# weighted by what is left of them, they would drown the rows of the motors.
+LEAST_ERROR = 1e-4
+# Part of the largest regressor entry below which a row is round-off: no mass takes part in it.
+SILENT = 1e-10
+# Random states of the robot: at least so many, and so many rows for each column.
+LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+FEW = 5  # states that tell whether closures are redundant
+# Steps of the reference, before its start and after its end, that the log may reach.
+OVERHANG = 1.0
+# Standard deviation of the robot file as a prior, in sizes of the parameters.
+PRIOR_DEVIATION = 0.3
+# Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
+LEAST_MASS, LEAST_REACH = 0.01, 0.01
+
+
+@dataclass(frozen=True, repr=False)
+class ForceModel:
+    """Forces of the independent coordinates, linear in the n parameters that can be identified.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    model : str
+        ``"gravity"`` or ``"full"``.
+    joint_terms : JointTerms or None
+    base : BaseParameters
+        Of the p standard parameters of the bodies and the joint terms together.
+    """
+
+    mechanism: Mechanism
+    model: str
+    joint_terms: JointTerms | None
+    base: BaseParameters
+
+    def __repr__(self) -> str:
+        bodies, joints = len(self.body_columns), len(self.joint_columns)
+        return (
+            f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
+            f"{joints} of joint terms)"
+        )
+
+    def _repr_html_(self) -> str:
+        head = "base parameter", "robot file", "unit"
+        units = (parameter.unit for parameter in self.parameters)
+        rows = zip(self.base.expressions, self.prior.tolist(), units, strict=True)
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Leading parameter of each of the n columns."""
+        return self.base.parameters.select(self.base.base)
+
+    @property
+    def joint_columns(self) -> IntArray:
+        """Columns that belong to joint terms."""
+        joints = [j for j, parameter in enumerate(self.parameters) if parameter.kind not in KINDS]
+        return np.array(joints, dtype=np.int64)
+
+    @property
+    def body_columns(self) -> IntArray:
+        """Columns that belong to bodies."""
+        return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+
+    def columns_of(self, parameters: ParameterSet) -> IntArray:
+        """Columns of some of the parameters."""
+        labels = self.parameters.labels
+        return np.array([labels.index(label) for label in parameters.labels], dtype=np.int64)
+
+    @property
+    def standard_prior(self) -> FloatArray:
+        """Standard parameters (p,) of the robot file, zero for joint terms unknown to it."""
+        bodies = self.mechanism.standard_parameters(self.model)
+        return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
+
+    @property
+    def joint_values(self) -> FloatArray:
+        """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
+        terms = self.joint_terms
+        return np.zeros(0) if terms is None else terms.values(self.mechanism)
+
+    @property
+    def has_masses(self) -> bool:
+        """Whether the robot file gives any body a mass."""
+        return bool(self.mechanism.standard_parameters("full")[:: len(KINDS)].any())
+
+    @property
+    def prior(self) -> FloatArray:
+        """Values (n,) of the robot file, zero for joint terms unknown to it."""
+        return self.base.values(self.standard_prior)
+
+    @cached_property
+    def random_states(self) -> tuple[FloatArray, FloatArray]:
+        """Closed poses (M, nq) inside the limits, and ``standard_regressor`` (M, dof, p) there.
+
+        Seeded; velocities and accelerations are those of a fall over the robot's length.
+        """
+        rows = ROWS_PER_COLUMN * len(self.parameters)
+        count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
+        q = random_configurations(self.mechanism, count)
+        return q, self.standard_regressor(q, *random_motions(self.mechanism, count))
+
+    def standard_regressor(
+        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """Forces (N, dof, p) per unit of each standard parameter and joint term.
+
+        Parameters
+        ----------
+        configurations : FloatArray
+            (N, nq), closed.
+        velocities, accelerations : FloatArray
+            (N, dof) of the independent coordinates.
+        """
+        whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
+        return motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
+
+    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
+        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+        states = (
+            (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
+            for rows in row_blocks(len(motion.time), CHUNK)
+        )
+        return spooled(ordered_map(self._regressor_at, states, n_jobs))
+
+    def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        return self.base.regressor(self.standard_regressor(*state))
+
+    def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
+        """The recording as samples of a fit.
+
+        Parameters
+        ----------
+        n_jobs : int
+            Processes that compute the regressor; the result is the same to the bit.
+        """
+        W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
+        used, least = recording.used, None
+        free = np.isin(recording.actuators, self.mechanism.free)
+        if free.any():
+            prior = self.prior
+            blocks = list(row_blocks(len(W)))
+            largest = np.max([np.abs(W[rows]).max(axis=(0, 2)) for rows in blocks], axis=0)
+            squares = np.sum([((W[rows] * prior) ** 2).sum(axis=(0, 2)) for rows in blocks], axis=0)
+            silent = free & (largest <= SILENT * largest.max(initial=0.0))
+            used = mapped_rows(lambda rows: recording.used[rows] & ~silent, len(W))
+            least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
+        data = self.parameters, recording.actuators, W, recording.force
+        return FitSamples.of(*data, used, recording.stretches, least)
+
+    def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
+        """The regressor (N, dof, n) with friction that jumps filtered as the forces are.
+
+        What is smooth comes out the same whether the motion is filtered or the forces are.
+        """
+        history, steps, terms = recording.history, {}, self.joint_terms or JointTerms(())
+        for j in self.joint_columns:
+            parameter = self.parameters[j]
+            joint, law = parameter.link, joint_term(parameter.kind)
+            if history and law.jumps:
+
+                def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
+                    return terms.loads(self.mechanism, motion)[0][joint]
+
+                (index,) = self.mechanism.velocity_indices([joint])
+                rate = history.of_joint(self.mechanism, joint)
+                loads = history.of_motion(self.mechanism, load) if law.needs_load else None
+                signal = law.signal(JointState(None, rate, None, loads), terms, np)
+                steps[j] = int(index), history.lowpassed(np.asarray(signal))
+
+        def stepped(rows: slice) -> FloatArray:
+            block = np.array(W[rows])
+            G = project(self.mechanism, recording.motion.configurations[rows]).G
+            for j, (index, column) in steps.items():
+                block[:, :, j] = G[:, index] * column[rows, None]
+            return block
+
+        return mapped_rows(stepped, len(W)) if steps else W
+
+
+@checked
+def find_force_model(
+    mechanism: Mechanism,
+    model: str = "gravity",
+    joint_terms: JointTerms | None = None,
+    search: str | SearchStrategy = "exact",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> ForceModel:
+    """Find the base parameters of a mechanism together with its joint terms.
+
+    Parameters
+    ----------
+    model : str
+        ``"gravity"`` for slow motion, or ``"full"``.
+    joint_terms : JointTerms, optional
+        Friction, drive inertias, springs and offsets to be identified with the bodies.
+    search, seed, progress
+        As in ``find_base_parameters`` and ``structural_observation``.
+
+    Warns
+    -----
+    ModelWarning
+        Of forces of the robot file that are left out, of joint terms that no motor feels, and of
+        loads that redundant closures leave open.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> friction = loopid.JointTerms(robot.actuated, ("Fc", "Fv"))
+    >>> loopid.find_force_model(robot, "full", friction)
+    ForceModel(five_bar, full: 11 base parameters of bodies, 4 of joint terms)
+    """
+    warn_of_omitted(mechanism, joint_terms)
+    observation = structural_observation(
+        mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
+    )
+    base = find_base_parameters(observation, search)
+    felt = {base.parameters.labels[j] for j in base.structure.columns}
+    idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
+    if idle:
+        warn(
+            f"no motor of {mechanism.name} feels {', '.join(idle)} in any pose: the model is "
+            "without them",
+            ModelWarning,
+        )
+    if joint_terms is not None and joint_terms.loaded:
+        states = random_configurations(mechanism, FEW), *random_motions(mechanism, FEW)
+        _, left_open = joint_terms.loads(mechanism, closed_motion(mechanism, *states))
+        if left_open:
+            warn(
+                f"redundant closures of {mechanism.name} leave open what {', '.join(left_open)} "
+                "carry: their load-dependent friction is that of the least forces in closures",
+                ModelWarning,
+            )
+    return ForceModel(mechanism, model, joint_terms, base)
+
+
+@checked
+def reference_instruments(
+    force_model: ForceModel, recording: Recording, reference: JointMotion, n_jobs: int = 1
+) -> FloatArray:
+    """Instruments (N, dof, n) for the samples of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    reference : JointMotion
+        What was commanded, or simulated, by the clock of the recording. Instruments need to follow
+        the motion, not to match it, so that the sample of the nearest time is taken.
+    n_jobs : int
+        As of ``ForceModel.samples``.
+
+    Raises
+    ------
+    DataError
+        When the reference does not last as long as the recording, or is of another mechanism.
+    """
+    nq = recording.motion.configurations.shape[1]
+    if reference.configurations.shape[1] != nq:
+        raise DataError(
+            f"the reference must have configurations of {nq} numbers, as the recording has, not "
+            f"{reference.configurations.shape[1]}"
+        )
+    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
+    return force_model.regressor(reference.select(rows), n_jobs)
+
+
+def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
+    """Numbers (N,) of the times nearest to wanted ones."""
+    if len(times) < 2:
+        raise DataError(f"the reference must have at least two samples, not {len(times)}")
+    reach = OVERHANG * float(np.diff(times).max())
+    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
+        raise DataError(
+            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
+            f"{wanted.min():.6g} to {wanted.max():.6g} s"
+        )
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    earlier = wanted - times[after - 1] < times[after] - wanted
+    return np.asarray(after - earlier, dtype=np.int64)
+
+
+def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
+    """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
+
+    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
+    square: what uncertainties are compared with.
+    """
+    values = mechanism.standard_parameters("full").reshape(-1, len(KINDS))
+    mass = np.abs(values[:, 0])
+    mass = np.maximum(mass, LEAST_MASS * (mass.mean() or 1.0))
+    traces = values[:, [KINDS.index(kind) for kind in ("Ixx", "Iyy", "Izz")]].sum(axis=1)
+    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * mechanism.length) ** 2))
+    powers = mechanism.parameters(model).length_powers.reshape(len(values), -1)
+    return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
+
+
+def _joint_sizes(force_model: ForceModel) -> FloatArray:
+    """Sizes (k,) of the joint terms that the robot file gives; infinite of all others."""
+    mechanism, sizes = force_model.mechanism, np.abs(force_model.joint_values)
+    names = force_model.base.parameters.parameters[-len(sizes) :] if len(sizes) else ()
+    for j, name in enumerate(names):
+        # The constant part of a spring is that of an unknown position where it is slack.
+        stiffness = np.nan_to_num(mechanism.joint_values.get(name.link, {}).get("Ks", 0.0))
+        if name.kind == "Fo" and stiffness:
+            (unit,) = mechanism.coordinate_scales[mechanism.velocity_indices([name.link])]
+            sizes[j] = max(np.nan_to_num(sizes[j]), abs(stiffness) * unit)
+    return np.where(sizes > 0, sizes, np.inf)
+
+
+@checked
+def cad_prior(
+    force_model: ForceModel,
+    relative: float = PRIOR_DEVIATION,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+) -> Prior:
+    """A prior of the base parameters from the robot file, for ``BayesianRidge``.
+
+    The standard parameters of each body count as independent of each other and of other bodies,
+    with standard deviations of a part of its mass m, of m ℓ for first moments and of m ℓ² for
+    inertias; ℓ is the root mean square distance of the body's mass from its origin. Base parameters
+    are combinations of these, whose covariance follows.
+
+    Parameters
+    ----------
+    relative : float
+        That part.
+    joint_values, joint_deviations : FloatArray, optional
+        (k,), what is known of ``force_model.joint_terms``; by default what the robot file gives,
+        with deviations as large as the values themselves where the part is 0.3.
+
+    Raises
+    ------
+    OptionError
+        When the part is not above 0.
+    DataError
+        When shapes are wrong, or no body has a mass.
+    """
+    if not 0 < relative < np.inf:
+        raise OptionError(f"the relative deviation must be above 0, not {relative}")
+    mechanism, M = force_model.mechanism, force_model.base.matrix
+    if not force_model.has_masses:
+        raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
+    sizes = relative * body_sizes(mechanism, force_model.model)
+    bodies, count = len(sizes), M.shape[1] - len(sizes)
+    values = np.nan_to_num(force_model.joint_values)
+    if joint_values is not None:
+        values = finite(joint_values, "joint values")
+    deviations = relative / PRIOR_DEVIATION * _joint_sizes(force_model)
+    if joint_deviations is not None:
+        deviations = finite(joint_deviations, "joint deviations")
+    if not values.shape == deviations.shape == (count,):
+        raise DataError(
+            f"joint values and deviations must have shape ({count},), not {values.shape} and "
+            f"{deviations.shape}"
+        )
+    known = np.isfinite(deviations)
+    D = np.concatenate([sizes, np.where(known, deviations, 0.0)])
+    covariance = (M * D**2) @ M.T
+    unknown = (M[:, bodies:][:, ~known] != 0).any(axis=1)
+    covariance[unknown], covariance[:, unknown] = 0.0, 0.0
+    covariance[unknown, unknown] = np.inf
+    mean = M @ np.concatenate([mechanism.standard_parameters(force_model.model), values])
+    return Prior(force_model.parameters, mean, covariance)
+
+
+@checked
+def distributed_problem(
+    force_model: ForceModel, sources: Iterable[Source], **options: Any
+) -> FitProblem:
+    """Reduce recordings where they lie, by Dask: only triangular factors travel.
+
+    Map: a recording becomes the factors of its samples. Reduce: stacked factors are factored again,
+    in pairs. What comes out are the factors of all samples together, to round-off.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    sources : iterable
+        For each recording itself, a function without arguments that loads it (where the log is), or
+        a ``dask.delayed`` one.
+    options
+        Of ``dask.compute``, such as ``scheduler="processes"``.
+
+    Returns
+    -------
+    FitProblem
+        For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
+        intervals are those of independent errors: factors do not tell autocorrelated ones.
+
+    Raises
+    ------
+    MissingExtraError
+        When Dask is not installed.
+    DataError
+        When there are no recordings.
+    """
+    try:
+        import dask
+    except ImportError as error:
+        raise MissingExtraError("dask", "distributed") from error
+    model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
+    level = [dask.delayed(_reduced)(model, source) for source in sources]
+    if not level:
+        raise DataError("there are no recordings to reduce")
+    while len(level) > 1:
+        level = [merged(level[k : k + 2]) for k in range(0, len(level), 2)]
+    problem: FitProblem = dask.compute(level[0], **options)[0]
+    return problem
+
+
+def _reduced(force_model: ForceModel, source: Recording | Callable[[], Recording]) -> FitProblem:
+    recording = source if isinstance(source, Recording) else source()
+    return force_model.samples(recording).problem

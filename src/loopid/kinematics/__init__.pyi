@@ -1,0 +1,73 @@
+from .assembly import (
+    CLOSURE_TOLERANCE as CLOSURE_TOLERANCE,
+    Assembly as Assembly,
+    JointCoordinates as JointCoordinates,
+    assemble as assemble,
+    measured_coordinates as measured_coordinates,
+    platform_coordinates as platform_coordinates,
+    platform_motion as platform_motion,
+    try_assemble as try_assemble,
+)
+from .closing import (
+    close_by_continuation as close_by_continuation,
+    close_loops as close_loops,
+    displaced as displaced,
+    nearby_configurations as nearby_configurations,
+)
+from .constraint import (
+    Constraint as Constraint,
+    constraint_drift as constraint_drift,
+    constraint_jacobian as constraint_jacobian,
+    constraint_residual as constraint_residual,
+    largest_residual as largest_residual,
+)
+from .freedoms import (
+    Mobility as Mobility,
+    independent_coordinates as independent_coordinates,
+    mobility as mobility,
+)
+from .modes import (
+    FOLDED as FOLDED,
+    assembly_modes as assembly_modes,
+)
+from .poses import (
+    difference as difference,
+    frame_motions as frame_motions,
+    frame_poses as frame_poses,
+    integrate as integrate,
+    torque_regressors as torque_regressors,
+)
+from .projection import (
+    NEAR_SINGULARITY as NEAR_SINGULARITY,
+    ClosedMotion as ClosedMotion,
+    Factorisation as Factorisation,
+    Projection as Projection,
+    closed_motion as closed_motion,
+    null_space as null_space,
+    partition as partition,
+    project as project,
+    singularity_measure as singularity_measure,
+)
+from .reactions import (
+    bearing_forces as bearing_forces,
+)
+from .rounding import (
+    ROUND_OFF as ROUND_OFF,
+    SIX_DIGITS as SIX_DIGITS,
+    Accuracy as Accuracy,
+    changes as changes,
+    exact_geometry as exact_geometry,
+    geometry_accuracy as geometry_accuracy,
+    largest_gap as largest_gap,
+    nearly_equal_lengths as nearly_equal_lengths,
+    nearly_special as nearly_special,
+    rounding_that_closes as rounding_that_closes,
+    same_motion as same_motion,
+    within_accuracy as within_accuracy,
+)
+from .sampling import (
+    DEFAULT_MARGIN as DEFAULT_MARGIN,
+    configuration_batches as configuration_batches,
+    random_configurations as random_configurations,
+    random_motions as random_motions,
+)

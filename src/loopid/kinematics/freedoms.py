@@ -1,0 +1,181 @@
+"""Mobility: what the closures leave free, and which coordinates determine it.
+
+The null space Z (nv, dof) of the constraint Jacobian holds all motions; coordinates u determine
+them where the rows Z_u are independent, and G = Z Z_u⁻¹ is the larger the less they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+    samples,
+)
+from loopid.errors import (
+    DataError,
+    MobilityError,
+)
+from loopid.kinematics.closing import nearby_configurations
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.projection import (
+    Factorisation,
+    null_space,
+)
+from loopid.robot.mechanism import (
+    RANK_TOLERANCE,
+    Mechanism,
+)
+
+MOVES = 1e-6  # least part of a coordinate in a motion of unit length
+# Motors are taken in their order as long as this much of each is its own.
+WELL_APART = (0.05, 1e-2, 1e-4)
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Mobility at a configuration."""
+
+    rows: int  # closure equations and how many of them are independent
+    rank: int
+    degrees_of_freedom: int  # nv - rank, at the configuration itself
+    generic_degrees_of_freedom: int  # the same around it; fewer where the configuration is singular
+    # Ratio of the last counted singular value to the next, infinite when there is none
+    rank_gap: float
+    least: float  # the last counted singular value, relative to the largest
+    residual: float  # largest closure residual in m
+    undetermined: tuple[str, ...]  # passive coordinates that can move while all motors stand still
+    held: tuple[str, ...]  # coordinates of motors that cannot move around it
+    # Singular values below this fraction of the largest counted as zero
+    tolerance: float = RANK_TOLERANCE
+
+    @property
+    def singular(self) -> bool:
+        """Whether more can move at the configuration, for an instant, than around it."""
+        return self.degrees_of_freedom > self.generic_degrees_of_freedom
+
+
+@checked
+def mobility(
+    mechanism: Mechanism,
+    configuration: FloatArray | None = None,
+    around: FloatArray | None = None,
+) -> Mobility:
+    """Mobility at a configuration (nq,), by default the reference.
+
+    Parameters
+    ----------
+    around : FloatArray, optional
+        (n, nq), closed configurations around it, where they are known.
+
+    Raises
+    ------
+    DataError
+        When there is none around it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.kinematics.mobility(loopid.load_mechanism("3ups_rpu"))
+    >>> found.rows, found.rank, found.degrees_of_freedom, found.singular
+    (9, 9, 4, False)
+    """
+    q = mechanism.reference if configuration is None else configuration
+    q = samples(q, mechanism.model.nq, "configuration", 1)[0]
+    if around is None:
+        around = nearby_configurations(mechanism, q)
+    if not len(samples(around, mechanism.model.nq, "around")):
+        raise DataError("around must hold at least one configuration, not none")
+    residual, jacobian = Constraint(mechanism, q[None]).scaled()
+    tolerance = mechanism.closure_rank_tolerance
+    factors = Factorisation.of(jacobian, tolerance)
+    rank, values = int(factors.rank[0]), np.append(factors.values[0], 0.0)
+    gap = float(values[rank - 1] / values[rank]) if rank and values[rank] else float("inf")
+    jacobians = Constraint(mechanism, around).scaled()[1]
+    ranks = Factorisation.of(jacobians, tolerance).rank
+    generic_rank = int(ranks.max())
+    motions = null_space(jacobians[ranks.argmax()], tolerance)
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    held = [k for k in motors if (np.abs(motions[k]) <= MOVES).all()]
+    return Mobility(
+        rows=mechanism.rows,
+        rank=rank,
+        degrees_of_freedom=mechanism.model.nv - rank,
+        generic_degrees_of_freedom=mechanism.model.nv - generic_rank,
+        rank_gap=gap,
+        least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
+        residual=float(np.abs(residual).max(initial=0.0)),
+        undetermined=_undetermined(mechanism, jacobian[0]),
+        held=tuple(mechanism.coordinates[k] for k in held),
+        tolerance=tolerance,
+    )
+
+
+def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]:
+    """Passive coordinates that take part in the null space of the passive columns."""
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
+    motions = null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)
+    moving = passive[(np.abs(motions) > MOVES).any(axis=1)]
+    return tuple(mechanism.coordinates[k] for k in moving)
+
+
+def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:
+    """Choose independent coordinates, actuated ones first, from closed configurations (N, nq).
+
+    A MobilityError says that nothing can move.
+    """
+    _, jacobians = Constraint(mechanism, configurations).scaled()
+    spaces = [null_space(A, mechanism.closure_rank_tolerance) for A in jacobians]
+    # At a singular configuration more is possible than around it.
+    freedom = min(space.shape[1] for space in spaces)
+    if freedom == 0:
+        raise MobilityError(f"{mechanism.name} has no degree of freedom: nothing can move")
+    generic = np.stack([space for space in spaces if space.shape[1] == freedom])
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    order = np.argsort(mechanism.precedence)  # which of equals is chosen
+    chosen = _independent_motors(generic, order[np.isin(order, motors)])
+    passive = order[~np.isin(order, motors)]
+    chosen = _completed(generic, chosen, passive, generic.shape[2])
+    return tuple(mechanism.coordinates[k] for k in chosen)
+
+
+def _independent_motors(spaces: FloatArray, motors: IntArray) -> list[int]:
+    """As many motors as are independent of each other: all, or the first ones well apart."""
+    values = np.linalg.svd(spaces[:, motors], compute_uv=False)
+    rank = int((values > RANK_TOLERANCE).sum(axis=1).max(initial=0))
+    if rank == len(motors):
+        return [int(k) for k in motors]
+    chosen: list[int] = []
+    for least in WELL_APART:
+        for motor in motors:
+            if len(chosen) < rank and motor not in chosen:
+                own = _remainder(spaces, chosen)[:, motor]
+                if np.linalg.norm(own, axis=1).min() > least:
+                    chosen.append(int(motor))
+    return sorted(_completed(spaces, chosen, motors, rank), key=list(motors).index)
+
+
+def _completed(
+    spaces: FloatArray, chosen: list[int], candidates: IntArray, count: int
+) -> list[int]:
+    """Add those of the candidates that are freest of the ones chosen before, up to a count."""
+    chosen = list(chosen)
+    while len(chosen) < count:
+        own = np.linalg.norm(_remainder(spaces, chosen)[:, candidates], axis=2).min(axis=0)
+        # Rounded, so that round-off does not choose among equals: the first one wins.
+        chosen.append(int(candidates[np.round(own, 6).argmax()]))
+    return chosen
+
+
+def _remainder(spaces: FloatArray, chosen: list[int]) -> FloatArray:
+    """Rows of the null spaces (N, nv, dof) without their part along the chosen rows."""
+    if not chosen:
+        return spaces
+    _, values, right = np.linalg.svd(spaces[:, chosen], full_matrices=False)
+    own = right * (values > RANK_TOLERANCE)[:, :, None]
+    return np.asarray(spaces - (spaces @ own.transpose(0, 2, 1)) @ own, dtype=np.float64)

@@ -1,0 +1,232 @@
+"""What all joints do while some coordinates follow a motion, and whether the robot may do it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from html import escape
+
+import numpy as np
+
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
+from loopid.kinematics.assembly import (
+    assemble,
+    platform_motion,
+)
+from loopid.kinematics.projection import (
+    closed_motion,
+    singularity_measure,
+)
+from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.motion.trajectories import Motion
+from loopid.parameters import html_table
+from loopid.robot.mechanism import (
+    Mechanism,
+    lock_options,
+)
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class JointMotion:
+    """Configurations of a mechanism over time, and the motion of its independent coordinates.
+
+    All arrays are read-only.
+    """
+
+    time: FloatArray  # (N,) in s
+    configurations: FloatArray  # (N, nq), closed
+    velocities: FloatArray  # (N, dof) of the independent coordinates
+    accelerations: FloatArray
+    singularity: FloatArray  # (N,), see ``Projection.singularity``
+
+    def __post_init__(self) -> None:
+        count = finite(self.time, "time").shape[:1]
+        for name in (field.name for field in fields(self)):
+            values = finite(getattr(self, name), name)
+            axes = 1 if name in ("time", "singularity") else 2
+            if values.ndim != axes or values.shape[:1] != count:
+                shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
+                raise DataError(
+                    f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
+                    f"of time, not {values.shape}"
+                )
+            object.__setattr__(self, name, frozen(values))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return (
+            f"<JointMotion of {self.velocities.shape[1]} independent coordinates: {len(self)} "
+            f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
+        )
+
+    def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
+        """Some of the samples, by a mask (N,), by number or as a slice."""
+        return JointMotion(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+@checked
+def joint_motion(
+    mechanism: Mechanism, motion: Motion, start: FloatArray | None = None
+) -> JointMotion:
+    """Follow a motion of the platform coordinates or of independent joints.
+
+    Parameters
+    ----------
+    motion : Motion
+        Named after the platform coordinates of the robot file, or after joints that determine the
+        motion.
+    start : FloatArray, optional
+        (nq,), a closed configuration on the assembly branch; by default the reference.
+
+    Returns
+    -------
+    JointMotion
+
+    Raises
+    ------
+    OptionError
+        When the names are neither, or joints of a robot whose base, or a ball joint, is free.
+    AssemblyError
+        When the motion leaves the workspace.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> followed = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> followed.configurations.shape == (41, robot.model.nq)
+    True
+    """
+    independent = mechanism.velocity_indices(mechanism.independent)
+    platform = mechanism.platform
+    if platform is not None and motion.names == platform.names:
+        q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
+        v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
+    elif set(motion.names) <= set(mechanism.joints):
+        free = [name for name in mechanism.free if name not in mechanism.joints]
+        if free:
+            raise OptionError(
+                f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
+                f"which the motors leave free: lock them ({lock_options(mechanism)})"
+            )
+        q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
+        whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
+        v, a = whole.velocities, whole.accelerations
+    else:
+        of_platform = () if platform is None else platform.names
+        raise OptionError(
+            f"a motion of {', '.join(motion.names)} fits neither the platform coordinates "
+            f"({', '.join(of_platform) or 'none'}) nor joints ({', '.join(mechanism.joints)})"
+        )
+    measure = singularity_measure(mechanism, q)
+    return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """What a joint with one coordinate passes through, in m or rad."""
+
+    joint: str
+    lowest: float  # of the motion
+    highest: float
+    lower: float  # limits in the robot file, infinite where there are none
+    upper: float
+
+    @property
+    def clearance(self) -> float:
+        """Distance to the nearer limit, negative outside."""
+        return min(self.lowest - self.lower, self.upper - self.highest)
+
+
+@dataclass(frozen=True, repr=False)
+class MotionReview:
+    """Findings about a motion."""
+
+    ranges: tuple[JointRange, ...]  # in the order of the mechanism's joints
+    singularity: float  # least singularity measure on the way
+    singular_time: float  # when it is least, in s
+    margin: float  # what the measure was asked to keep
+    speeds: dict[str, float]  # largest speed of each independent coordinate, in m/s or rad/s
+
+    def __repr__(self) -> str:
+        found = "; ".join(self.problems) or "nothing speaks against the motion"
+        return f"<MotionReview of {len(self.ranges)} joints: {found:.500}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (r.joint, *(f"{x:.4f}" for x in (r.lowest, r.highest, r.lower, r.upper, r.clearance)))
+            for r in self.ranges
+        ]
+        head = ("joint", "lowest", "highest", "lower limit", "upper limit", "clearance")
+        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What speaks against the motion, one sentence each; empty where nothing does."""
+        found = [
+            f"joint {r.joint} goes from {r.lowest:.4f} to {r.highest:.4f}, {-r.clearance:.4f} "
+            f"outside its limits {r.lower:.4f} ... {r.upper:.4f}"
+            for r in self.ranges
+            if r.clearance < 0
+        ]
+        if self.singularity < self.margin:
+            found.append(
+                f"the singularity measure falls to {self.singularity:.3g} at "
+                f"{self.singular_time:.2f} s (margin {self.margin:g})"
+            )
+        return tuple(found)
+
+
+@checked
+def review_motion(
+    mechanism: Mechanism, motion: JointMotion, margin: float = DEFAULT_MARGIN
+) -> MotionReview:
+    """Check a motion against joint limits and a singularity margin.
+
+    Raises
+    ------
+    OptionError
+        When the margin is negative.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> review = loopid.review_motion(robot, loopid.joint_motion(robot, series.motion(rate=20)))
+    >>> review.problems
+    ()
+    """
+    if not margin >= 0:
+        raise OptionError(f"margin must be >= 0, not {margin}")
+    ranges = []
+    for name in mechanism.joints:
+        joint = mechanism.joint(name)
+        if joint.nq == 1:
+            values = motion.configurations[:, joint.idx_q]
+            ends = float(values.min()), float(values.max())
+            ranges.append(JointRange(name, *ends, *mechanism.limits(name)))
+    worst = int(motion.singularity.argmin())
+    fastest = np.abs(motion.velocities).max(axis=0)
+    return MotionReview(
+        ranges=tuple(ranges),
+        singularity=float(motion.singularity[worst]),
+        singular_time=float(motion.time[worst]),
+        margin=margin,
+        speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
+    )

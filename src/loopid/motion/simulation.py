@@ -1,0 +1,323 @@
+"""How the robot moves under forces, and what its sensors would tell of a motion.
+
+Forward dynamics: the tree moves by M a + h = S τ + Aᵀ λ [Featherstone2008, ch. 8]. Projected by Gᵀ,
+which the constraint forces do no work on, and with a = G ü + γ,
+
+    (Gᵀ M G) ü = Gᵀ (S τ - h - M γ).
+
+Both sides are regressors times parameters, so that any values do, even those that no body has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+    random_generator,
+    samples,
+)
+from loopid.errors import (
+    DataError,
+    OptionError,
+    SingularityError,
+)
+from loopid.files import csv_text
+from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.projection import (
+    ClosedMotion,
+    Factorisation,
+    closed_motion,
+)
+from loopid.motion.joints import JointMotion
+from loopid.parameters import KINDS
+from loopid.regressors.closed_loop import (
+    motion_regressor,
+    standard_values,
+)
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import Mechanism
+from loopid.scratch import row_blocks
+
+# Samples whose regressor of all standard parameters is in memory at a time.
+CHUNK = 2048
+# Part of the forces that nothing balances, above which it is no round-off.
+UNBALANCED = 1e-6
+# Inertias below this fraction of the robot's largest are round-off.
+LEAST_INERTIA = 1e-14
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Noise:
+    """Errors of measurement, the same for all motors.
+
+    Attributes
+    ----------
+    uniform : float
+        Half the width of a uniform force error, in N or N m.
+    gaussian : float
+        Standard deviation of a normal force error, in N or N m.
+    encoder_step : float
+        Resolution of the positions, in m or rad; 0 for exact ones.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.Noise(gaussian=2.0, encoder_step=20e-6)
+    Noise(uniform=0.0, gaussian=2.0, encoder_step=2e-05)
+    """
+
+    uniform: float = 0.0
+    gaussian: float = 0.0
+    encoder_step: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("uniform", "gaussian", "encoder_step"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise OptionError(f"{name} must be a number from 0 on, not {getattr(self, name)}")
+
+
+@dataclass(frozen=True, repr=False)
+class Measurement:
+    """Simulated signals of all m motors, in the order of ``mechanism.actuated``.
+
+    Attributes
+    ----------
+    time : FloatArray
+        (N,) in s.
+    position : FloatArray
+        (N, m) as the encoders read them, in m or rad.
+    force : FloatArray
+        (N, m) with friction and noise, in N or N m.
+    exact_force : FloatArray
+        (N, m) without noise.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    force: FloatArray
+    exact_force: FloatArray
+
+    def __repr__(self) -> str:
+        count, motors = self.force.shape
+        return f"<Measurement of {motors} motors: {count} samples over {np.ptp(self.time):g} s>"
+
+
+@checked
+def simulate_measurement(
+    mechanism: Mechanism,
+    motion: JointMotion,
+    noise: Noise | None = None,
+    seed: int = 0,
+    standard_parameters: FloatArray | None = None,
+    joint_terms: JointTerms | None = None,
+    joint_values: FloatArray | None = None,
+) -> Measurement:
+    """Simulate what sensors read while the robot follows a motion.
+
+    Motors beyond the degrees of freedom share the forces such that their squares are least.
+
+    Parameters
+    ----------
+    motion : JointMotion
+        At any sample rate.
+    noise : Noise, optional
+        None by default.
+    seed : int
+        Same seed, same errors.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+    joint_terms, joint_values : JointTerms and FloatArray, optional
+        Drives and friction, and their parameters (k,).
+
+    Raises
+    ------
+    OptionError
+        When a motor has several coordinates, or only one of terms and values is given.
+    DataError
+        When no forces of the motors give the motion, as they leave a coordinate free.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1))
+    <Measurement of 1 motors: 41 samples over 2 s>
+    """
+    values = [standard_values(mechanism, standard_parameters)]
+    if joint_terms is not None or joint_values is not None:
+        if joint_terms is None or joint_values is None:
+            raise OptionError("joint_terms and joint_values go together: give both or neither")
+        names = joint_terms.parameters(mechanism)
+        values.append(finite(joint_values, "joint values"))
+        if values[-1].shape != (len(names),):
+            raise DataError(
+                f"joint values must have shape ({len(names)},), one each for "
+                f"{', '.join(names.labels)}, not {values[-1].shape}"
+            )
+    force = _motor_forces(mechanism, motion, joint_terms, np.concatenate(values))
+    noise, generator = noise or Noise(), random_generator(seed)
+    error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
+    error += generator.normal(scale=noise.gaussian, size=force.shape)
+    encoders = JointCoordinates(mechanism, mechanism.actuated)
+    position = encoders.read(motion.configurations.copy())
+    if noise.encoder_step:
+        position = noise.encoder_step * np.round(position / noise.encoder_step)
+    return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
+
+
+@checked
+def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> FloatArray:
+    """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
+
+    All ten parameters of a body are multiplied by one factor, log-normal, so that it stays
+    physically consistent.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of the factor's logarithm: 0.2 for some 20 %.
+
+    Raises
+    ------
+    OptionError
+        When the deviation is negative or not finite.
+    """
+    if not 0 <= deviation < np.inf:
+        raise OptionError(
+            f"the deviation of the bodies must be a number from 0 on, not {deviation}"
+        )
+    values = mechanism.standard_parameters("full")
+    factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
+    return frozen(values * np.repeat(factors, len(KINDS)))
+
+
+def log_text(mechanism: Mechanism, measured: Measurement) -> str:
+    """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
+    motors = mechanism.actuated
+    names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
+    return csv_text(["time", *names], measured.time, measured.position, measured.force)
+
+
+def _motor_forces(
+    mechanism: Mechanism, motion: JointMotion, terms: JointTerms | None, values: FloatArray
+) -> FloatArray:
+    """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
+    dof, motors = len(mechanism.independent), mechanism.velocity_indices(mechanism.actuated)
+    driven, parts = dof - len(mechanism.free), []
+    for rows in row_blocks(len(motion.time), CHUNK):
+        state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
+        whole = closed_motion(mechanism, *state)
+        bodies = values[: len(mechanism.parameters())]
+        K = motion_regressor(mechanism, whole, "full", terms, bodies)
+        needed = K @ values
+        force, left = needed[:, :driven], needed[:, driven:]
+        if mechanism.redundant:
+            shares = whole.projection.G[:, motors, :driven].transpose(0, 2, 1)
+            force = np.einsum("nmi,ni->nm", np.linalg.pinv(shares), force)
+        parts.append((force, left, (np.abs(K) @ np.abs(values)).max(axis=1, initial=0.0)))
+    force, left, sizes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    wrong = (np.abs(left) > UNBALANCED * sizes.max(initial=0.0)).any(axis=0)
+    if wrong.any():
+        names = [name for name, flag in zip(mechanism.free, wrong, strict=True) if flag]
+        raise DataError(
+            f"the motors of {mechanism.name} leave {', '.join(names)} free, and the motion asks "
+            "for forces there: take accelerations from forward_dynamics"
+        )
+    return np.asarray(force, dtype=np.float64)
+
+
+@checked
+def forward_dynamics(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    forces: FloatArray,
+    standard_parameters: FloatArray | None = None,
+) -> ClosedMotion:
+    """Accelerations of all coordinates from the forces of the motors.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities : FloatArray
+        (N, dof) of the independent coordinates, as in ``closed_motion``.
+    forces : FloatArray
+        (N, m) of the motors in N or N m, in the order of ``mechanism.actuated``: also of those
+        beyond the degrees of freedom. Free coordinates have none.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Returns
+    -------
+    ClosedMotion
+        Coordinates that no mass resists, such as the spin of a rod without inertia, do not
+        accelerate.
+
+    Raises
+    ------
+    SingularityError
+        Where the motors do not determine the motion, or a force acts where no mass resists.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> K, masses = loopid.gravity_regressor(robot, robot.reference), robot.standard_parameters
+    >>> forces = K @ masses("gravity")  # that hold it
+    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces)
+    >>> bool(np.abs(motion.accelerations).max() < 1e-9)
+    True
+    """
+    pi = standard_values(mechanism, standard_parameters)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    rates = samples(velocities, len(mechanism.independent), "velocities", len(q))
+    motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
+    motors = mechanism.velocity_indices(mechanism.actuated)
+    tau = samples(forces, len(motors), "forces", len(q))
+    driving = np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau)  # Gᵀ S τ
+    left = driving - motion_regressor(mechanism, motion) @ pi
+    accelerations = _balanced(mechanism, closed_inertia(mechanism, motion, pi), left)
+    steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
+    return replace(motion, accelerations=motion.gamma + steps)
+
+
+def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -> FloatArray:
+    """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
+    G, q = motion.projection.G, motion.configurations
+    gravity = torque_regressors(mechanism, q) @ pi
+    columns = [
+        torque_regressors(mechanism, q, None, a) @ pi - gravity for a in np.moveaxis(G, 2, 0)
+    ]
+    return motion.projected(np.stack(columns, axis=2))
+
+
+def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
+    """Independent accelerations (N, dof), solved with inertias of comparable size."""
+    own = np.abs(np.einsum("nii->ni", inertia))
+    most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
+    scales = 1.0 / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
+    matrix = scales[:, :, None] * inertia * scales[:, None, :]
+    target = scales * forces
+    solution = Factorisation.of(matrix).solve(target[:, :, None])
+    left = np.abs(target - (matrix @ solution)[:, :, 0])
+    most = left.max(axis=1, initial=0.0)
+    lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
+    if len(lost):
+        name = mechanism.independent[int(left[lost[0]].argmax())]
+        raise SingularityError(
+            f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
+            f"({len(lost)} such samples)"
+        )
+    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)

@@ -1,0 +1,375 @@
+"""Motions of some coordinates: sampled, periodic, from waypoint to waypoint, and smooth detours.
+
+A curve leaves a pose at rest and comes back to it at rest: x(t) = start + Σ_j φ_j(t) x_j with
+functions φ_j of one variable whose values, rates and accelerations vanish at both ends, or whose
+combination does.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    checked,
+    checked_fields,
+    finite,
+    frozen,
+)
+from loopid.errors import DataError
+
+# Of a sampled motion: a slip of the pen should not fill the memory.
+MOST_SAMPLES = 10_000_000
+# Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
+REST = 1e-9
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class Motion:
+    """Coordinates over time, with their first two derivatives."""
+
+    names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
+    time: FloatArray  # (N,) in s, increasing
+    position: FloatArray  # (N, c) in m or rad, and per s and s²; read-only
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        time = finite(self.time, "time")
+        if time.ndim != 1 or len(time) == 0:
+            raise DataError(f"time must have shape (samples,), not {time.shape}")
+        backwards = np.flatnonzero(np.diff(time) <= 0)
+        if len(backwards):
+            raise DataError(f"time must increase, but does not after sample {backwards[0]}")
+        object.__setattr__(self, "time", frozen(time))
+        shape = (len(time), len(self.names))
+        for name in ("position", "velocity", "acceleration"):
+            values = finite(getattr(self, name), name)
+            if values.shape != shape:
+                raise DataError(f"{name} must have shape {shape}, not {values.shape}")
+            object.__setattr__(self, name, frozen(values))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return f"<Motion of {', '.join(self.names)}: {len(self)} samples, {self.duration:g} s>"
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1] - self.time[0])
+
+
+def _sample_times(duration: float, rate: float) -> FloatArray:
+    """Times from 0 to a duration (s) at a rate (Hz), both ends included."""
+    if not (0 < duration < np.inf and 0 < rate < np.inf):
+        raise DataError(f"duration and rate must be positive, not {duration} s and {rate} Hz")
+    if not duration * rate < MOST_SAMPLES:
+        raise DataError(
+            f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "
+            f"{MOST_SAMPLES:,} that a motion may have"
+        )
+    steps = int(np.floor(duration * rate * (1 + 1e-12)))
+    return np.arange(steps + 1) / rate
+
+
+class Curve(ABC):
+    """A detour of c coordinates."""
+
+    shape: FloatArray  # (m, c), what the functions are multiplied by
+
+    @staticmethod
+    @abstractmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        """``count`` functions φ_j, their rates and accelerations (3, N, count) at times (N,)."""
+
+    @abstractmethod
+    def backwards(self) -> Curve:
+        """The same curve, from its end to its start."""
+
+    def detour(self, time: FloatArray, seconds: float) -> FloatArray:
+        """Position off the start, rate and acceleration (3, N, c) at times (N,) of so many s."""
+        return self.functions(len(self.shape), time, seconds) @ self.shape
+
+    def _check(self) -> None:
+        shape = finite(self.shape, "shape of a curve")
+        if shape.ndim != 2 or not shape.size:
+            raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
+        object.__setattr__(self, "shape", frozen(shape))
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class FourierCurve(Curve):
+    """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
+
+    # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H. It starts and ends at rest, as
+    # Σ h sine_h = 0 and Σ h² cosine_h = 0.
+    shape: FloatArray
+
+    def __post_init__(self) -> None:
+        self._check()
+        if len(self.shape) % 2:
+            raise DataError("a Fourier curve has as many sines as cosines")
+        terms = self.at_rest(len(self.shape) // 2)
+        off = np.abs(terms @ self.shape)
+        if (off > REST * (np.abs(terms).sum(axis=0) @ np.abs(self.shape))).any():
+            raise DataError(
+                "a Fourier curve must start at rest: for each coordinate the sums of h sine_h and "
+                "of h² cosine_h must be zero"
+            )
+
+    @staticmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        omega = 2 * np.pi / seconds * np.arange(1, count // 2 + 1)
+        sine, cosine = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
+        position = np.concatenate([sine, cosine - 1], axis=1)
+        rate = np.concatenate([omega * cosine, -omega * sine], axis=1)
+        second = np.concatenate([-(omega**2) * sine, -(omega**2) * cosine], axis=1)
+        return np.stack([position, rate, second])
+
+    def backwards(self) -> FourierCurve:
+        sines = len(self.shape) // 2
+        return FourierCurve(np.concatenate([-self.shape[:sines], self.shape[sines:]]))
+
+    @staticmethod
+    def at_rest(harmonics: int) -> FloatArray:
+        """Rows (2, 2 H) that a shape must be orthogonal to."""
+        h, zero = np.arange(1.0, harmonics + 1), np.zeros(harmonics)
+        return np.stack([np.append(h, zero), np.append(zero, h**2)])
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class SplineCurve(Curve):
+    """A spline of degree five through waypoints at equal times."""
+
+    # (P, c), waypoints less the start, from which it goes and to which it comes back
+    shape: FloatArray
+
+    def __post_init__(self) -> None:
+        self._check()
+
+    def backwards(self) -> SplineCurve:
+        return SplineCurve(self.shape[::-1])
+
+    @staticmethod
+    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        knots = np.linspace(0.0, seconds, count + 2)
+        rest = [(1, np.zeros(count)), (2, np.zeros(count))]
+        through = np.eye(count + 2)[:, 1:-1]
+        spline = make_interp_spline(knots, through, k=5, bc_type=(rest, rest))
+        at = np.clip(time, 0.0, seconds)
+        return np.stack([spline(at, nu) for nu in range(3)])
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Arc:
+    """A detour of one coordinate on the way to a waypoint, zero at both ends."""
+
+    coordinate: str
+    height: float  # value half-way, in m or rad
+    # 0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
+    # ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²))
+    flatness: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.flatness < 1:
+            raise DataError(f"flatness must be in [0, 1), not {self.flatness}")
+
+    def detour(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value and derivatives by the path parameter s in [0, 1]; each (N,)."""
+        u, f = 2 * s - 1, self.flatness
+        if f == 0:
+            return self.height * (1 - u**2), -4 * self.height * u, np.full_like(u, -8 * self.height)
+        floor = np.sqrt(1 - f**2)
+        scale, root = self.height / (1 - floor), np.sqrt(1 - (f * u) ** 2)
+        return scale * (root - floor), -2 * scale * f**2 * u / root, -4 * scale * f**2 / root**3
+
+
+@checked_fields
+@dataclass(frozen=True)
+class Waypoint:
+    """Where to go next.
+
+    Attributes
+    ----------
+    position : FloatArray
+        (c,) in m or rad.
+    seconds : float
+        Time of the way there; for the same position as before, a hold.
+    arcs : tuple of Arc
+    curve : Curve, optional
+        A detour of all coordinates, zero at both ends, that takes the same time.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.motion.Waypoint([0.2, 0.6], seconds=2.0).position.shape
+    (2,)
+    """
+
+    position: FloatArray
+    seconds: float
+    arcs: tuple[Arc, ...] = ()
+    curve: Curve | None = None
+
+    def __post_init__(self) -> None:
+        position = finite(self.position, "waypoint")
+        if position.ndim != 1:
+            raise DataError(f"a waypoint must have shape (c,), not {position.shape}")
+        object.__setattr__(self, "position", frozen(position))
+
+
+@checked
+def point_to_point(
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], rate: float = 100.0
+) -> Motion:
+    """Move from a start through waypoints, at rest in each.
+
+    Between two waypoints the path parameter runs from 0 to 1 by the polynomial
+    10 t³ - 15 t⁴ + 6 t⁵, whose velocity and acceleration vanish at both ends: the motion is C² with
+    holds and turns.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The c coordinates.
+    start : FloatArray
+        (c,) in m or rad.
+    waypoints : sequence of Waypoint
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    DataError
+        When a waypoint has another shape, takes no time, or has an arc of another coordinate.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.motion.Waypoint([1.0], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(["crank_joint"], [0.0], [there], rate=50)
+    >>> motion
+    <Motion of crank_joint: 101 samples, 2 s>
+    >>> bool(abs(motion.velocity.max() - 1.875 * 0.5) < 1e-12)  # 1.875 times the average
+    True
+    """
+    if not waypoints:
+        raise DataError("a motion needs at least one waypoint")
+    stops = [finite(point, "waypoint") for point in (start, *(w.position for w in waypoints))]
+    for point in stops:
+        if point.shape != (len(names),):
+            raise DataError(f"a waypoint must have shape ({len(names)},), not {point.shape}")
+    for waypoint in waypoints:
+        if not 0 < waypoint.seconds < np.inf:
+            raise DataError(f"a way must take a positive time, not {waypoint.seconds} s")
+        if waypoint.curve is not None and waypoint.curve.shape.shape[1] != len(names):
+            raise DataError(f"a curve must have a shape (functions, {len(names)})")
+        for arc in waypoint.arcs:
+            if arc.coordinate not in names:
+                valid = ", ".join(names)
+                raise DataError(
+                    f"arc of unknown coordinate {arc.coordinate!r}: choose among {valid}"
+                )
+    ends = np.cumsum([0.0, *(waypoint.seconds for waypoint in waypoints)])
+    time = _sample_times(float(ends[-1]), rate)
+    # The way that each sample is on; the last sample ends the last way.
+    on = np.minimum(np.searchsorted(ends, time, side="right") - 1, len(waypoints) - 1)
+    motion = np.empty((3, len(time), len(names)))
+    for k, waypoint in enumerate(waypoints):
+        here = np.flatnonzero(on == k)
+        t = np.minimum((time[here] - ends[k]) / waypoint.seconds, 1.0)
+        s = t**3 * (10 - 15 * t + 6 * t**2)
+        ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
+        dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
+        change = stops[k + 1] - stops[k]
+        position = stops[k] + s[:, None] * change
+        slope, curvature = np.broadcast_to(change, position.shape).copy(), np.zeros_like(position)
+        for arc in waypoint.arcs:
+            for part, detour in zip((position, slope, curvature), arc.detour(s), strict=True):
+                part[:, names.index(arc.coordinate)] += detour
+        # By the chain rule.
+        acceleration = slope * dds[:, None] + curvature * ds[:, None] ** 2
+        motion[:, here] = position, slope * ds[:, None], acceleration
+        if waypoint.curve is not None:
+            motion[:, here] += waypoint.curve.detour(t * waypoint.seconds, waypoint.seconds)
+    return Motion(tuple(names), time, *motion)
+
+
+@checked_fields
+@dataclass(frozen=True, repr=False)
+class FourierSeries:
+    """x_i(t) = offset_i + Σ_h sine_ih sin(h ω t) + cosine_ih cos(h ω t) [Swevers1997].
+
+    Attributes
+    ----------
+    names : tuple of str
+        The c coordinates.
+    frequency : float
+        Of the first harmonic, ω / 2π in Hz.
+    offset : FloatArray
+        (c,) in m or rad.
+    sine, cosine : FloatArray
+        (c, harmonics) in m or rad.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> series = loopid.FourierSeries(("crank_joint",), 0.5, [1.0], [[0.2, 0.1]], [[0.0, 0.1]])
+    >>> series.motion(rate=50)
+    <Motion of crank_joint: 101 samples, 2 s>
+    """
+
+    names: tuple[str, ...]
+    frequency: float
+    offset: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+
+    def __post_init__(self) -> None:
+        if not 0 < self.frequency < np.inf:
+            raise DataError(f"frequency must be positive, not {self.frequency} Hz")
+        for name in ("offset", "sine", "cosine"):
+            object.__setattr__(self, name, frozen(finite(getattr(self, name), name)))
+        expected = (len(self.names), *self.sine.shape[1:2])
+        shapes = (self.offset.shape, self.sine.shape, self.cosine.shape)
+        if shapes != (expected[:1], expected, expected) or len(expected) != 2:
+            raise DataError(
+                f"offset, sine and cosine must have shapes (c,), (c, harmonics) and (c, harmonics) "
+                f"with c = {len(self.names)}, not {shapes}"
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"<FourierSeries of {', '.join(self.names)}: {self.sine.shape[1]} harmonics of "
+            f"{self.frequency:g} Hz>"
+        )
+
+    @property
+    def period(self) -> float:
+        """Seconds after which the motion repeats."""
+        return 1.0 / self.frequency
+
+    @checked
+    def motion(self, duration: float | None = None, rate: float = 100.0) -> Motion:
+        """Sample the series, by default over one period (duration in s, rate in Hz)."""
+        time = _sample_times(self.period if duration is None else duration, rate)
+        shape = np.concatenate([self.sine.T, self.cosine.T])
+        off, velocity, second = FourierCurve.functions(len(shape), time, self.period) @ shape
+        position = self.offset + self.cosine.sum(axis=1) + off
+        return Motion(self.names, time, position, velocity, second)

@@ -1,0 +1,24 @@
+from .closed_loop import (
+    ForceParts as ForceParts,
+    dynamic_regressor as dynamic_regressor,
+    force_parts as force_parts,
+    gravity_regressor as gravity_regressor,
+    motion_parameters as motion_parameters,
+    motion_regressor as motion_regressor,
+    standard_values as standard_values,
+)
+from .joint_terms import (
+    JOINT_TERMS as JOINT_TERMS,
+    NO_TERMS as NO_TERMS,
+    OF_FILE as OF_FILE,
+    FileForce as FileForce,
+    JointState as JointState,
+    JointTerm as JointTerm,
+    JointTerms as JointTerms,
+    file_forces as file_forces,
+    joint_term as joint_term,
+    warn_of_omitted as warn_of_omitted,
+)
+from .structural import (
+    structural_observation as structural_observation,
+)
