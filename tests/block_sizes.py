@@ -12,7 +12,6 @@ def set_block_rows(monkeypatch):
 
     def set_them(rows):
         monkeypatch.setattr(loopid.scratch, "BLOCK_ROWS", rows)
-        monkeypatch.setattr(loopid.scratch, "SPOOLED_BYTES", 0)
         monkeypatch.setattr(loopid.logs.formats, "BATCH_ROWS", rows)
         monkeypatch.setattr(loopid.logs.formats, "BATCH_BYTES", 100 * rows)
 

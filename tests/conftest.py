@@ -31,7 +31,7 @@ from loopid import (
     read_log,
     split_recordings,
 )
-from loopid.errors import MobilityWarning
+from loopid.errors import ModelWarning
 from loopid.paper import reproduce_paper
 from made_runs import friction, logged, quietly, wander
 
@@ -184,7 +184,7 @@ def load_files(write_files):
 
     def load(parts, description, **options):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", MobilityWarning)
+            warnings.simplefilter("ignore", ModelWarning)
             return load_mechanism(write_files(*files(parts, description)), **options)
 
     return load

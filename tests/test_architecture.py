@@ -6,39 +6,49 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
-STREET = (
+GROUND = (
     "errors",
+    "registry",
+    "records",
     "scratch",
     "arguments",
     "workers",
     "files",
     "yaml_files",
     "parameters",
-    "pseudo_inertia",
+    "inertia",
     "observation",
+)
+ROOMS = (
     "robot",
     "kinematics",
+    "loading",
     "regressors",
     "base_parameters",
-    "loading",
-    "trajectories",
+    "motion",
     "logs",
-    "simulation",
     "identification",
-    "consistency",
-    "experiment",
-    "excitation",
-    "saved",
-    "prediction",
-    "export",
-    "report",
-    "paper",
-    "cli",
 )
-# Beside the street: what a file may import at all, and a room never, whatever its place.
+CORE = (*GROUND, *ROOMS)  # each imports those to its left
+TOOLS = ("formats", "diagnosis", "excitation", "export")  # each imports the core, none another
+SHOWN = ("report", "paper", "cli")  # what people see; each imports all to its left but the paper
+# Beside that: what a room or a file never imports.
+NEVER = {
+    "base_parameters": {"pinocchio", "robot", "kinematics", "loading", "regressors"},
+    "loading": {"regressors", "base_parameters"},
+    "cli": {"pinocchio", "numpy"},
+}
 ONLY = {"paper/symbolic.py": {"errors", "arguments", "parameters"}}  # it checks all other rooms
-MODEL = {"pinocchio", "robot", "kinematics", "loading", "regressors"}
-NEVER = dict.fromkeys(("base_parameters", "identification", "consistency"), MODEL)
+# Arrows that are still to be turned.
+KNOWN = {
+    "cli.py",
+    "export/robot_file.py",
+    "identification/pipeline.py",
+    "loading/description.py",
+    "loading/load.py",
+    "loading/reference.py",
+    "logs/log.py",
+}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -65,16 +75,34 @@ def violations(file, source=None):
     parts = [name.split(".") for name in imported_modules(file, source)]
     own = {part[1] for part in parts if part[0] == "loopid"}
     name = file.relative_to(SOURCE).as_posix()
-    allowed = ONLY.get(name, {room, *STREET[: STREET.index(room)]})
     imports = own | {part[0] for part in parts}
-    return (own - allowed - {"__version__"}) | (imports & NEVER.get(room, set()))
+    return (own - ONLY.get(name, allowed(room)) - {"__version__"}) | (
+        imports & NEVER.get(room, set())
+    )
+
+
+def allowed(room):
+    if room in CORE:
+        return {*CORE[: CORE.index(room)], room}
+    if room in TOOLS:
+        return {*CORE, room}
+    return {*CORE, *TOOLS, *SHOWN[: SHOWN.index(room)], room} | (
+        {"paper"} if room == "cli" else set()
+    )
 
 
 def test_every_room_has_its_place():
-    assert {room_of(file) for file in FILES} <= {"__init__", "__main__", *STREET}
+    assert {room_of(file) for file in FILES} <= {"__init__", "__main__", *CORE, *TOOLS, *SHOWN}
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(SOURCE)))
+def each_file():
+    for file in FILES:
+        name = file.relative_to(SOURCE).as_posix()
+        marks = [pytest.mark.xfail(strict=True)] if name in KNOWN else []
+        yield pytest.param(file, id=name, marks=marks)
+
+
+@pytest.mark.parametrize("file", [*each_file()])
 def test_rooms_import_only_rooms_to_their_left(file):
     if room_of(file) in ("__init__", "__main__"):
         assert file.parent == SOURCE  # public names and the entry point may see everything

@@ -6,8 +6,8 @@ import stat
 import pytest
 
 from loopid.errors import (
+    FileError,
     LoopidError,
-    OutputError,
 )
 from loopid.files import (
     require_folder,
@@ -67,7 +67,7 @@ def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(tmp_path, monkey
     for name, content in old.items():
         (tmp_path / name).write_bytes(content)
     fail_at(monkeypatch, "fsync", call, error)
-    expected = OutputError if isinstance(error, OSError) else KeyboardInterrupt
+    expected = FileError if isinstance(error, OSError) else KeyboardInterrupt
     with pytest.raises(expected):
         write_files(tmp_path, CONTENTS)
     assert contents(tmp_path) == old
@@ -80,7 +80,7 @@ def test_text_that_cannot_be_encoded_is_escaped(tmp_path):
 
 @pytest.mark.parametrize("name", ["a\0b.md", "x" * 300 + ".md"])
 def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
-    with pytest.raises(OutputError, match="cannot write to"):
+    with pytest.raises(FileError, match="cannot write to"):
         write_file(tmp_path / name, "text")
     assert contents(tmp_path) == {}
 
@@ -88,7 +88,7 @@ def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
 def test_a_folder_that_refuses_files_is_named(tmp_path, monkeypatch):
     denied = PermissionError(13, "Permission denied", str(tmp_path / "draft"))
     fail_at(monkeypatch, "open", 1, denied)
-    with pytest.raises(OutputError, match=f"cannot write to {tmp_path}.*Permission denied"):
+    with pytest.raises(FileError, match=f"cannot write to {tmp_path}.*Permission denied"):
         write_files(tmp_path, CONTENTS)
     assert contents(tmp_path) == {}
 
@@ -96,7 +96,7 @@ def test_a_folder_that_refuses_files_is_named(tmp_path, monkeypatch):
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
 def test_a_folder_without_permission_is_named(tmp_path):
     tmp_path.chmod(0o500)
-    with pytest.raises(OutputError, match=str(tmp_path)):
+    with pytest.raises(FileError, match=str(tmp_path)):
         write_files(tmp_path, CONTENTS)
     tmp_path.chmod(0o700)
     assert contents(tmp_path) == {}
@@ -105,7 +105,7 @@ def test_a_folder_without_permission_is_named(tmp_path):
 @pytest.mark.parametrize("place", ["taken", "taken/deeper"])
 def test_a_file_where_a_folder_is_needed_is_named_and_stays(tmp_path, place):
     (tmp_path / "taken").write_text("mine\n")
-    with pytest.raises(OutputError, match="taken") as caught:
+    with pytest.raises(FileError, match="taken") as caught:
         write_files(tmp_path / place, CONTENTS)
     assert isinstance(caught.value, LoopidError)
     assert "\n" not in str(caught.value)
@@ -114,7 +114,7 @@ def test_a_file_where_a_folder_is_needed_is_named_and_stays(tmp_path, place):
 
 def test_a_folder_where_a_file_is_needed_is_named_and_stays(tmp_path):
     (tmp_path / "page.md").mkdir()
-    with pytest.raises(OutputError, match=r"page\.md"):
+    with pytest.raises(FileError, match=r"page\.md"):
         write_file(tmp_path / "page.md", "text")
     assert [path.name for path in tmp_path.iterdir()] == ["page.md"]
     assert (tmp_path / "page.md").is_dir()
@@ -123,7 +123,7 @@ def test_a_folder_where_a_file_is_needed_is_named_and_stays(tmp_path):
 def test_a_file_that_cannot_be_replaced_leaves_the_others_as_they_were(tmp_path):
     (tmp_path / "a.md").write_text("old\n")
     (tmp_path / "b.md").mkdir()
-    with pytest.raises(OutputError, match=r"b\.md"):
+    with pytest.raises(FileError, match=r"b\.md"):
         write_files(tmp_path, {"a.md": "new\n", "b.md": "new\n"})
     assert (tmp_path / "a.md").read_text() == "old\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.md", "b.md"]
@@ -142,7 +142,7 @@ def test_permissions_are_those_that_the_umask_leaves(tmp_path, umask, mask):
 def test_a_folder_that_cannot_be_is_refused_before_the_work(tmp_path):
     (tmp_path / "taken").write_text("mine")
     for place in (tmp_path / "taken", tmp_path / "taken" / "deeper" / "still"):
-        with pytest.raises(OutputError, match="taken is not a folder"):
+        with pytest.raises(FileError, match="taken is not a folder"):
             require_folder(place)
     require_folder(tmp_path / "new" / "deeper")
     assert not (tmp_path / "new").exists()

@@ -16,10 +16,8 @@ from loopid.base_parameters import (
 )
 from loopid.errors import (
     DataError,
-    FeasibilityError,
-    MissingFileError,
+    FileError,
     OptionError,
-    OutputError,
 )
 from loopid.export import export_robot_file
 from loopid.identification import (
@@ -221,7 +219,7 @@ def test_standard_parameters_are_consistent_or_refused(model, fits):
     np.testing.assert_array_equal(found, fits["consistent"].standard_parameters)
     values = model.prior.copy()
     values[model.parameters.labels.index("left_coupler.Izz")] = -1.0
-    with pytest.raises(FeasibilityError, match="left_coupler"):
+    with pytest.raises(DataError, match="left_coupler"):
         SavedFit.of(model, values).find_standard_parameters(model)
 
 
@@ -305,12 +303,12 @@ def test_files_that_are_no_fits_are_refused(tmp_path, name, content):
 
 
 def test_other_refusals(model, fits, tmp_path):
-    with pytest.raises(MissingFileError, match=r"none\.json"):
+    with pytest.raises(FileError, match=r"none\.json"):
         read_fit(tmp_path / "none.json")
     with pytest.raises(OptionError, match=r"'\.txt': choose one of \.yaml, \.yml, \.json"):
         save_fit(tmp_path / "fit.txt", model, fits["plain"])
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError):
+    with pytest.raises(FileError):
         save_fit(tmp_path / "file" / "fit.json", model, fits["plain"])
     with pytest.raises(DataError, match=r"with values \(3,\) is none of"):
         save_fit(tmp_path / "fit.json", model, np.zeros(3))

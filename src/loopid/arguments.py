@@ -29,10 +29,6 @@ from loopid.errors import (
     DataError,
     OptionError,
 )
-from loopid.scratch import (
-    in_file,
-    row_blocks,
-)
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -60,8 +56,8 @@ MOST_SECONDS, MOST_BYTES = 900.0, 2**32
 
 
 def frozen(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-    """A read-only copy, for the fields of frozen dataclasses; of arrays in files only a view."""
-    copy = np.asarray(array).view() if in_file(array, dtype) else np.array(array, dtype=dtype)
+    """A read-only copy, for the fields of frozen dataclasses."""
+    copy = np.array(array, dtype=dtype)
     copy.setflags(write=False)
     return copy
 
@@ -72,12 +68,12 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     Numbers beyond ``LARGEST`` are refused too, whose products overflow.
     """
     values = _real(array, name)
-    for rows in row_blocks(len(values)) if in_file(values) else (...,):
-        part = values[rows]
-        if part.size and not (part.max() <= LARGEST and part.min() >= -LARGEST):
-            first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
-            bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
-            raise DataError(f"{name} must be finite{bound}, but entry {first} is {values[first]}")
+    if values.size and not (values.max() <= LARGEST and values.min() >= -LARGEST):
+        first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
+        bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
+        raise DataError(
+            f"{name} must be finite{bound}, but entry {first} is {values[first]}", argument=name
+        )
     return values
 
 

@@ -31,8 +31,8 @@ from typer import Argument, Option
 
 from loopid.errors import (
     AccuracyWarning,
+    FileError,
     LoopidError,
-    MissingFileError,
     ModelWarning,
     OptionError,
     one_line,
@@ -744,10 +744,10 @@ def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
         return load_mechanism(file, **options)
     try:
         return load_mechanism(saved.robot.path, **options)
-    except MissingFileError:
+    except FileError:
         if saved.robot.name in bundled_robots():
             return load_mechanism(saved.robot.name, **options)
-        raise MissingFileError(
+        raise FileError(
             f"the robot of the fit, {saved.robot.name}, is no longer at {saved.robot.path}: give "
             "its file with --robot"
         ) from None

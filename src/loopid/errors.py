@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterable
+from typing import Any
 
 
 def one_line(text: str) -> str:
@@ -13,7 +14,12 @@ def one_line(text: str) -> str:
 
 
 class LoopidError(Exception):
-    """Root of every error that loopid raises on purpose.
+    """Root of every error that loopid raises on purpose: one sentence, and the facts in it.
+
+    Attributes
+    ----------
+    facts : dict
+        What the sentence names, for programs: the offender, the value, the tolerance, the choices.
 
     Examples
     --------
@@ -25,32 +31,46 @@ class LoopidError(Exception):
     six_bar.urdf does not exist,
     """
 
+    def __init__(self, message: object = "", **facts: Any) -> None:
+        super().__init__(message)
+        self.facts = facts
+
     def __str__(self) -> str:
-        return one_line(super().__str__())
+        return one_line(str(self.args[0]) if self.args else "")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (type(self), self.args, self.facts)  # so that a worker can send it
+
+
+def _rebuilt(kind: type[LoopidError], args: tuple[Any, ...], facts: dict[str, Any]) -> LoopidError:
+    error = kind.__new__(kind, *args)
+    LoopidError.__init__(error, *args, **facts)
+    return error
 
 
 class OptionError(LoopidError, ValueError):
-    """An argument names something that does not exist."""
+    """An argument is not one of those that are valid."""
 
     @classmethod
     def unknown(cls, what: str, given: object, valid: Iterable[str]) -> OptionError:
         """Say which choice was given and which are valid."""
-        return cls(f"unknown {what} {given!r}: choose one of {', '.join(valid)}")
-
-
-class MissingFileError(LoopidError, FileNotFoundError):
-    """A file that was asked for is not there."""
+        choices = tuple(valid)
+        message = f"unknown {what} {given!r}: choose one of {', '.join(choices)}"
+        return cls(message, given=given, valid=choices)
 
 
 class MissingExtraError(LoopidError, ImportError):
     """An optional library is not installed."""
 
-    def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is not installed: pip install 'loopid[{extra}]' brings it")
-        self._given = package, extra
+    @classmethod
+    def of(cls, package: str, extra: str) -> MissingExtraError:
+        """Say which package is missing, and which extra of loopid brings it."""
+        message = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        return cls(message, package=package, extra=extra)
 
-    def __reduce__(self) -> tuple[type, tuple[str, str]]:
-        return type(self), self._given  # so that a worker can send it
+
+class FileError(LoopidError, OSError):
+    """A file is not there, or cannot be written where it was asked for."""
 
 
 class RobotFileError(LoopidError, ValueError):
@@ -70,15 +90,11 @@ class SingularityError(LoopidError, ArithmeticError):
 
 
 class DataError(LoopidError, ValueError):
-    """An array has the wrong shape or values that are not finite."""
+    """Values have the wrong shape, are not finite, or are none that anything could have."""
 
 
 class RankError(LoopidError, ArithmeticError):
     """A rank cannot be told from round-off."""
-
-
-class FeasibilityError(LoopidError, ValueError):
-    """No bodies of positive density have the parameters that are asked for."""
 
 
 class SearchError(LoopidError, RuntimeError):
@@ -89,48 +105,16 @@ class LogError(LoopidError, ValueError):
     """A log cannot be read, or not as what it is said to be."""
 
 
-class OutputError(LoopidError, OSError):
-    """A result cannot be written where it was asked for."""
+class ModelWarning(UserWarning):
+    """A model leaves out what a file says, or a robot file is odd: inertias, motors, reference."""
 
 
-class InertiaWarning(UserWarning):
-    """A robot file gives a body an inertia that no body can have."""
-
-
-class ReferenceWarning(UserWarning):
-    """A reference configuration is closed, but not where the robot can be."""
-
-
-class SingularityWarning(UserWarning):
-    """A configuration is close to a singularity: forces there are ill-determined."""
-
-
-class LogWarning(UserWarning):
-    """Rows of a log are left out, or look wrong."""
-
-
-class CorrelationWarning(UserWarning):
-    """Errors of a fit are alike within a stretch of time, or within a recording."""
-
-
-class ExcitationWarning(UserWarning):
-    """Data, or a designed motion, hardly excite a parameter."""
-
-
-class MobilityWarning(UserWarning):
-    """The motors do not determine the motion: passive coordinates stay free."""
-
-
-class ClosureWarning(UserWarning):
-    """The loops of a robot file close only as far as its numbers are rounded."""
+class DataWarning(UserWarning):
+    """Data are left out, look wrong, or tell little of a parameter."""
 
 
 class AccuracyWarning(UserWarning):
-    """A result rests on more digits than the robot file's geometry has."""
-
-
-class ModelWarning(UserWarning):
-    """A model leaves out what a robot file or a log says, or a file contradicts itself."""
+    """A result rests on more digits than there are: rounded files, poses near singularities."""
 
 
 def warn(message: str, category: type[Warning]) -> None:

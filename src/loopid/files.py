@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from loopid.errors import (
+    FileError,
     LogError,
-    OutputError,
 )
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     Each is written beside its place and moved there once all are complete, so that a stop in the
     middle leaves the old files as they were.
 
-    Names are without folders. An OutputError says why the folder or a file cannot be written.
+    Names are without folders. An FileError says why the folder or a file cannot be written.
     """
     directory, waiting = Path(folder), dict[Path, Path]()
     try:
@@ -97,9 +97,9 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
             draft.replace(place)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OutputError(f"cannot write to {error.filename or directory}: {reason}") from error
+        raise FileError(f"cannot write to {error.filename or directory}: {reason}") from error
     except ValueError as error:  # as of names with null characters
-        raise OutputError(f"cannot write to {directory}: {error}") from error
+        raise FileError(f"cannot write to {directory}: {error}") from error
     finally:
         for draft in waiting.values():
             draft.unlink(missing_ok=True)
@@ -121,9 +121,9 @@ def require_folder(folder: str | Path) -> None:
     there = ("", "is a folder", "is no regular file")
     existing = next(path for path in (place, *place.parents) if why_no_file(path) in there)
     if not existing.is_dir():
-        raise OutputError(f"cannot write to {folder}: {existing} is not a folder")
+        raise FileError(f"cannot write to {folder}: {existing} is not a folder")
     if not os.access(existing, os.W_OK):
-        raise OutputError(f"cannot write to {folder}: no permission in {existing}")
+        raise FileError(f"cannot write to {folder}: no permission in {existing}")
 
 
 def require_other_file(path: str | Path, *inputs: str | Path) -> None:
@@ -131,7 +131,7 @@ def require_other_file(path: str | Path, *inputs: str | Path) -> None:
     place = Path(path)
     for given in map(Path, inputs):
         if place.exists() and given.exists() and place.samefile(given):
-            raise OutputError(f"{path} is {given.name}, which this is made from: name another file")
+            raise FileError(f"{path} is {given.name}, which this is made from: name another file")
 
 
 def write_file(path: str | Path, content: bytes | str) -> None:

@@ -15,8 +15,8 @@ from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
 from loopid.errors import (
+    FileError,
     LoopidError,
-    MissingFileError,
     RobotFileError,
 )
 from loopid.files import why_no_file
@@ -79,7 +79,7 @@ def load_yaml(
     """
     problem = why_no_file(path)
     if problem:
-        kind = MissingFileError if problem == "does not exist" else failure
+        kind = FileError if problem == "does not exist" else failure
         raise kind(f"{path} {problem}")
     try:
         with path.open("rb") as stream:

@@ -14,9 +14,8 @@ from loopid import JointTerms, find_base_parameters, load_mechanism, structural_
 from loopid.base_parameters import analyse
 from loopid.errors import (
     AccuracyWarning,
-    ClosureWarning,
+    ModelWarning,
     RankError,
-    ReferenceWarning,
     RobotFileError,
 )
 from loopid.kinematics import (
@@ -39,7 +38,7 @@ def load(tmp_path):
         for name, text in zip(("robot.urdf", "robot.yaml"), files(parts, description), strict=True):
             (tmp_path / name).write_text(text)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ReferenceWarning)  # the drawn pose is not quite closed
+            warnings.simplefilter("ignore", ModelWarning)  # the drawn pose is not quite closed
             return load_mechanism(tmp_path / "robot.yaml")
 
     return write
@@ -196,7 +195,7 @@ def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
         rounding = float(advice[1])
     assert rank == count
     assert rounding in (1e-6, 1e-5)
-    with pytest.warns(ClosureWarning, match="moved by up to"):
+    with pytest.warns(AccuracyWarning, match="moved by up to"):
         snapped = load_mechanism(file, snap=True)
     assert analyse(structural_observation(snapped, model)).rank == count
 

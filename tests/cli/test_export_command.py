@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
-from loopid.errors import OutputError
+from loopid.errors import FileError
 from loopid.identification import (
     FitResult,
     Quality,
@@ -164,7 +164,7 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
         for options in ((), ("--overwrite",)):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
-    with pytest.raises(OutputError, match="made from"):
+    with pytest.raises(FileError, match="made from"):
         save_fit(robot, find_force_model(load_mechanism(robot)), np.ones(6))
     assert {path: path.read_bytes() for path in before} == before
     # The results of an identification, too, beside a robot of such a name.

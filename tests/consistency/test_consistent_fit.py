@@ -9,7 +9,6 @@ from oracles import bodies_of, body_columns, fitted as independent_fit, least_re
 
 from loopid.errors import (
     DataError,
-    FeasibilityError,
     MissingExtraError,
     OptionError,
 )
@@ -218,7 +217,7 @@ def test_clarabel_is_needed_and_must_converge(arm_case, noisy, monkeypatch):
         with pytest.raises(MissingExtraError, match=r"loopid\[sdp\]"):
             consistent_parameters(arm_case.base, values, arm_case.prior)
     monkeypatch.setattr(program, "LARGEST_GAP", 0.0)
-    with pytest.raises(FeasibilityError, match="Clarabel ends with"):
+    with pytest.raises(DataError, match="Clarabel ends with"):
         consistent_fit(*noisy, arm_case.base, arm_case.prior)
 
 

@@ -6,7 +6,6 @@ from oracles import bodies_of
 
 from loopid.errors import (
     DataError,
-    FeasibilityError,
 )
 from loopid.identification import (
     consistent_fit,
@@ -50,7 +49,7 @@ def test_sound_bodies_have_no_defect():
 def test_the_thin_stem_is_named_with_what_to_do(load_once):
     robot = load_once("5p")
     parameters, prior = robot.parameters(), robot.standard_parameters()
-    with pytest.raises(FeasibilityError, match="the prior of leg4_stem is not"):
+    with pytest.raises(DataError, match="the prior of leg4_stem is not"):
         sound_prior(parameters, prior)
     assert {found.link for found in inertia_defects(robot)} == {"leg4_stem"}
     repaired = repaired_prior(parameters, prior)
@@ -66,11 +65,11 @@ def test_a_fit_refuses_it_unless_it_may_repair(arm_case):
     prior[first : first + 6] = 0.0
     problem, fit = arm_case.fitted(0.1)
     with pytest.raises(
-        FeasibilityError,
+        DataError,
         match=r"the prior of lower is not physically consistent: lower: .*repair=True",
     ):
         consistent_fit(problem, fit, arm_case.base, prior)
-    with pytest.raises(FeasibilityError, match=r"lower: .*repair=True"):
+    with pytest.raises(DataError, match=r"lower: .*repair=True"):
         consistent_parameters(arm_case.base, fit.values, prior)
     assert consistent_fit(problem, fit, arm_case.base, prior, repair=True).repaired == ("lower",)
 
@@ -88,12 +87,12 @@ def test_a_fit_refuses_it_unless_it_may_repair(arm_case):
     ],
 )
 def test_impossible_bodies_are_named(hand, reason, repairable):
-    with pytest.raises(FeasibilityError, match=f"the prior of hand is not.*{reason}"):
+    with pytest.raises(DataError, match=f"the prior of hand is not.*{reason}"):
         sound_prior(TWO, values(hand))
     if repairable:
         sound_prior(TWO, repaired_prior(TWO, values(hand)))
     else:
-        with pytest.raises(FeasibilityError, match=f"cannot be repaired: hand: .*{reason}"):
+        with pytest.raises(DataError, match=f"cannot be repaired: hand: .*{reason}"):
             repaired_prior(TWO, values(hand))
 
 
@@ -118,7 +117,7 @@ def test_a_repaired_point_is_a_ball_as_large_as_the_others():
 
 def test_nobody_tells_the_size_of_lonely_points():
     alone = ParameterSet.of_links(("hand",), KINDS)
-    with pytest.raises(FeasibilityError, match="how large hand is"):
+    with pytest.raises(DataError, match="how large hand is"):
         repaired_prior(alone, np.array([1.0, *np.zeros(9)]))
 
 
@@ -140,7 +139,7 @@ def test_massless_bodies_stay_massless(arm_case):
 def test_negative_friction_is_a_defect_and_becomes_zero():
     parameters = TWO + ParameterSet.from_labels(("joint.Fv", "joint.Fo"))
     prior = np.concatenate([values(SOUND), [-1.0, -1.0]])
-    with pytest.raises(FeasibilityError, match=r"joint\.Fv: it cannot be negative \(-1\)"):
+    with pytest.raises(DataError, match=r"joint\.Fv: it cannot be negative \(-1\)"):
         sound_prior(parameters, prior)
     np.testing.assert_array_equal(repaired_prior(parameters, prior)[-2:], [0.0, -1.0])
 
@@ -159,7 +158,7 @@ def test_gravity_bodies_without_known_size_are_refused(knee_gravity):
     base, prior = knee_gravity.base, knee_gravity.prior.copy()
     moments = [j for j, p in enumerate(base.parameters) if p.kind in ("mx", "my", "mz")]
     prior[moments] = 0.0
-    with pytest.raises(FeasibilityError, match="use the full model"):
+    with pytest.raises(DataError, match="use the full model"):
         consistent_parameters(base, base.values(knee_gravity.truth), prior)
 
 

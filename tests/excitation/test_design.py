@@ -7,7 +7,7 @@ from linkages import five_bar as five_bar_of
 from loopid import MotionLimits, design_excitation, find_force_model
 from loopid.errors import (
     AssemblyError,
-    ExcitationWarning,
+    DataWarning,
     MissingExtraError,
     OptionError,
 )
@@ -277,7 +277,7 @@ def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
 
 def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     still = MotionLimits(positions={"wrist_joint": (0.0, 1e-9)})
-    with pytest.warns(ExcitationWarning, match=r"does not excite .*position of wrist_joint"):
+    with pytest.warns(DataWarning, match=r"does not excite .*position of wrist_joint"):
         found = design_excitation(wrist, limits=still, **(QUICK | {"iterations": 3}))
     assert np.isinf(found.standard_errors).any()
 

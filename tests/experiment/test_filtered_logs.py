@@ -21,8 +21,8 @@ from loopid import (
 )
 from loopid.diagnosis.bands import band_sweep
 from loopid.errors import (
+    DataWarning,
     LogError,
-    LogWarning,
 )
 from loopid.identification import quiet_fit
 from loopid.logs import (
@@ -154,7 +154,7 @@ def test_a_cutoff_that_lets_noise_bias_the_estimates_is_told():
     assert swept("default").moved == ()
     wide = swept(LowPass(50.0))
     assert "left_crank.mx" in wide.moved
-    with pytest.warns(LogWarning, match=r"left_crank.mx.* standard errors when .*--cutoff"):
+    with pytest.warns(DataWarning, match=r"left_crank.mx.* standard errors when .*--cutoff"):
         wide.warn()
     # Unfiltered, there is no band to narrow.
     plain = quietly(prepare_recording, model.mechanism, log, None, decimate=False)

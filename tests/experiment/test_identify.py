@@ -8,9 +8,8 @@ import pytest
 
 from loopid import JointTerms
 from loopid.errors import (
-    CorrelationWarning,
     DataError,
-    ExcitationWarning,
+    DataWarning,
     OptionError,
     RankError,
 )
@@ -158,13 +157,13 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
     short = fitted.select(np.arange(60))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        warnings.simplefilter("ignore", CorrelationWarning)
+        warnings.simplefilter("ignore", DataWarning)
         found = identify(
             knee_model,
             [modelled(knee_model, short, truth)],
             [modelled(knee_model, fresh, truth, seed=1)],
         )
-    assert all(warning.category is ExcitationWarning for warning in caught)
+    assert all(warning.category is DataWarning for warning in caught)
     bodies = [knee_model.parameters.labels[j] for j in knee_model.body_columns]
     weak = [label for label in bodies if label in str(caught[0].message)]
     assert len(weak) >= 12

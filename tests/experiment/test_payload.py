@@ -75,7 +75,7 @@ def test_gains_without_noise_are_found_to_round_off(case):
 
 
 @pytest.mark.validate
-@pytest.mark.filterwarnings("ignore::loopid.errors.ExcitationWarning")  # of the robot's own bodies
+@pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")  # of the robot's own bodies
 def test_intervals_hold_at_their_rate(case):
     rng, runs = np.random.default_rng(0), 500
     hits, gain_hits = np.zeros(7), np.zeros(4)
@@ -97,7 +97,7 @@ def test_intervals_hold_at_their_rate(case):
     assert (gain_hits / runs).min() > 0.92
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.ExcitationWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_of_one_noisy_case_are_of_the_size_of_the_errors(case):
     light, heavy = noisy_runs(case, np.random.default_rng(1), MASS, CENTRE)
     found = loopid.identify_payload(case[1], "platform", light, heavy)

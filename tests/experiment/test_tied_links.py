@@ -8,7 +8,7 @@ import pytest
 from test_force_model import random_motion
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
-from loopid.errors import InertiaWarning
+from loopid.errors import ModelWarning
 from loopid.identification import (
     WeightedLeastSquares,
     find_force_model,
@@ -143,7 +143,7 @@ def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path):
     other = re.sub(r'mass value="(.*?)"', lambda m: f'mass value="{float(m[1]) + 3}"', link)
     (tmp_path / "3rrr.urdf").write_text(text.replace(link, other))
     (tmp_path / "3rrr.yaml").write_text(robot.path.read_text())
-    with pytest.warns(InertiaWarning, match="leg2_lower"):
+    with pytest.warns(ModelWarning, match="leg2_lower"):
         unlike, loose = (
             load_mechanism(tmp_path / "3rrr.yaml", tied=tied) for tied in (True, False)
         )

@@ -18,10 +18,10 @@ from compiled_c import NUMBERS, CompiledRegressor
 from loopid import JointTerms, Mechanism, find_force_model, load_mechanism, random_configurations
 from loopid.base_parameters import BaseParameters
 from loopid.errors import (
+    AccuracyWarning,
     DataError,
     MissingExtraError,
     OptionError,
-    SingularityWarning,
 )
 from loopid.export import (
     export_regressor,
@@ -44,7 +44,7 @@ pytestmark = [
         importlib.util.find_spec("casadi") is None, reason="needs pip install 'loopid[codegen]'"
     ),
     pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler called cc"),
-    pytest.mark.filterwarnings("ignore::loopid.errors.MobilityWarning"),
+    pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning"),
 ]
 AGREEMENT = 1e-10
 GEAR = {
@@ -309,7 +309,7 @@ def test_singular_poses_are_told(compiled):
         assert status[0] == expected
         assert np.isnan(K).all() == (expected == 2)
         if expected == 1:
-            with pytest.warns(SingularityWarning):
+            with pytest.warns(AccuracyWarning):
                 motion = closed_motion(mechanism, q, [[0.0]], [[0.0]])
             W = motion_regressor(mechanism, motion, "full")
             np.testing.assert_allclose(K, found.base.regressor(W), rtol=1e-6, atol=1e-6)

@@ -63,7 +63,7 @@ def assert_same_forces(model, again, standard, motion, expected):
     assert relative(found, expected) < ROUND_TRIP
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     model, result, motion, _ = identified
     saved = read_fit(save_fit(tmp_path / "parameters.yaml", model, result))
@@ -75,7 +75,7 @@ def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     assert not inertia_defects(again)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 def test_consistent_fits_round_trip(identified, tmp_path, urdf_folder):
     model, result, motion, recording = identified
     prior = model.mechanism.standard_parameters(model.model)

@@ -8,7 +8,7 @@ from feasible_changes import changed, forces, forces_of_file, relative
 
 from loopid import load_mechanism
 from loopid.errors import (
-    FeasibilityError,
+    DataError,
     OptionError,
     RobotFileError,
 )
@@ -18,7 +18,7 @@ from loopid.export import (
 )
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-pytestmark = pytest.mark.filterwarnings("ignore::loopid.errors.MobilityWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 
 # Every way to say an inertia: tensors, moments with and without axes, geoms, frames, no names.
 ROBOT = """<?xml version="1.0"?>
@@ -103,7 +103,7 @@ def test_a_yaml_beside_it_round_trips(arm, tmp_path):
 def test_impossible_bodies_are_refused_by_name(arm, tmp_path):
     rows = arm.standard_parameters().reshape(-1, 10).copy()
     rows[0] *= -1
-    with pytest.raises(FeasibilityError, match=r"link one .*mass is not positive \(-2"):
+    with pytest.raises(DataError, match=r"link one .*mass is not positive \(-2"):
         export_robot_file(arm, rows.ravel(), tmp_path / "new.xml")
     assert not (tmp_path / "new.xml").exists()
     with pytest.raises(OptionError, match=r"\.xml, \.mjcf"):

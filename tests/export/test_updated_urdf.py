@@ -12,9 +12,8 @@ from closure_robots import body, frame, joint, urdf
 from loopid import JointTerms, bundled_robots, load_mechanism
 from loopid.errors import (
     DataError,
-    FeasibilityError,
+    FileError,
     OptionError,
-    OutputError,
     RobotFileError,
 )
 from loopid.export import (
@@ -41,7 +40,7 @@ def saved(folder, mechanism, parameters, urdf_folder):
     return load_mechanism(folder / f"{name}.yaml", tied=mechanism.tied)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 @pytest.mark.parametrize("model", ["full", "gravity"])
 @pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta"))
 def test_bundled_robots_round_trip(tmp_path, urdf_folder, load_once, robot, model):
@@ -74,7 +73,7 @@ def test_robots_of_others_round_trip(tmp_path, robot_data, robot):
     assert without_numbers(new) == without_numbers(old)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 @pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta"))
 def test_the_files_own_parameters_change_no_byte(load_once, urdf_folder, robot):
     mechanism = load_once(robot)
@@ -107,7 +106,7 @@ def test_tied_links_get_the_same_parameters(tmp_path, urdf_folder):
     np.testing.assert_allclose(rows[legs], rows[legs[:1]].repeat(len(legs), axis=0), rtol=1e-12)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 def test_gravity_parameters_keep_inertias_about_the_centres_of_mass(
     load_once, tmp_path, urdf_folder
 ):
@@ -220,7 +219,7 @@ def test_missing_origins_are_added(tmp_path, origin):
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.InertiaWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 @pytest.mark.parametrize("robot", ["5p", "delta"])
 def test_what_does_not_change_keeps_its_digits(load_once, urdf_folder, robot):
     mechanism = load_once(robot)
@@ -241,7 +240,7 @@ def test_impossible_bodies_are_refused_by_name(load_once, tmp_path):
     def refused(row, match, model=10):
         rows = good[:, :model].copy()
         rows[1] = row[:model]
-        with pytest.raises(FeasibilityError, match=f"left_coupler.*{match}"):
+        with pytest.raises(DataError, match=f"left_coupler.*{match}"):
             export_robot_file(mechanism, rows.ravel(), place)
         assert not place.exists()
 
@@ -284,7 +283,7 @@ def test_other_refusals(load_once, tmp_path):
     with pytest.raises(OptionError, match=r"'\.xml': choose one of \.urdf"):
         export_robot_file(mechanism, own, tmp_path / "new.xml")
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot write"):
+    with pytest.raises(FileError, match="cannot write"):
         export_robot_file(mechanism, own, tmp_path / "file" / "new.urdf")
 
 
@@ -294,7 +293,7 @@ def test_the_robots_own_file_is_replaced_only_when_asked(tmp_path, urdf_folder):
     mechanism = load_mechanism(tmp_path / "five_bar.yaml")
     parameters, own = changed(mechanism), tmp_path / "five_bar.urdf"
     before = own.read_bytes()
-    with pytest.raises(OutputError, match="is the robot's own file"):
+    with pytest.raises(FileError, match="is the robot's own file"):
         export_robot_file(mechanism, parameters, own)
     assert own.read_bytes() == before
     export_robot_file(mechanism, parameters, own, overwrite=True)

@@ -9,8 +9,7 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import (
-    CorrelationWarning,
-    ExcitationWarning,
+    DataWarning,
     OptionError,
 )
 from loopid.identification import (
@@ -98,7 +97,7 @@ def test_slow_errors_are_reported_in_one_sentence():
     errors = 0.1 * rng.normal(size=(2000, 2))
     errors[:, 0] = 0.1 * autoregressive(rng, (2000,), 0.95)
     samples = named_samples(W, W @ TRUTH + errors)
-    with pytest.warns(CorrelationWarning) as caught:
+    with pytest.warns(DataWarning) as caught:
         result = fit(samples)
     (warning,), message = caught, str(caught[0].message)
     assert warning.filename == __file__
@@ -111,7 +110,7 @@ def test_slow_errors_are_reported_in_one_sentence():
 def test_parameters_near_zero_are_named_once():
     W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
     truth = TRUTH * [1, 1, 0, 1, 0, 1]
-    with pytest.warns(ExcitationWarning, match=r"2 of 6 .* link2\.m \(\d+ %\), link4\.m") as caught:
+    with pytest.warns(DataWarning, match=r"2 of 6 .* link2\.m \(\d+ %\), link4\.m") as caught:
         result = fit(named_samples(W, W @ truth + 0.1 * rng.normal(size=(200, 2))))
     assert len(caught) == 1
     assert result.insignificant() == ("link2.m", "link4.m")
@@ -128,11 +127,11 @@ def test_good_data_warn_of_nothing():
         fit(named_samples(W, W @ TRUTH + 0.01 * rng.normal(size=(200, 2))))
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.ExcitationWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_too_few_effective_samples_determine_no_interval():
     W, rng = smooth_regressor(samples=200, count=14, harmonics=8), np.random.default_rng(2)
     samples = named_samples(W, autoregressive(rng, (200, 2), 0.999, lead=20_000))
-    with pytest.warns(CorrelationWarning, match="too few effective"):
+    with pytest.warns(DataWarning, match="too few effective"):
         result = fit(samples)
     assert (result.degrees_of_freedom < 1).all()
     assert np.isinf(result.intervals()).all()
@@ -261,7 +260,7 @@ def test_what_clearly_varies_between_recordings_is_named():
         W = smooth_regressor(k, 300)
         mine = TRUTH + 0.5 * (-1) ** k * np.eye(6)[5]
         parts.append(named_samples(W, W @ mine + rng.normal(size=(300, 2))))
-    with pytest.warns(CorrelationWarning) as caught:
+    with pytest.warns(DataWarning) as caught:
         fit(FitSamples.combined(parts))
     assert "errors of link5.m (" in str(caught[-1].message)
     assert "between recordings" in str(caught[-1].message)

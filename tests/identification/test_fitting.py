@@ -196,7 +196,7 @@ def test_the_joint_covariance_is_the_textbooks():
 
 
 @runs(30, 300)
-@pytest.mark.filterwarnings("ignore::loopid.errors.CorrelationWarning")
+@pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):
     rates, alone, errors, stated = [], [], [], []
     for seed in range(runs):

@@ -126,7 +126,7 @@ def test_loading_without_a_reference_is_repeatable(load_files):
     np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.filterwarnings("ignore::loopid.errors.ReferenceWarning")  # of other modes
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")  # of other modes
 def test_loops_are_found_for_motors_alone(load_files):
     parts, description = loop("3d", seed=4)
     motor = description["reference"]["joint1"]

@@ -12,7 +12,6 @@ from loopid import forward_dynamics, load_mechanism, random_configurations, stru
 from loopid.base_parameters import analyse
 from loopid.errors import (
     MobilityError,
-    MobilityWarning,
     ModelWarning,
     RobotFileError,
 )
@@ -55,7 +54,7 @@ def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files):
 def test_the_spin_of_a_rod_is_named(write_files, linkage):
     robot = linkage("ball rssr")
     assert robot.free == mobility(robot).undetermined == ("ball.wx",)
-    with pytest.warns(MobilityWarning, match=r"the motors leave ball\.wx free"):
+    with pytest.warns(ModelWarning, match=r"the motors leave ball\.wx free"):
         load_mechanism(robot.path)
 
 
@@ -168,7 +167,7 @@ def test_motors_that_cannot_move_are_named(load_files, linkage):
     description["name_mot"].append("arm_joint")
     robot = load_files(parts, description)
     assert mobility(robot).held == ("arm_joint",)
-    with pytest.warns(MobilityWarning, match="do not let the motors arm_joint move"):
+    with pytest.warns(ModelWarning, match="do not let the motors arm_joint move"):
         load_mechanism(robot.path)
     assert mobility(linkage("redundant five-bar")).held == ()
 
@@ -180,7 +179,7 @@ def test_a_robot_that_moves_to_first_order_only_is_named(load_files):
     wrong = closure | {"type": "hinge", "axes": [[1, 0, 0]] * 2}
     robot = load_files(parts, description | {"closures": [wrong]})
     assert mobility(robot).degrees_of_freedom == 1
-    with pytest.warns(MobilityWarning, match="no other closed pose was found near the reference"):
+    with pytest.warns(ModelWarning, match="no other closed pose was found near the reference"):
         load_mechanism(robot.path)
 
 

@@ -10,11 +10,11 @@ from scipy.optimize import brentq
 
 from loopid import assemble, load_mechanism, random_configurations
 from loopid.errors import (
+    AccuracyWarning,
     DataError,
     MobilityError,
     OptionError,
     SingularityError,
-    SingularityWarning,
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
@@ -189,7 +189,7 @@ def test_a_configuration_near_it_is_warned_of_by_sample(knee, singular_yaw):
     measure = singularity_measure(knee, q)
     assert (measure[1:] < NEAR_SINGULARITY).all()
     assert measure[0] > NEAR_SINGULARITY
-    with pytest.warns(SingularityWarning, match=r"2 samples are near .* first sample 1 "):
+    with pytest.warns(AccuracyWarning, match=r"2 samples are near .* first sample 1 "):
         projection = project(knee, q)
     np.testing.assert_array_equal(projection.singularity, measure)
 
@@ -238,7 +238,7 @@ def test_those_near_it_among_many_are_counted_and_no_others(knee, singular_yaw):
     q = np.repeat(at_yaw(knee, 0.1), 1200, axis=0)
     near = [5, 600, 1100]
     q[near] = at_yaw(knee, singular_yaw - 1e-4)
-    with pytest.warns(SingularityWarning, match=r"3 samples are near .* first sample 5 "):
+    with pytest.warns(AccuracyWarning, match=r"3 samples are near .* first sample 5 "):
         projection = project(knee, q)
     alone = project(knee, at_yaw(knee, 0.1))
     regular = np.delete(np.arange(1200), near)

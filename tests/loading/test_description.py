@@ -12,13 +12,12 @@ from closure_robots import files, tie
 from linkages import LINKAGES
 from loopid import LoopidError, load_mechanism, random_configurations
 from loopid.errors import (
-    MissingFileError,
+    AccuracyWarning,
+    FileError,
     MobilityError,
-    MobilityWarning,
     ModelWarning,
     OptionError,
     RobotFileError,
-    SingularityWarning,
 )
 from loopid.kinematics import (
     constraint_residual,
@@ -73,14 +72,14 @@ BROKEN_YAML = {
 }
 # Motors that do not fit the motion: what is warned of, and the passive coordinates left free.
 ILL_FITTING = {
-    "too few": (", leg4_stroke]", "]", MobilityWarning, ("leave", "free"), 1, 0),
-    "none that helps": (MOTORS, "name_mot: [leg1_stroke]", MobilityWarning, ("free", "lock"), 3, 0),
+    "too few": (", leg4_stroke]", "]", ModelWarning, ("leave", "free"), 1, 0),
+    "none that helps": (MOTORS, "name_mot: [leg1_stroke]", ModelWarning, ("free", "lock"), 3, 0),
     # With the platform's tilt known, limb 1 only measures its distance, never its yaw: at the
     # reference the limb lies in the plane that the yaw is symmetric to.
     "undetermined": (
         MOTORS,
         "name_mot: [leg4_revolute, leg4_stroke, platform_pitch, leg1_stroke]",
-        SingularityWarning,
+        AccuracyWarning,
         ("singular", "platform_yaw", "motors stand still"),
         0,
         0,
@@ -134,7 +133,7 @@ def test_bytes_that_are_no_text_are_refused(edited, refusal):
 
 @pytest.mark.parametrize("name", ["nowhere.urdf", "nowhere.yaml", "4ups", "/nowhere/robot.yaml"])
 def test_a_missing_file_is_refused_with_the_bundled_names(name, refusal):
-    with pytest.raises(MissingFileError) as failure:
+    with pytest.raises(FileError) as failure:
         load_mechanism(name)
     assert isinstance(failure.value, FileNotFoundError)
     refusal(failure, name, "3ups_rpu", "5p")
@@ -147,7 +146,7 @@ def test_a_missing_urdf_is_refused_with_its_path(pattern, replacement, edited, r
     file = edited("yaml", pattern, replacement)
     urdf = file.with_name("gone.urdf") if replacement else file.with_suffix(".urdf")
     file.with_suffix(".urdf").unlink()
-    with pytest.raises(MissingFileError) as failure:
+    with pytest.raises(FileError) as failure:
         load_mechanism(file)
     refusal(failure, str(file), str(urdf))
 

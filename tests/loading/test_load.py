@@ -8,7 +8,6 @@ import pytest
 
 from loopid import bundled_robots, load_mechanism, random_configurations
 from loopid.errors import (
-    MobilityWarning,
     ModelWarning,
     RobotFileError,
 )
@@ -249,7 +248,7 @@ def rod(tmp_path):
 
 
 def test_a_turn_is_locked_where_the_closed_reference_of_the_file_has_it(rod):
-    with pytest.warns(MobilityWarning, match="ball"):
+    with pytest.warns(ModelWarning, match="ball"):
         whole = load_mechanism(rod)
     crank, *ball, rocker = whole.reference.tolist()
     closed = " ".join(map(repr, (crank, ball[3], *ball[:3], rocker)))

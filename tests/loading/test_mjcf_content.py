@@ -11,9 +11,9 @@ from hypothesis import assume, example, given, strategies as st
 
 from loopid import load_mechanism
 from loopid.errors import (
+    FileError,
     LoopidError,
     MissingExtraError,
-    MissingFileError,
     RobotFileError,
 )
 from loopid.kinematics import (
@@ -434,7 +434,7 @@ def test_mujoco_writes_no_log_file_of_its_warnings(refused, tmp_path, monkeypatc
 
 
 def test_a_missing_file_is_missing(tmp_path):
-    with pytest.raises(MissingFileError, match=r"gone\.xml is missing"):
+    with pytest.raises(FileError, match=r"gone\.xml is missing"):
         read_mjcf(tmp_path / "gone.xml")
 
 

@@ -12,7 +12,7 @@ from closure_robots import files
 from linkages import five_bar
 from loopid import load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
-from loopid.errors import ReferenceWarning
+from loopid.errors import ModelWarning
 
 # Of each robot its joints that stay parallel, and the drawn pose with its motors turned by 0.5 rad
 # and all parallelograms open: what the folded file must be read as.
@@ -79,7 +79,7 @@ def test_random_poses_stay_in_the_mode(seed, folded):
 
 
 def test_a_difference_of_ranks_is_warned_of(path):
-    with pytest.warns(ReferenceWarning, match=r"DIFFER .*: 3 in mode 1, 8 in mode 2") as told:
+    with pytest.warns(ModelWarning, match=r"DIFFER .*: 3 in mode 1, 8 in mode 2") as told:
         load_mechanism(path("folded_four_bar"))
     assert "singular" in str(told[0].message)
 
@@ -87,7 +87,7 @@ def test_a_difference_of_ranks_is_warned_of(path):
 def test_so_is_a_rank_that_is_not_clear(write_files):
     parts, description = folded_robots.folded_four_bar(coupler=folded_robots.LONG + 1e-6)
     file = write_files(*files(parts, description))
-    with pytest.warns(ReferenceWarning, match=r"MAY DIFFER .*: \? in mode 1, 8 in mode 2"):
+    with pytest.warns(ModelWarning, match=r"MAY DIFFER .*: \? in mode 1, 8 in mode 2"):
         load_mechanism(file)
 
 

@@ -10,9 +10,7 @@ import pytest
 from bank_robots import moved
 from loopid import load_mechanism, random_configurations
 from loopid.errors import (
-    InertiaWarning,
-    MobilityWarning,
-    ReferenceWarning,
+    ModelWarning,
 )
 from loopid.kinematics import mobility
 from loopid.robot import lock_options
@@ -55,10 +53,10 @@ FREE = {
     "mjcf/robotiq_2f85.xml": ["left_follower_joint", "right_follower_joint"],
 }
 WARNED = {
-    **{model: {MobilityWarning} for model in FREE},
+    **{model: {ModelWarning} for model in FREE},
     # Drawn open: its arms close as parallelograms, or crossed.
-    "gepetto/robot_delta/robot.yaml": {MobilityWarning, ReferenceWarning},
-    "urdf_plus/mini_cheetah_leg.urdf": {InertiaWarning},  # as its file has them
+    "gepetto/robot_delta/robot.yaml": {ModelWarning, ModelWarning},
+    "urdf_plus/mini_cheetah_leg.urdf": {ModelWarning},  # as its file has them
 }
 SPINNING = [model for model in FREE if model.startswith("gepetto/")]
 

@@ -7,8 +7,7 @@ from closure_robots import tie
 from linkages import five_bar
 from loopid import load_mechanism, random_configurations
 from loopid.errors import (
-    MobilityWarning,
-    ReferenceWarning,
+    ModelWarning,
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
@@ -50,9 +49,7 @@ def test_the_search_is_repeatable(edited):
 
 def test_a_reference_outside_the_limits_is_named(edited):
     file = edited("urdf", 'lower="0.6537"', 'lower="0.8"')
-    with pytest.warns(
-        ReferenceWarning, match=r"leg1_stroke: 0\.7071 is not in 0\.8 \.\.\. 0\.9337"
-    ):
+    with pytest.warns(ModelWarning, match=r"leg1_stroke: 0\.7071 is not in 0\.8 \.\.\. 0\.9337"):
         load_mechanism(file)
 
 
@@ -70,7 +67,7 @@ def test_a_rounded_reference_closes_where_no_motors_are_known(tmp_path, urdf_fol
     rounded = "{crank_joint: 1.0, coupler_joint: -0.329, rocker_joint: 1.683}"
     closure = "closed_loop: [[coupler_end, rocker_end]]\ntype: [3d]\n"
     (tmp_path / "bar.yaml").write_text(f"{closure}reference: {rounded}\n")
-    with pytest.warns(MobilityWarning, match="does not say which joints have motors"):
+    with pytest.warns(ModelWarning, match="does not say which joints have motors"):
         robot = load_mechanism(tmp_path / "bar.yaml")
     np.testing.assert_allclose(robot.reference, [1.0, -0.329, 1.683], atol=2e-3)
     assert mobility(robot).residual < 1e-10
@@ -80,5 +77,5 @@ def test_limits_that_exclude_the_drawn_pose_are_named(load_files):
     parts, description = five_bar()
     there = 'joint name="left_joint"'
     away = [p.replace('lower="-3"', 'lower="0.5"') if there in p else p for p in parts]
-    with pytest.warns(ReferenceWarning, match=r"limits of left_joint exclude the drawn pose"):
+    with pytest.warns(ModelWarning, match=r"limits of left_joint exclude the drawn pose"):
         load_files(away, description | {"reference": {}})

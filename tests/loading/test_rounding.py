@@ -13,7 +13,6 @@ from linkages import four_bar
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.errors import (
     AccuracyWarning,
-    ClosureWarning,
     MobilityError,
     OptionError,
     RankError,
@@ -52,7 +51,7 @@ def count(robot):
 @pytest.mark.parametrize("name", COUNTS)
 def test_six_digits_leave_rank_and_count_as_they_are(name, linkage, write_files):
     file = write_files(*cad_export(linkage(name)))
-    with pytest.warns(ClosureWarning, match=r"numbers are rounded: .* moved by up to .* rad$"):
+    with pytest.warns(AccuracyWarning, match=r"numbers are rounded: .* moved by up to .* rad$"):
         robot = load_mechanism(file)
     found = mobility(robot)
     assert (found.rank, found.degrees_of_freedom) == (COUNTS[name][0], len(robot.actuated))
@@ -64,7 +63,7 @@ def test_six_digits_leave_rank_and_count_as_they_are(name, linkage, write_files)
 
 def test_what_no_directions_repair_is_closed_as_far_as_it_goes(linkage, write_files):
     """Lengths and twists of Bennett's linkage are to fit each other."""
-    with pytest.warns(ClosureWarning, match="then stay open by"):
+    with pytest.warns(AccuracyWarning, match="then stay open by"):
         robot = load_mechanism(write_files(*cad_export(linkage("bennett"))))
     assert mobility(robot).rank == BENNETT[0]
     assert 0 < robot.closure_residual < 1e-5
@@ -81,7 +80,7 @@ def test_a_plane_that_is_missed_is_met(gap, write_files):
         with pytest.raises(RobotFileError, match="say so by --rounding 3e-06"):
             load_mechanism(file)
         options = {"rounding": 3e-6}
-    with pytest.warns(ClosureWarning, match=f"moved by up to {gap:.1e} m"):
+    with pytest.warns(AccuracyWarning, match=f"moved by up to {gap:.1e} m"):
         robot = load_mechanism(file, **options)
     assert largest_residual(robot, robot.reference[None])[0] < 1e-12
     assert count(robot) == 8
@@ -90,7 +89,7 @@ def test_a_plane_that_is_missed_is_met(gap, write_files):
     # In the YAML as well.
     content = json.loads(file.read_text())
     file.write_text(json.dumps(content | {"rounding": options.get("rounding", 1e-6)}))
-    with pytest.warns(ClosureWarning, match="moved"):
+    with pytest.warns(AccuracyWarning, match="moved"):
         assert load_mechanism(file).rounding == options.get("rounding", 1e-6)
 
 
@@ -138,13 +137,13 @@ def test_nearly_equal_lengths_are_made_equal_when_the_user_agrees(nearly):
     other, moved = nearly_special(robot)
     assert count(other) == 3
     assert "moved by up to 1." in moved
-    with pytest.warns(ClosureWarning, match=r"moved by up to 1\.\de-06 m"):
+    with pytest.warns(AccuracyWarning, match=r"moved by up to 1\.\de-06 m"):
         snapped = load_mechanism(nearly, snap=True)
     assert count(snapped) == 3
     assert nearly_special(snapped) is None
     content = json.loads(nearly.read_text())
     nearly.write_text(json.dumps(content | {"snap": True}))
-    with pytest.warns(ClosureWarning, match="moved"):
+    with pytest.warns(AccuracyWarning, match="moved"):
         assert count(load_mechanism(nearly)) == 3
 
 

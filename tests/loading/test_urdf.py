@@ -21,7 +21,7 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import (
-    ClosureWarning,
+    AccuracyWarning,
     ModelWarning,
     RobotFileError,
 )
@@ -393,7 +393,7 @@ def tilted_bar(tmp_path, urdf_folder):
 
 
 def test_redundant_equations_that_rounding_sets_against_each_other_are_corrected(tilted_bar):
-    with pytest.warns(ClosureWarning, match=r"moved by up to .* m and [1-9].* rad$"):
+    with pytest.warns(AccuracyWarning, match=r"moved by up to .* m and [1-9].* rad$"):
         robot = load_mechanism(tilted_bar(5e-6))
     for bar in (robot, load_mechanism(tilted_bar(0.0))):
         assert mobility(bar).degrees_of_freedom == 2
@@ -404,7 +404,7 @@ def test_redundant_equations_that_rounding_sets_against_each_other_are_corrected
         load_mechanism(tilted_bar(5e-5))
     # As it says.
     rounding = float(re.search(r"--rounding (\S+),", str(failure.value))[1])
-    with pytest.warns(ClosureWarning, match="numbers are rounded"):
+    with pytest.warns(AccuracyWarning, match="numbers are rounded"):
         robot = load_mechanism(tilted_bar(5e-5), rounding=rounding)
     assert mobility(robot).degrees_of_freedom == 2
     assert robot.rounding == rounding
@@ -423,7 +423,7 @@ def test_equations_that_nearly_follow_from_each_other_are_told(tmp_path, urdf_fo
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         robot = load_mechanism(tmp_path / "bar.yaml")
-    texts = [str(w.message) for w in caught if w.category is ClosureWarning]
+    texts = [str(w.message) for w in caught if w.category is AccuracyWarning]
     unclear = [text for text in texts if "rank of the closures is not clear" in text]
     assert bool(unclear) == told
     if told:  # and following the advice helps

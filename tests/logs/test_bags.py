@@ -8,8 +8,8 @@ import pytest
 from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
 
 from loopid.errors import (
+    DataWarning,
     LogError,
-    LogWarning,
     OptionError,
 )
 from loopid.logs import (
@@ -127,7 +127,7 @@ def test_headers_without_time_leave_the_time_of_recording(knee, ros, write, run)
         (received, topic, joint_state(ros, 0, m.name, m.position, m.velocity, m.effort))
         for received, topic, m in states(ros, knee.actuated, *run)
     ]
-    with pytest.warns(LogWarning, match=r"/joint_states: no header of leg1_stroke\.position.*time"):
+    with pytest.warns(DataWarning, match=r"no header of leg1_stroke\.position.*time"):
         check(read_log(write(messages), knee), run)
 
 
@@ -168,7 +168,7 @@ def test_bad_values_are_left_out_by_message(knee, ros, write, run):
     q[[5, 9], 2] = np.nan, np.inf
     path = write(states(ros, knee.actuated, stamps, q, f))
     message = r"/joint_states: no number in leg3_stroke\.position in rows 6, 10 of 400: left out"
-    with pytest.warns(LogWarning, match=message):
+    with pytest.warns(DataWarning, match=message):
         read_log(path, knee)
 
 

@@ -6,8 +6,8 @@ from simulated_logs import table
 
 from loopid import load_mechanism
 from loopid.errors import (
+    DataWarning,
     LogError,
-    LogWarning,
 )
 from loopid.logs import read_log
 
@@ -101,7 +101,7 @@ def test_bad_cells_are_left_out(read_text, good_text, truth, cell):
         cells = rows[k].split(",")
         rows[k] = ",".join([*cells[:3], cell, *cells[4:]])
     message = r"log\.csv: no number in leg3_stroke\.position in rows 12, 13, 802 of 1601: left out"
-    with pytest.warns(LogWarning, match=message):
+    with pytest.warns(DataWarning, match=message):
         log = read_text(joined(header, rows))
     # The holes are bridged: straight lines are off by less than a h² / 8.
     assert np.abs(log.position - truth.position).max() < 0.05 * 0.03**2 / 8
@@ -114,7 +114,7 @@ def test_bad_cells_are_left_out(read_text, good_text, truth, cell):
 def test_bad_times_are_left_out(read_text, good_text, cell):
     header, rows = lines_of(good_text)
     rows[7] = f"{cell}," + rows[7].split(",", 1)[1]
-    with pytest.warns(LogWarning, match="no number in time in row 9 of 1601: left out"):
+    with pytest.warns(DataWarning, match="no number in time in row 9 of 1601: left out"):
         read_text(joined(header, rows))
 
 
@@ -122,7 +122,7 @@ def test_rows_of_another_length_and_repeated_headers_are_left_out(read_text, goo
     header, rows = lines_of(good_text)
     rows[20], rows[40] = rows[20] + ",3", header
     rows[60] = rows[60][:40]
-    with pytest.warns(LogWarning) as caught:
+    with pytest.warns(DataWarning) as caught:
         read_text(joined(header, rows))
     messages = " ".join(str(one.message) for one in caught)
     assert "another number of cells than there are columns in rows 22, 62 of 1601" in messages
@@ -236,7 +236,7 @@ def test_wrong_units_and_robots_at_rest_are_refused(changed, change, message):
     ],
 )
 def test_what_looks_wrong_is_warned_of_and_kept(changed, truth, change, message):
-    with pytest.warns(LogWarning, match=message):
+    with pytest.warns(DataWarning, match=message):
         assert len(changed(change)) == len(truth.time)
 
 
@@ -245,7 +245,7 @@ def test_glitches_are_left_out(changed, truth):
         arrays["position"][700, 2] = 7.0
         arrays["force"][900, 1] = 1e7
 
-    with pytest.warns(LogWarning) as caught:
+    with pytest.warns(DataWarning) as caught:
         log = changed(disturb)
     messages = [str(one.message) for one in caught]
     assert "positions far outside the limits of their joints in row 702 of 1601" in messages[0]
@@ -293,5 +293,5 @@ def test_nanoseconds_beyond_a_second_are_no_time(knee, truth, write_folder, nano
     folder = write_folder(position=(stamps, truth.position), force=(stamps, truth.force))
     text = (folder / "force.txt").read_text().replace("\t50000000\t", f"\t{nanoseconds}\t", 1)
     (folder / "force.txt").write_text(text)
-    with pytest.warns(LogWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
+    with pytest.warns(DataWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
         read_log(folder, knee)

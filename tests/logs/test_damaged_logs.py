@@ -13,9 +13,9 @@ from recorded_logs import write_any
 
 from loopid.diagnosis import suspicions
 from loopid.errors import (
+    FileError,
     LogError,
     LoopidError,
-    MissingFileError,
 )
 from loopid.logs import (
     LogMapping,
@@ -262,7 +262,7 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, ending, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(LogError, match=rf"{name} is no .*, or is damaged: "):
         read_log(tmp_path / name, knee)
-    with pytest.raises(MissingFileError):
+    with pytest.raises(FileError):
         read_log(tmp_path / f"no_{name}", knee)
 
 

@@ -10,10 +10,10 @@ from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
 from loopid.errors import (
+    DataWarning,
+    FileError,
     LogError,
-    LogWarning,
     MissingExtraError,
-    MissingFileError,
 )
 from loopid.logs import (
     LogMapping,
@@ -192,7 +192,7 @@ def test_only_some_rows_are_as_if_there_were_no_others(
         for name in ("time", "position", "force", "stretches", "dropped"):
             np.testing.assert_array_equal(getattr(log, name), getattr(part, name))
     with pytest.warns(
-        LogWarning, match=r"spoilt\.csv\[91:\]: another number of cells .* of 410: left"
+        DataWarning, match=r"spoilt\.csv\[91:\]: another number of cells .* of 410: left"
     ):
         assert len(read_log(spoilt, knee, rows=(91, None))) == 401
 
@@ -211,7 +211,7 @@ def test_folders_with_a_file_a_stream(truth, knee, check, write_folder, ending, 
 
 
 def test_missing_logs_are_named(knee, tmp_path):
-    with pytest.raises(MissingFileError, match=r"there is no log .*nowhere\.csv"):
+    with pytest.raises(FileError, match=r"there is no log .*nowhere\.csv"):
         read_log(tmp_path / "nowhere.csv", knee)
 
 

@@ -8,8 +8,8 @@ import pytest
 from simulated_logs import table
 
 from loopid.errors import (
+    FileError,
     LogError,
-    MissingFileError,
 )
 from loopid.logs import (
     LogMapping,
@@ -160,7 +160,7 @@ def test_other_yaml_is_refused(write_mapping, text):
 
 
 def test_missing_mappings_are_named(tmp_path):
-    with pytest.raises(MissingFileError, match=r"nowhere\.yaml does not exist"):
+    with pytest.raises(FileError, match=r"nowhere\.yaml does not exist"):
         read_mapping(tmp_path / "nowhere.yaml")
     with pytest.raises(LogError, match="is a folder"):
         read_mapping(tmp_path)

@@ -10,8 +10,8 @@ from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
 from loopid.errors import (
+    DataWarning,
     LogError,
-    LogWarning,
 )
 from loopid.logs import (
     LogMapping,
@@ -80,7 +80,7 @@ def test_stamps_keep_every_nanosecond_beside_empty_cells(knee, columns, parquet,
     cells[7] = None
     time = polars.Series("time_ns", cells).cast(kind)
     path = parquet({"time_ns": time} | {k: v for k, v in columns.items() if k != "time"})
-    with pytest.warns(LogWarning, match="no number in time_ns in row 8 of 300: left out"):
+    with pytest.warns(DataWarning, match="no number in time_ns in row 8 of 300: left out"):
         (stream,) = read_streams(path, knee.actuated, LogMapping())
     np.testing.assert_array_equal(stream.stamps, np.delete(stamps, 7))
 
@@ -106,7 +106,7 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
     cells = columns["leg2_stroke.force"].tolist()
     cells[3], cells[50] = empty, empty
     message = r"no number in leg2_stroke\.force in rows 4, 51 of 300: left out"
-    with pytest.warns(LogWarning, match=message):
+    with pytest.warns(DataWarning, match=message):
         log = read_log(parquet(columns | {"leg2_stroke.force": cells}), knee)
     assert [part.count for part in log.dropped] == [2]
 

@@ -9,8 +9,8 @@ import pytest
 from loopid.errors import (
     AssemblyError,
     DataError,
+    DataWarning,
     LogError,
-    LogWarning,
     OptionError,
 )
 from loopid.kinematics import (
@@ -122,7 +122,7 @@ def test_rates_that_are_not_those_of_the_positions_are_named(knee, truth, tmp_pa
             read_with(knee, truth, tmp_path, [quantity], **wrong)
         assert float(str(said.value).split()[6]) == pytest.approx(factor, rel=0.02)
     wrong = {f"{quantity}_scale": scale | {"leg2_stroke": 1.15 * scale["leg2_stroke"]}}
-    with pytest.warns(LogWarning, match=f"{quantity} of leg2_stroke is 1.1.* times .* by 1.%"):
+    with pytest.warns(DataWarning, match=f"{quantity} of leg2_stroke is 1.1.* times .* by 1.%"):
         read_with(knee, truth, tmp_path, [quantity], **wrong)
 
 
@@ -206,7 +206,7 @@ def test_clipped_forces_are_masked_and_named(knee, log, truth):
     limit = 0.8 * np.abs(truth.force[:, 0]).max()
     force = truth.force.copy()
     force[:, 0] = np.clip(force[:, 0], -limit, limit)
-    with pytest.warns(LogWarning, match=r"force of leg1_stroke stays at .* clipped"):
+    with pytest.warns(DataWarning, match=r"force of leg1_stroke stays at .* clipped"):
         found = prepared(knee, altered(log, force=force))
     told = replace(altered(log, force=force), saturation=np.array([limit, 1e9, 1e9, 1e9]))
     told = prepared(knee, told)
@@ -220,7 +220,7 @@ def test_forces_clipped_at_any_level_are_named_and_coarse_ones_are_not(log, bias
     force[:, 0] = np.sign(force[:, 0]) * (bias + np.abs(force[:, 0]))
     limit = np.percentile(np.abs(force[:, 0]), 95)
     force[:, 0] = np.clip(force[:, 0], -limit, limit)
-    with pytest.warns(LogWarning, match="force of leg1_stroke stays"):
+    with pytest.warns(DataWarning, match="force of leg1_stroke stays"):
         limits = preparation.clipped_from(altered(log, force=force))
     np.testing.assert_array_equal(limits, [limit, np.inf, np.inf, np.inf])
     coarse = np.round(log.force / 5) * 5
@@ -235,7 +235,7 @@ def test_samples_of_a_frozen_encoder_are_left_out_and_named(knee, log, rows, spe
     way, fastest = np.abs(np.diff(held)), np.abs(np.diff(position[:, 1])).max()
     start = int(np.abs(way - speed * fastest).argmin())
     position[rows, 1] = np.where(np.arange(len(held)) < start, held, held[start])
-    with pytest.warns(LogWarning, match="position of leg2_stroke is frozen"):
+    with pytest.warns(DataWarning, match="position of leg2_stroke is frozen"):
         found = prepared(knee, altered(log, position=position))
     lost = log.time[rows][start + 1 : -1]
     assert not np.isin(found.motion.time, lost).any()
@@ -288,7 +288,7 @@ def far_away(log, rows):
 def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
     strange = far_away(log, np.arange(700, 900))
     message = r"run: the loops do not close in \d+ of 391 samples, between .* m\): left out"
-    with pytest.warns(LogWarning, match=message):
+    with pytest.warns(DataWarning, match=message):
         recording = prepared(knee, strange)
     (open_loops,) = (part for part in recording.dropped if part.reason == "loops do not close")
     assert 7 < open_loops.first < open_loops.last < 9
@@ -306,7 +306,7 @@ def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
     swapped = position[:, [1, 0, 2, 3]]
     log = Log("run", knee.actuated, motion.time[:300], swapped[:300], force[:300], numbers)
     closing = "all close with the positions of leg1_stroke and leg2_stroke exchanged"
-    with pytest.warns(LogWarning, match=rf"loops do not close in .*; {closing}: left out"):
+    with pytest.warns(DataWarning, match=rf"loops do not close in .*; {closing}: left out"):
         prepare_recording(knee, log, lowpass=None)
 
 
@@ -319,7 +319,7 @@ def test_a_log_of_another_robot_does_not_assemble(knee, log):
 def test_near_a_singularity_samples_are_left_out(knee, log, truth, monkeypatch):
     margin = float(np.median(truth.motion.singularity))
     monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", margin)
-    with pytest.warns(LogWarning, match="run: the robot is near a singularity in .* left out"):
+    with pytest.warns(DataWarning, match="run: the robot is near a singularity in .* left out"):
         recording = prepared(knee, log)
     assert (recording.motion.singularity >= margin).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)

@@ -8,8 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from loopid import gravity_regressor, random_configurations, structural_observation
 from loopid.errors import (
+    AccuracyWarning,
     OptionError,
-    SingularityWarning,
 )
 
 # Gravity never does work on these, in the paper's link frames (m11, m21, m31, m41, m41 y, m42 z).
@@ -105,6 +105,6 @@ def test_the_number_of_blas_threads_changes_no_bit(knee, model):
 def test_draws_near_a_singularity_are_meant(load_once, monkeypatch):
     monkeypatch.setattr("loopid.kinematics.projection.NEAR_SINGULARITY", 0.5)
     five_bar = load_once("five_bar")
-    with pytest.warns(SingularityWarning, match="samples are near a singularity"):
+    with pytest.warns(AccuracyWarning, match="samples are near a singularity"):
         gravity_regressor(five_bar, random_configurations(five_bar, 100))
     structural_observation(five_bar)  # warnings are errors

@@ -13,7 +13,7 @@ from closure_robots import files
 from linkages import rssr
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import expression
-from loopid.errors import MobilityWarning
+from loopid.errors import ModelWarning
 from loopid.motion import (
     JointRange,
     MotionReview,
@@ -105,7 +105,7 @@ def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
     """The free spin of a rod in ball joints has a row "= 0", which no motor feels."""
     for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):
         (tmp_path / name).write_text(text)
-    with pytest.warns(MobilityWarning):
+    with pytest.warns(ModelWarning):
         robot = load_mechanism(tmp_path / "robot.yaml")
     assert len(robot.free) == 1
     observed = structural_observation(robot, "full")

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from closure_robots import body, joint
 from loopid import load_mechanism
-from loopid.errors import InertiaWarning
+from loopid.errors import ModelWarning
 from loopid.robot import (
     inertia_defects,
     odd_masses,
@@ -101,7 +101,7 @@ def test_loading_warns_of_impossible_inertias_by_file_and_link(tmp_path, knee):
         broken = text.replace('iyy="0.21707"', 'iyy="2.1707"')
         (tmp_path / f"3ups_rpu{suffix}").write_text(broken)
     file = tmp_path / "3ups_rpu.yaml"
-    with pytest.warns(InertiaWarning, match=r"platform: .* no solid body") as told:
+    with pytest.warns(ModelWarning, match=r"platform: .* no solid body") as told:
         loaded = load_mechanism(file)
     assert str(file) in str(told[0].message)
     # Structure does not depend on the values: the robot loads all the same.
@@ -128,5 +128,5 @@ def test_joints_that_move_nothing_with_mass_are_named(load_files):
         joint("shoulder", "ground", "upper"),
         joint("wrist", "upper", "tip", (0.3, 0, 0)),
     )
-    with pytest.warns(InertiaWarning, match="joints that move nothing with mass: wrist"):
+    with pytest.warns(ModelWarning, match="joints that move nothing with mass: wrist"):
         load_files(parts, {})

@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 from loopid import load_mechanism
 from loopid.errors import (
     DataError,
-    MissingFileError,
+    FileError,
     OptionError,
     RobotFileError,
 )
@@ -280,7 +280,7 @@ def test_what_is_no_motion_file_is_refused(program_of, text, fragments):
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "4ups", "5p"])
 def test_a_missing_file_is_refused_with_the_robots_that_have_motions(name):
-    with pytest.raises(MissingFileError) as failure:
+    with pytest.raises(FileError) as failure:
         read_motion_program(name)
     check_sentence(failure, name, "3ups_rpu")
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import (
+    FileError,
     LogError,
-    MissingFileError,
     OptionError,
 )
 from loopid.motion import (
@@ -141,7 +141,7 @@ def test_wrong_options_are_refused(write, arguments, word):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(MissingFileError, match=r"gone\.txt does not exist"):
+    with pytest.raises(FileError, match=r"gone\.txt does not exist"):
         read_reference(tmp_path / "gone.txt", NAMES)
 
 

@@ -18,7 +18,7 @@ from loopid.arguments import (
     frozen,
 )
 from loopid.errors import (
-    LogWarning,
+    DataWarning,
     warn,
 )
 from loopid.identification.problem import FitSamples
@@ -66,7 +66,7 @@ class BandSweep:
                 f"{np.abs(self.shifts).max():.1f} standard errors when the filter is narrower: "
                 "noise of the positions biases them, and intervals do not allow for it; a lower "
                 "cut-off may help (--cutoff, lowpass)",
-                LogWarning,
+                DataWarning,
             )
 
 

@@ -27,7 +27,7 @@ from loopid.arguments import (
     spread_rows,
 )
 from loopid.errors import (
-    LogWarning,
+    DataWarning,
     warn,
 )
 from loopid.identification.force_model import body_sizes
@@ -46,7 +46,6 @@ from loopid.logs.recording import (
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import picked
 from loopid.workers import one_blas_thread
 
 # Samples that are looked at, evenly spread; fewest of a motor, and that count as independent.
@@ -175,7 +174,7 @@ def warn_of_suspicions(
 
     Warns
     -----
-    LogWarning
+    DataWarning
         Of each mistake.
     """
     logs: dict[str, list[Recording]] = {}
@@ -184,7 +183,7 @@ def warn_of_suspicions(
     found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
     for one in found:
         for sentence in one.sentences:
-            warn(f"{one.recording}: {sentence}", LogWarning)
+            warn(f"{one.recording}: {sentence}", DataWarning)
     return found
 
 
@@ -354,9 +353,9 @@ class _Model:
         else:  # friction as the forces are filtered
             speeds = [history.velocity[:, history.joints.index(name)] for name in self.names]
             sign = np.column_stack([history.lowpassed(np.sign(speed)) for speed in speeds])
-        rates = [picked(rate, rows) for rate in (sign, motion.velocities, motion.accelerations)]
+        rates = [rate[rows] for rate in (sign, motion.velocities, motion.accelerations)]
         q, force, used = motion.configurations, recording.force, recording.used
-        return [picked(q, rows), np.stack(rates, axis=2), picked(force, rows), picked(used, rows)]
+        return [q[rows], np.stack(rates, axis=2), force[rows], used[rows]]
 
     def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
         whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])

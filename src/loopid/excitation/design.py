@@ -24,9 +24,9 @@ from loopid.arguments import (
     frozen,
 )
 from loopid.errors import (
-    ExcitationWarning,
+    AccuracyWarning,
+    DataWarning,
     OptionError,
-    SingularityWarning,
     warn,
 )
 from loopid.excitation.criteria import (
@@ -313,7 +313,7 @@ def design_excitation(
 
     Warns
     -----
-    ExcitationWarning
+    DataWarning
         Naming what the motion does not excite, and the bounds that it uses most.
 
     Notes
@@ -341,7 +341,7 @@ def design_excitation(
         raise OptionError(f"iterations must be 0 at least, not {iterations}")
     duration = DURATIONS[force_model.model] if duration is None else duration
     with one_blas_thread(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", SingularityWarning)  # of motions that are tried
+        warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         basis, unknown = _unknown(force_model, payload)
         deviations, prior = _known(force_model, after, noise, basis, rate)
         configurations = random_configurations(mechanism, POSES, seed, margin=0.0)
@@ -446,7 +446,7 @@ def _warn_of_unexcited(
             f"the motion of {problem.force_model.mechanism.name} does not excite "
             f"{shortened(labels)}: the bounds that it uses most are {bounds}; widen them, or lock "
             "what cannot move",
-            ExcitationWarning,
+            DataWarning,
         )
 
 

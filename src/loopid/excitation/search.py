@@ -303,7 +303,7 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
     try:
         import ipyopt
     except ImportError as error:
-        raise MissingExtraError("ipyopt", "excite") from error
+        raise MissingExtraError.of("ipyopt", "excite") from error
     N, watched = len(search.problem.time), search.watched
     lower, upper = (np.tile(end[watched], N) for end in search.problem.limits)
     n, m = len(start), len(lower)

@@ -89,7 +89,7 @@ def regressor_code(
         When there are not n finite values.
     """
     if find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "codegen")
+        raise MissingExtraError.of("casadi", "codegen")
     from loopid.export.symbolic import c_functions  # here, as it needs CasADi
 
     chosen = name
@@ -142,7 +142,7 @@ def export_regressor(
     ------
     MissingExtraError, OptionError, DataError
         As ``regressor_code``.
-    OutputError
+    FileError
         When the files cannot be written.
 
     Examples

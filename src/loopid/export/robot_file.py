@@ -26,9 +26,8 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     DataError,
-    FeasibilityError,
+    FileError,
     OptionError,
-    OutputError,
     RobotFileError,
 )
 from loopid.export.located_xml import (
@@ -101,7 +100,7 @@ def updated_robot_file(
 
     Raises
     ------
-    FeasibilityError
+    DataError
         Naming a link that would not be physically consistent.
     DataError, RobotFileError
         When the parameters, or the file, are not those of the mechanism.
@@ -148,11 +147,11 @@ def export_robot_file(
 
     Raises
     ------
-    OutputError
+    FileError
         When the file cannot be written, or is the robot's own.
     OptionError
         When the name ends otherwise.
-    FeasibilityError, DataError, RobotFileError
+    DataError, DataError, RobotFileError
         As ``updated_robot_file``.
 
     Examples
@@ -169,7 +168,7 @@ def export_robot_file(
     if place.suffix not in endings:
         raise OptionError.unknown("ending", place.suffix or str(path), endings)
     if not overwrite and place.exists() and place.samefile(tree):
-        raise OutputError(
+        raise FileError(
             f"{path} is the robot's own file: name another, or replace it, overwrite=True "
             "(--overwrite)"
         )
@@ -247,7 +246,7 @@ def updated_inertials(
             if after is not before:
                 reason = body_defect(after, flat_allowed=at_rest)
                 if reason:
-                    raise FeasibilityError(f"link {name} cannot have these parameters: {reason}")
+                    raise DataError(f"link {name} cannot have these parameters: {reason}")
                 back = np.linalg.inv(T)
                 changed[name] = back @ after @ back.T
     return changed

@@ -14,8 +14,8 @@ import numpy as np
 
 from loopid.arguments import IntArray
 from loopid.errors import (
+    DataWarning,
     LogError,
-    LogWarning,
     warn,
 )
 from loopid.files import why_no_file
@@ -162,7 +162,7 @@ class BagFormat(LogFormat):
             warn(
                 f"{topic.source}: no header of {', '.join(values)} has a time: the times of "
                 "recording stand in for them",
-                LogWarning,
+                DataWarning,
             )
             stamps = received
         columns = {STAMP: stamps[messages], RECEIVED: received[messages]}

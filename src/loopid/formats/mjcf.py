@@ -24,7 +24,7 @@ from loopid.arguments import (
     FloatArray,
 )
 from loopid.errors import (
-    MissingFileError,
+    FileError,
     RobotFileError,
 )
 from loopid.files import why_no_file
@@ -183,7 +183,7 @@ def _named(names: Sequence[str], k: int) -> str:
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from."""
     if not path.is_file():
-        raise MissingFileError(f"{path} is missing")
+        raise FileError(f"{path} is missing")
     _refuse_excess(path, path.parent, [])
     # MuJoCo would print its warnings, and append them to a file where it runs.
     heard: list[str] = []

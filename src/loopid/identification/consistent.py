@@ -20,7 +20,6 @@ from loopid.arguments import (
 from loopid.base_parameters.base import BaseParameters
 from loopid.errors import (
     DataError,
-    FeasibilityError,
     OptionError,
 )
 from loopid.identification.consistent_prior import (
@@ -202,7 +201,7 @@ def consistent_fit(
 
     Raises
     ------
-    FeasibilityError
+    DataError
         Naming the bodies of the prior that are not consistent, or when Clarabel does not converge.
     MissingExtraError
         Without Clarabel.
@@ -296,7 +295,7 @@ def consistent_parameters(
 
     Raises
     ------
-    FeasibilityError
+    DataError
         Naming the bodies and base parameters in conflict when there are none; or the bodies of the
         prior that are not consistent.
     MissingExtraError
@@ -324,7 +323,7 @@ def consistent_parameters(
             near = minimise(
                 whitening, STIFFNESS * rows, STIFFNESS * aim, "riemannian", refuse=False
             )
-            raise FeasibilityError(_conflict(base, target, whitening, near))
+            raise DataError(_conflict(base, target, whitening, near))
         unknowns = minimise(whitening, rows, aim, regularisation, exact=True)
     standard, positive = whitening.standard_parameters(unknowns), sound.layout.positive
     standard[positive] = np.maximum(standard[positive], 0.0)  # by no more than round-off

@@ -19,7 +19,6 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     DataError,
-    FeasibilityError,
 )
 from loopid.inertia import (
     body_defect,
@@ -125,7 +124,7 @@ def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:
     layout, values = _checked(parameters, prior)
     defects = _defects(layout, values)
     if defects:
-        raise FeasibilityError(
+        raise DataError(
             f"the prior of {', '.join(defect.name for defect in defects)} is not physically "
             f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them, "
             "repair=True (--repair)"
@@ -141,7 +140,7 @@ def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:
         centres = own[:, 1:] / own[:, :1]
         reach = np.sqrt((centres**2).sum() / max(len(own), 1))
         if not reach > 0:
-            raise FeasibilityError(
+            raise DataError(
                 "all centres of mass of the prior are in the origins of their links, so that "
                 "nothing tells how large the bodies are: use the full model"
             )
@@ -174,7 +173,7 @@ def repaired_prior(parameters: ParameterSet, prior: FloatArray) -> FloatArray:
 
     Raises
     ------
-    FeasibilityError
+    DataError
         Naming bodies whose defect is none of these, such as a negative mass.
     DataError
         When the values have another shape or are not finite, or a body lacks parameters.
@@ -183,7 +182,7 @@ def repaired_prior(parameters: ParameterSet, prior: FloatArray) -> FloatArray:
     defects = _defects(layout, values)
     lost = [defect for defect in defects if not defect.repairable]
     if lost:
-        raise FeasibilityError(f"the prior cannot be repaired: {'; '.join(map(str, lost))}")
+        raise DataError(f"the prior cannot be repaired: {'; '.join(map(str, lost))}")
     # Mean second moment over mass (m²) of the bodies that have an extent.
     own = values[layout.columns]
     solid = pseudo_inertia(own[own[:, 0] > 0]) if layout.full else np.empty((0, 4, 4))
@@ -230,5 +229,5 @@ def _thicker(name: str, own: FloatArray, ball: float) -> FloatArray:
     has_extent = moments[2] > POINT * mass * (centre @ centre)
     moments = np.maximum(moments, THICKNESS * moments[2] if has_extent else mass * ball)
     if moments[0] <= 0:
-        raise FeasibilityError(f"no body tells how large {name} is: the prior cannot be repaired")
+        raise DataError(f"no body tells how large {name} is: the prior cannot be repaired")
     return parameters_of(from_moments(mass, centre, axes * moments @ axes.T))

@@ -35,7 +35,7 @@ from loopid.arguments import (
 )
 from loopid.base_parameters.base import BaseParameters
 from loopid.errors import (
-    FeasibilityError,
+    DataError,
     MissingExtraError,
     OptionError,
 )
@@ -195,7 +195,7 @@ def minimise(
         When there is no such regularisation.
     MissingExtraError
         Without Clarabel.
-    FeasibilityError
+    DataError
         When Clarabel does not reach its tolerance.
     """
     if regularisation not in REGULARISATIONS:
@@ -227,7 +227,7 @@ def minimise(
         found = _projected(found, F, g)
     solved = str(solution.status) in SOLVED and gap <= LARGEST_GAP * (1 + abs(solution.obj_val))
     if refuse and not (solved and whitening.depth(found) > 0):
-        raise FeasibilityError(
+        raise DataError(
             f"the consistent parameters do not converge: Clarabel ends with {solution.status}, its "
             f"objective certain to {gap:.1e} only: raise the strength of the prior, or the margin"
         )
@@ -330,7 +330,7 @@ class _Program:
         try:
             import clarabel
         except ImportError as error:
-            raise MissingExtraError("clarabel", "sdp") from error
+            raise MissingExtraError.of("clarabel", "sdp") from error
         from scipy.sparse import csc_matrix
 
         P, c = np.zeros((self.size, self.size)), np.zeros(self.size)

@@ -26,7 +26,7 @@ from loopid.arguments import (
     IntArray,
 )
 from loopid.errors import (
-    CorrelationWarning,
+    DataWarning,
     warn,
 )
 from loopid.identification.least_squares import WorkingFit
@@ -473,7 +473,7 @@ def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
         consequence = f"intervals are {width}"
     else:
         consequence = f"too few effective samples for intervals of {len(ratio)} parameters"
-    warn(f"autocorrelated residuals of {actuators}: {consequence}", CorrelationWarning)
+    warn(f"autocorrelated residuals of {actuators}: {consequence}", DataWarning)
 
 
 def warn_of_scatter(result: FitResult, within: FitResult) -> None:
@@ -490,5 +490,5 @@ def warn_of_scatter(result: FitResult, within: FitResult) -> None:
         warn(
             "estimates vary more between recordings than errors within these explain, intervals "
             f"allow for it: standard errors of {', '.join(names)} as large",
-            CorrelationWarning,
+            DataWarning,
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import (
-    ExcitationWarning,
+    DataWarning,
     OptionError,
     warn,
 )
@@ -72,10 +72,10 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
 
     Warns
     -----
-    CorrelationWarning
+    DataWarning
         When residuals are so autocorrelated that there are clearly fewer effective samples, or
         parameters clearly vary between recordings.
-    ExcitationWarning
+    DataWarning
         Naming the parameters whose 95 % interval includes zero.
 
     Examples
@@ -139,7 +139,7 @@ def warn_of_insignificant(result: FitResult) -> None:
     warn(
         f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
         f"their relative standard deviation: {listed}",
-        ExcitationWarning,
+        DataWarning,
     )
 
 

@@ -476,7 +476,7 @@ def distributed_problem(
     try:
         import dask
     except ImportError as error:
-        raise MissingExtraError("dask", "distributed") from error
+        raise MissingExtraError.of("dask", "distributed") from error
     model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
     level = [dask.delayed(_reduced)(model, source) for source in sources]
     if not level:

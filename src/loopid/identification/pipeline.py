@@ -34,8 +34,7 @@ from loopid.diagnosis.term_sets import (
 )
 from loopid.errors import (
     DataError,
-    ExcitationWarning,
-    LogWarning,
+    DataWarning,
     ModelWarning,
     OptionError,
     RankError,
@@ -357,10 +356,10 @@ def identify(
 
     Warns
     -----
-    ExcitationWarning
+    DataWarning
         Of unidentifiable combinations that the robot file's values are kept for, and of weakly
         identifiable ones.
-    LogWarning
+    DataWarning
         Of mistakes that would explain the forces of a log clearly better (``suspicions``).
 
     Examples
@@ -396,7 +395,7 @@ def identify(
         if any(np.array_equal(run.force, other.force) for other in training):
             warn(
                 f"{run.name} is fitted and validates: its errors say nothing of new data",
-                LogWarning,
+                DataWarning,
             )
     looked_at = *training, *validation, *friction
     suspected = warn_of_suspicions(force_model.mechanism, looked_at, force_model.joint_terms)
@@ -454,9 +453,9 @@ def identify(
         if sweep is not None:
             sweep.warn()
     if found.unidentifiable:
-        warn(found.unidentifiable_message, ExcitationWarning)
+        warn(found.unidentifiable_message, DataWarning)
     if found.weak:
-        warn(found.weak_message, ExcitationWarning)
+        warn(found.weak_message, DataWarning)
     reduction = _reduced(force_model, data, chosen, excitation.held)
     start, spread = _baseline(force_model, samples, chosen)
     excited = len(start) - len(found.unidentifiable)

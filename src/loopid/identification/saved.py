@@ -44,9 +44,8 @@ from loopid.base_parameters.naming import expression
 from loopid.base_parameters.structure import analyse
 from loopid.errors import (
     DataError,
-    FeasibilityError,
+    FileError,
     LoopidError,
-    MissingFileError,
     OptionError,
 )
 from loopid.files import (
@@ -507,7 +506,7 @@ class SavedFit(_Record):
 
         Raises
         ------
-        FeasibilityError
+        DataError
             Naming bodies, when there are none, or when one would be that heavy.
         """
         if self.consistency is not None:
@@ -527,7 +526,7 @@ class SavedFit(_Record):
             j = masses[worst]
             bayes = self.estimate is not None and self.estimate.estimator == "bayes"
             other = "" if bayes else "it as a prior (loopid identify --estimator bayes), or "
-            raise FeasibilityError(
+            raise DataError(
                 f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
                 f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
                 "(loopid identify --consistent entropic, which writes standard_parameters.yaml); "
@@ -626,7 +625,7 @@ def save_fit(
         When the fit is not one of the parameters of the force model.
     OptionError
         When the name ends otherwise.
-    OutputError
+    FileError
         When the file cannot be written, or is one of the robot's.
 
     Examples
@@ -647,7 +646,7 @@ def read_fit(path: str | Path) -> SavedFit:
 
     Raises
     ------
-    MissingFileError
+    FileError
         When there is no such file.
     DataError
         When it is no saved fit, or damaged: what is missing or makes no sense.
@@ -671,7 +670,7 @@ def read_fit(path: str | Path) -> SavedFit:
     place = Path(path)
     ending, reason = _ending(place), why_no_file(place)
     if reason == "does not exist":
-        raise MissingFileError(f"there is no file {path}")
+        raise FileError(f"there is no file {path}")
     if reason:
         raise DataError(f"{path} {reason}")
     try:

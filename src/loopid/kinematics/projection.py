@@ -23,9 +23,9 @@ from loopid.arguments import (
     samples,
 )
 from loopid.errors import (
+    AccuracyWarning,
     MobilityError,
     SingularityError,
-    SingularityWarning,
     warn,
 )
 from loopid.kinematics.constraint import (
@@ -264,7 +264,7 @@ def project(
 
     Warns
     -----
-    SingularityWarning
+    AccuracyWarning
         Where they hardly do: the measure is below ``NEAR_SINGULARITY``.
 
     Examples
@@ -424,7 +424,7 @@ def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -
         warn(
             f"{len(near)} samples are near a singularity, first sample {k[near[0]]} "
             f"(measure {measure[near[0]]:.1e}, warned of below {NEAR_SINGULARITY:g})",
-            SingularityWarning,
+            AccuracyWarning,
         )
 
 

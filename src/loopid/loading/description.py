@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import (
-    MissingFileError,
+    FileError,
     ModelWarning,
     RobotFileError,
     warn,
@@ -321,7 +321,7 @@ def find_files(path: str | Path) -> RobotFiles:
             return RobotFiles(file, given, tree)
         kind, place = "MJCF" if given.mjcf is not None else "URDF", " ".join(str(tree).split())
         missing = missing or f"{file}: its {kind} {place} is missing: it {problem}"
-    raise MissingFileError(missing)
+    raise FileError(missing)
 
 
 def find_motion_file(path: str | Path) -> Path:
@@ -340,4 +340,4 @@ def _existing(
         return Path(path)
     if str(path) in bundled:
         return bundled_directory() / f"{path}{ending}"
-    raise MissingFileError(f"{what}{Path(path)} {problem}, and {listing}: {', '.join(bundled)}")
+    raise FileError(f"{what}{Path(path)} {problem}, and {listing}: {', '.join(bundled)}")

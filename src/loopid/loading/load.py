@@ -16,15 +16,12 @@ from loopid.arguments import (
     checked,
 )
 from loopid.errors import (
-    ClosureWarning,
-    InertiaWarning,
+    AccuracyWarning,
     MissingExtraError,
     MobilityError,
-    MobilityWarning,
     ModelWarning,
     OptionError,
     RobotFileError,
-    SingularityWarning,
     warn,
 )
 from loopid.kinematics import mobility
@@ -117,14 +114,14 @@ def load_mechanism(
 
     Raises
     ------
-    MissingFileError, RobotFileError, MobilityError, OptionError
+    FileError, RobotFileError, MobilityError, OptionError
         Naming the file and the offender.
     MissingExtraError
         When an MJCF is to be read and MuJoCo is not installed.
 
     Warns
     -----
-    MobilityWarning, SingularityWarning, ClosureWarning, ReferenceWarning, InertiaWarning, \
+    ModelWarning, AccuracyWarning, AccuracyWarning, ModelWarning, ModelWarning, \
 ModelWarning
         Of what is loaded nevertheless.
 
@@ -205,7 +202,7 @@ def _read_tree(files: RobotFiles, floating_base: bool, free_mimics: bool) -> Tre
     try:
         from loopid.formats.mjcf import read_mjcf  # here, as it needs MuJoCo
     except ImportError as error:
-        raise MissingExtraError("mujoco", "mjcf") from error
+        raise MissingExtraError.of("mujoco", "mjcf") from error
     return read_mjcf(files.tree)
 
 
@@ -491,7 +488,7 @@ def _warn_of_findings(
         warn(
             f"{path} does not say which joints have motors: all count as "
             f"actuated{though}; list the motors as 'name_mot' in a YAML beside it",
-            MobilityWarning,
+            ModelWarning,
         )
     floating = mechanism.coordinates_of(mechanism.floating)
     free = [name for name in mechanism.free if name not in floating]
@@ -499,7 +496,7 @@ def _warn_of_findings(
         warn(
             f"{path}: the motors leave {shortened(free)} free: no force acts there, and "
             "rows '= 0' say so; lock what does not move",
-            MobilityWarning,
+            ModelWarning,
         )
     if mechanism.rows:
         _warn_of_closures(mechanism, around)
@@ -507,31 +504,31 @@ def _warn_of_findings(
     impossible = [defect for defect in inertia_defects(mechanism) if defect.impossible]
     if impossible:
         links = shortened([defect.link for defect in impossible])
-        warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", InertiaWarning)
+        warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", ModelWarning)
     if odd := odd_masses(mechanism):
-        warn(f"{path}: {'; '.join(odd)}", InertiaWarning)
+        warn(f"{path}: {'; '.join(odd)}", ModelWarning)
     for unequal in unequal_links(mechanism):
-        warn(f"{path}: {unequal}", InertiaWarning)
+        warn(f"{path}: {unequal}", ModelWarning)
 
 
 def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
     """Warn of a singular reference, and where the rank of the closures is not clear."""
     reason = why_singular(mechanism, around)
     if reason:
-        warn(f"{mechanism.path}: the reference is singular {reason}", SingularityWarning)
+        warn(f"{mechanism.path}: the reference is singular {reason}", AccuracyWarning)
     walks = difference(mechanism, np.repeat(around[:1], len(around), axis=0), around)
     if np.abs(walks / mechanism.coordinate_scales).max() < STILL:
         warn(
             f"{mechanism.path}: no other closed pose was found near the reference: what seems free "
             "to move there leads nowhere, as where a closure has the wrong axis",
-            MobilityWarning,
+            ModelWarning,
         )
     found = mobility(mechanism, around=around)
     if found.held:
         warn(
             f"{mechanism.path}: the loops do not let the motors {shortened(found.held)} move: look "
             "where the frames of their closures are",
-            MobilityWarning,
+            ModelWarning,
         )
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
@@ -540,5 +537,5 @@ def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
             f"{mechanism.path}: the rank of the closures is not clear: a singular value of "
             f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): where "
             f"numbers are rounded, --rounding {rounding:g} lets it count as zero",
-            ClosureWarning,
+            AccuracyWarning,
         )

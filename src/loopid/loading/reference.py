@@ -14,12 +14,11 @@ from loopid.arguments import (
 )
 from loopid.base_parameters.structure import analyse
 from loopid.errors import (
-    ClosureWarning,
+    AccuracyWarning,
     LoopidError,
     MobilityError,
-    ReferenceWarning,
+    ModelWarning,
     RobotFileError,
-    SingularityWarning,
     warn,
 )
 from loopid.kinematics import mobility
@@ -120,11 +119,11 @@ def close_reference(
         warn(
             f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
             "the loops were closed from the middle of the limits; give the pose as 'reference'",
-            ReferenceWarning,
+            ModelWarning,
         )
     outside = _outside(chosen[0])
     if outside:
-        warn(f"{mechanism.path}: the reference is {outside}", ReferenceWarning)
+        warn(f"{mechanism.path}: the reference is {outside}", ModelWarning)
     return chosen
 
 
@@ -159,7 +158,7 @@ def _exact(
             text += f", and the loops then stay open by up to {open_by:.1e} m"
             advice = "; --snap makes nearly equal lengths equal, and axes meet that nearly do"
             text += advice * (not snap)
-        warn(f"{file.path}: its numbers are rounded: {text}", ClosureWarning)
+        warn(f"{file.path}: its numbers are rounded: {text}", AccuracyWarning)
     # What is as it is meant to be is no longer rounded, but to floating-point numbers.
     left = presumed if open_by or not snap else ROUND_OFF * closed.length
     return replace(closed, rounding=left), around
@@ -271,9 +270,9 @@ def _in_a_mode(
             f"{mechanism.path}' prints it"
         )
     if len(ranks) > 1:
-        warn(f"{mechanism.path}: {text}", ReferenceWarning)
+        warn(f"{mechanism.path}: {text}", ModelWarning)
     elif singular:
-        warn(f"{mechanism.path}: {text}", SingularityWarning)
+        warn(f"{mechanism.path}: {text}", AccuracyWarning)
     return replace(mechanism, modes=modes), around
 
 

@@ -616,4 +616,4 @@ def optional(package: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise MissingExtraError(package, "logs") from error
+        raise MissingExtraError.of(package, "logs") from error

@@ -31,9 +31,9 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     DataError,
+    DataWarning,
+    FileError,
     LogError,
-    LogWarning,
-    MissingFileError,
     OptionError,
     warn,
 )
@@ -69,7 +69,6 @@ from loopid.scratch import (
     Spool,
     empty_columns,
     mapped_rows,
-    release_pages,
 )
 
 # Time over which measured rates are compared with positions, in s; how far they may differ with a
@@ -250,7 +249,7 @@ def read_log(
 
     Raises
     ------
-    MissingFileError
+    FileError
         When there is no such log or mapping.
     MissingExtraError
         When the library that reads the format is not installed.
@@ -262,7 +261,7 @@ def read_log(
 
     Warns
     -----
-    LogWarning
+    DataWarning
         Of rows that are left out, and of values that look wrong.
 
     Examples
@@ -286,7 +285,7 @@ def read_log(
     require_known_motion(mechanism)
     reason = why_no_file(place)
     if reason == "does not exist":
-        raise MissingFileError(f"there is no log {place}")
+        raise FileError(f"there is no log {place}")
     if reason not in ("", "is a folder"):
         raise LogError(f"log {place} {reason}")
     if not isinstance(mapping, LogMapping):
@@ -350,7 +349,7 @@ def check_rates(log: Log) -> None:
             if not 1 / WRONG_GAIN < gain < WRONG_GAIN:
                 raise LogError(f"{said}: is it in another unit ({quantity}_scale), or of another?")
             if apart > APART:
-                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", LogWarning)
+                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", DataWarning)
 
 
 def read_streams(
@@ -430,7 +429,6 @@ class Stream:
     def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
         """Joints of which a quantity is here, and the values (R,)."""
         for channel, values in zip(self.channels, self.values, strict=True):
-            release_pages()
             if channel.quantity == quantity:
                 yield channel.joint, values
 
@@ -521,7 +519,7 @@ def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str) -> None
     sentence = f"{source}: {reason} in {rows_text(rows)} of {count}"
     if len(rows) > MOST_BAD_ROWS * count:
         raise LogError(f"{sentence} (at most {MOST_BAD_ROWS:.0%} may be left out)")
-    warn(f"{sentence}: left out", LogWarning)
+    warn(f"{sentence}: left out", DataWarning)
 
 
 def rows_text(rows: IntArray) -> str:
@@ -555,7 +553,7 @@ def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
             warn(
                 f"{stream.source}: {joint} moves faster than its limit of {limit:g} per s "
                 f"before {rows_text(stream.rows[fast + 1])}, at worst {speed.max():.3g} per s",
-                LogWarning,
+                DataWarning,
             )
     for joint, values in stream.signals("force"):
         limit = limit_of(model.upperEffortLimit, joint)
@@ -564,7 +562,7 @@ def checked_stream(mechanism: Mechanism, stream: Stream) -> Stream:
             warn(
                 f"{stream.source}: the force of {joint} exceeds its effort limit of {limit:g} in "
                 f"{rows_text(stream.rows[strong])}, at worst {np.abs(values).max():.4g}",
-                LogWarning,
+                DataWarning,
             )
     return stream
 
@@ -581,7 +579,7 @@ def check_moving(streams: Sequence[Stream]) -> None:
         if dead:
             warn(
                 f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
-                LogWarning,
+                DataWarning,
             )
 
 
@@ -630,7 +628,7 @@ def _inside_limits(mechanism: Mechanism, stream: Stream) -> Stream:
             if refused:
                 straight = mechanism.velocity_indices([joint])[0] in mechanism.prismatic
                 raise LogError(f"{said}; {_advice(straight, lower, upper, values)}")
-            warn(f"{said}: kept", LogWarning)
+            warn(f"{said}: kept", DataWarning)
         lost |= far
     return stream.without(lost, "positions far outside the limits of their joints")
 

@@ -23,8 +23,8 @@ from loopid.arguments import (
 from loopid.errors import (
     AssemblyError,
     DataError,
+    DataWarning,
     LogError,
-    LogWarning,
     OptionError,
     warn,
 )
@@ -55,7 +55,6 @@ from loopid.scratch import (
     Spool,
     empty_columns,
     mapped_rows,
-    release_pages,
     row_blocks,
 )
 from loopid.workers import Progress
@@ -140,7 +139,6 @@ class RateHistory:
         filtered = np.empty(len(signal))
         for part, rate in zip(self.parts, self.rates, strict=True):
             filtered[part] = self.lowpass.apply(signal[part], rate)
-        release_pages()
         return filtered[self.rows]
 
     def standing(self, speeds: FloatArray) -> BoolArray:
@@ -152,7 +150,6 @@ class RateHistory:
 
         stands = np.empty((len(self.rows), len(speeds)), dtype=bool)
         for k, speed in enumerate(speeds):
-            release_pages()
             idle = np.abs(self.velocity[:, k]) <= speed
             near = idle.copy()
             for part, rate in zip(self.parts, self.rates, strict=True):
@@ -161,7 +158,6 @@ class RateHistory:
                 width = length + 2 * reach_of(self.lowpass, rate)
                 near[part] |= maximum_filter1d(long, width, mode="nearest").view(bool)
             stands[:, k] = near[self.rows]
-        release_pages()
         return stands
 
 
@@ -318,7 +314,7 @@ def prepare_recording(
 
     Warns
     -----
-    LogWarning
+    DataWarning
         Of samples that do not close the loops or are near a singularity.
 
     Examples
@@ -401,7 +397,6 @@ def clipped_from(log: Log) -> FloatArray:
     """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
     found = np.full(len(log.joints), np.inf)
     for k, joint in enumerate(log.joints):
-        release_pages()
         moving = np.append(np.diff(log.position[:, k]) != 0, False)
         size = np.abs(log.force[moving, k])
         largest = size.max(initial=0.0)
@@ -416,7 +411,7 @@ def clipped_from(log: Log) -> FloatArray:
                 f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
                 f"in {count} samples of its motion: clipped, so it counts as saturated there "
                 "('saturation' in a mapping overrides this)",
-                LogWarning,
+                DataWarning,
             )
     return found
 
@@ -425,13 +420,12 @@ def without_frozen(log: Log) -> Log:
     """The log without samples in which a position is frozen: all motions there are wrong."""
     lost, dropped = np.zeros(len(log), dtype=bool), list(log.dropped)
     for k, joint in enumerate(log.joints):
-        release_pages()
         flags = np.zeros(len(log), dtype=bool)
         for part in log.parts():
             flags[part] = _frozen(log.position[part], k)
         if flags.any():
             dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
-            warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", LogWarning)
+            warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", DataWarning)
             lost |= flags
     if not lost.any() or lost.all():
         return log
@@ -553,7 +547,6 @@ def filter_log(
         done += len(rows)
         kept_rows.append(whole.start + inner)
         for k, limit in enumerate(saturation):
-            release_pages()
             raw, at = log.force[part, k], (place, k)
             near_limit = np.abs(raw) >= limit * (1.0 - SATURATION_TOLERANCE)
             near_limit = maximum_filter1d(near_limit.view(np.uint8), 2 * reach + 1).view(bool)
@@ -604,7 +597,6 @@ def saturation_of(mechanism: Mechanism, force: FloatArray) -> FloatArray:
     beyond = np.zeros(len(limits))
     for k, limit in enumerate(limits):
         beyond[k] = ((force[:, k] > limit) | (force[:, k] < -limit)).mean()
-        release_pages()
     return np.where((limits > 0) & (beyond <= MOST_SATURATED), limits, np.inf)
 
 
@@ -664,7 +656,7 @@ def _assembled(
                 f"{said}: is the robot on another branch than the start, or are these not its "
                 "positions?"
             )
-        warn(f"{said}: left out", LogWarning)
+        warn(f"{said}: left out", DataWarning)
     if near.any():
         said = (
             f"{name}: the robot is near a singularity in {where.pop(0)} (measure down to "
@@ -672,7 +664,7 @@ def _assembled(
         )
         if (lost | near).all():
             raise LogError(said)
-        warn(f"{said}: left out", LogWarning)
+        warn(f"{said}: left out", DataWarning)
     return configurations.array(), measure[regular], ~(lost | near), dropped
 
 

@@ -16,7 +16,6 @@ from loopid.arguments import (
     frozen,
 )
 from loopid.logs.log import Log
-from loopid.scratch import release_pages
 
 # Part of the power of the velocities that is within the band of a motion.
 BAND_POWER = 0.999
@@ -96,7 +95,6 @@ def motion_spectrum(log: Log) -> MotionSpectrum:
         size = float(motion @ widths)
         if size > 0:
             total, level = total + density / size, level + floor / size
-        release_pages()
     noise = level * shape
     motion = np.where(total > ABOVE_NOISE * noise, total - noise, 0.0)
     velocity = np.cumsum(motion * widths / frequency**2)

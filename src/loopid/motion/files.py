@@ -22,8 +22,8 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     DataError,
+    FileError,
     LogError,
-    MissingFileError,
     OptionError,
     RobotFileError,
 )
@@ -236,7 +236,7 @@ def read_motion_program(path: str | Path) -> MotionProgram:
 
     Raises
     ------
-    MissingFileError
+    FileError
         When there is no such file.
     RobotFileError
         Naming the file, the place in it and what is valid.
@@ -402,7 +402,7 @@ def read_reference(
 
     Raises
     ------
-    MissingFileError
+    FileError
         When there is no such file.
     LogError
         Naming the line that is not c finite numbers, or when there are too few.
@@ -428,7 +428,7 @@ def read_reference(
     file = Path(path)
     rows: list[list[float]] = []
     if why_no_file(file) == "does not exist":
-        raise MissingFileError(f"{file} does not exist")
+        raise FileError(f"{file} does not exist")
     with closing(text_blocks(file)) as blocks:
         for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             words = data.decode("utf-8", "replace").split()

@@ -32,8 +32,7 @@ from loopid.diagnosis.elimination import (
     truncated_values,
 )
 from loopid.errors import (
-    CorrelationWarning,
-    ExcitationWarning,
+    DataWarning,
     SearchError,
 )
 from loopid.identification.bayes import BayesianRidge
@@ -439,8 +438,8 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
     friction = main.parameters.labels[BODIES.stop :]
     with warnings.catch_warnings():
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
-        warnings.simplefilter("ignore", ExcitationWarning)
-        warnings.simplefilter("ignore", CorrelationWarning)
+        warnings.simplefilter("ignore", DataWarning)
+        warnings.simplefilter("ignore", DataWarning)
         in_steps = fit_in_steps(warm_up, main, friction, "ols")
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 
@@ -573,7 +572,7 @@ def reproduce_paper(
     ------
     OptionError
         When the seed is negative, or the rate not positive.
-    LogError, MissingFileError
+    LogError, FileError
         When a log cannot be used, before anything is computed.
     """
     stage = stage or (lambda title: nullcontext(lambda done, total: None))

@@ -32,7 +32,7 @@ from loopid.parameters import GRAVITY_KINDS
 try:
     import sympy as sp
 except ImportError as error:
-    raise MissingExtraError("sympy", "symbolic") from error
+    raise MissingExtraError.of("sympy", "symbolic") from error
 
 GRAVITY = 9.81  # m/s², against Z_F
 # Below this reciprocal condition number of J the forces are round-off.

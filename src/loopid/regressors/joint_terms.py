@@ -25,11 +25,11 @@ from loopid.arguments import (
     checked_fields,
 )
 from loopid.errors import (
+    AccuracyWarning,
     AssemblyError,
     ModelWarning,
     OptionError,
     SingularityError,
-    SingularityWarning,
     warn,
 )
 from loopid.kinematics.poses import torque_regressors
@@ -483,7 +483,7 @@ def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
     try:
         q = random_configurations(mechanism, SAMPLES)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SingularityWarning)  # the draws keep a margin
+            warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
             motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
     except (AssemblyError, SingularityError):
         motion = None

@@ -14,7 +14,7 @@ from loopid.arguments import (
     checked,
     random_generator,
 )
-from loopid.errors import SingularityWarning
+from loopid.errors import AccuracyWarning
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.rounding import (
     Accuracy,
@@ -127,7 +127,7 @@ def structural_observation(
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
     natural = gravity * min(1.0, mechanism.length)
     with one_blas_thread(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", SingularityWarning)  # the draws keep a margin
+        warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
         found = Observation.from_parts(
             regressors(),
             parameters,

@@ -153,7 +153,7 @@ def require_matplotlib() -> None:
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
+        raise MissingExtraError.of("matplotlib", "plot") from error
 
 
 @contextmanager

@@ -1,0 +1,61 @@
+"""Registries: formats, closures, joint terms, estimators and searches, found by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Generic, TypeVar, cast
+
+from loopid.errors import OptionError
+
+Entry = TypeVar("Entry")
+
+
+class Registry(Mapping[str, Entry], Generic[Entry]):
+    """Entries by name, in the order in which they were registered.
+
+    An entry may be given as ``"module:name"``; it is imported when it is first asked for.
+
+    Parameters
+    ----------
+    what : str
+        What an entry is called in errors, such as ``"estimator"``.
+
+    Examples
+    --------
+    >>> from loopid.registry import Registry
+    >>> roots = Registry("root")
+    >>> roots.register("square", "math:sqrt")
+    >>> roots["square"](9.0)
+    3.0
+    >>> roots["cube"]
+    Traceback (most recent call last):
+    loopid.errors.OptionError: unknown root 'cube': choose one of square
+    """
+
+    def __init__(self, what: str, entries: Mapping[str, Entry | str] | None = None) -> None:
+        self.what = what
+        self._entries: dict[str, Entry | str] = dict(entries or {})
+
+    def register(self, name: str, entry: Entry | str) -> None:
+        """Add an entry, or put it in the place of one with the same name."""
+        self._entries[name] = entry
+
+    def __getitem__(self, name: str) -> Entry:
+        if name not in self:
+            raise OptionError.unknown(self.what, name, self)
+        entry = self._entries[name]
+        if isinstance(entry, str):
+            module, _, attribute = entry.partition(":")
+            entry = cast(Entry, getattr(import_module(module), attribute))
+            self._entries[name] = entry
+        return entry
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
