@@ -32,9 +32,10 @@ from loopid.errors import (
 )
 from loopid.identification.force_model import body_sizes
 from loopid.kinematics.assembly import (
-    JointCoordinates,
+    AssemblyOptions,
     try_assemble,
 )
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import (
     closed_motion,
     singularity_measure,
@@ -373,7 +374,9 @@ class _Model:
         if signals.columns is not None:
             return signals.columns
         mechanism, q = self.mechanism, signals.start.copy()
-        found = try_assemble(mechanism, signals.position, start=q, shortest_step=COARSE)
+        found = try_assemble(
+            mechanism, signals.position, start=q, options=AssemblyOptions(shortest_step=COARSE)
+        )
         q[found.assembled] = found.configurations[found.assembled]
         closed = found.assembled & (singularity_measure(mechanism, q) >= SINGULARITY_MARGIN)
         q[~closed] = signals.start[~closed]

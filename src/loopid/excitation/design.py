@@ -69,7 +69,7 @@ from loopid.identification.information import (
     excited_samples,
 )
 from loopid.identification.problem import FitSamples
-from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project
 from loopid.kinematics.sampling import (
     DEFAULT_MARGIN,

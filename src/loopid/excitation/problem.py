@@ -23,10 +23,11 @@ from loopid.excitation.shapes import Shape
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
-    platform_motion,
+    AssemblyOptions,
     try_assemble,
 )
 from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics.platform import platform_motion
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (
     ClosedMotion,
@@ -76,7 +77,10 @@ class Coordinates:
         """
         names, follow = "platform" if self.on_platform else self.names, start is None
         step = SHORTEST_STEP if start is not None else 2.0**-12
-        found = try_assemble(self.mechanism, positions, names, start, follow, shortest_step=step)
+        options = AssemblyOptions(shortest_step=step)
+        found = try_assemble(
+            self.mechanism, positions, names, start=start, trajectory=follow, options=options
+        )
         return found.configurations if found.assembled.all() else None
 
     def follow(

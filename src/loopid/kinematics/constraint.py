@@ -25,6 +25,7 @@ from loopid.kinematics.poses import (
     blocks,
     frame_motions,
     frame_poses,
+    prepared,
 )
 from loopid.robot.closures import (
     FramePair,
@@ -39,69 +40,58 @@ class Constraint:
     """All closures and couplings of a mechanism at configurations (N, nq)."""
 
     def __init__(self, mechanism: Mechanism, q: FloatArray, jacobians: bool = True) -> None:
-        self.mechanism, self.q = mechanism, q
-        ids, supports = mechanism.closure_frames
+        self.mechanism, self.q, self.prepared = mechanism, q, prepared(mechanism)
+        ids = self.prepared.closure_frames
         # Without loops there is nothing to ask for.
-        self.poses = frame_poses(mechanism, q if ids else q[:0], ids, supports, jacobians)
+        self.poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
         p, R = self.poses.origin, self.poses.rotation
+        distance = (p[:, 1::2] - p[:, ::2])[..., None]
         self.pairs = [
-            FramePair((p[:, k + 1] - p[:, k])[:, :, None], R[:, k], R[:, k + 1])
-            for k in range(0, len(ids), 2)
+            FramePair(distance[:, k], R[:, 2 * k], R[:, 2 * k + 1]) for k in range(len(ids) // 2)
         ]
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""
-        parts = [
-            part.residual(pair)
-            for closure, pair in zip(self.mechanism.closures, self.pairs, strict=True)
-            for part in closure.equations
-        ]
-        parts += [coupling.residual(self.q)[:, None] for coupling in self.mechanism.couplings]
-        return np.concatenate([np.empty((len(self.q), 0)), *parts], axis=1)
+        residual = np.empty((len(self.q), self.prepared.rows))
+        for closure, part, rows in self.prepared.equations:
+            residual[:, rows] = part.residual(self.pairs[closure])
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+            residual[:, row] = coupling.residual(self.q)
+        return residual
 
     def jacobian(self) -> FloatArray:
         """A (N, rows, nv)."""
-        A = np.zeros((len(self.q), self.mechanism.rows, self.mechanism.model.nv))
-        coupled = self.mechanism.rows - len(self.mechanism.couplings)
+        A = np.zeros((len(self.q), self.prepared.rows, self.prepared.model.nv))
         if self.pairs:
-            linear, closures = self.poses.linear, self.mechanism.closures
-            turns = any(part.turns for closure in closures for part in closure.equations)
-            angular = self.poses.angular if turns else np.broadcast_to(np.nan, linear.shape)
-            A[:, :coupled] = self._rates(linear, angular)
-        for row, coupling in enumerate(self.mechanism.couplings, coupled):
+            linear = self.poses.linear
+            # What no equation asks for is not computed.
+            angular = self.poses.angular if self.prepared.turns else linear
+            self._rates(linear, angular, A)
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
 
     def drift(self, v: FloatArray) -> FloatArray:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
-        drift = np.zeros((len(self.q), self.mechanism.rows))
-        coupled = self.mechanism.rows - len(self.mechanism.couplings)
-        for row, coupling in enumerate(self.mechanism.couplings, coupled):
-            drift[:, row] = coupling.drift(self.q, v)
+        drift = np.zeros((len(self.q), self.prepared.rows, 1))
         if self.pairs:
             moving = frame_motions(self.mechanism, self.q, v, self.poses)
+            self._rates(moving.acceleration[..., None], moving.turning[..., None], drift)
             velocities = _pair_rates(moving.velocity[..., None], moving.turn[..., None])
-            curvatures = [
-                part.curvature(pair, rates)
-                for closure, pair, rates in zip(
-                    self.mechanism.closures, self.pairs, velocities, strict=True
-                )
-                for part in closure.equations
-            ]
-            second = self._rates(moving.acceleration[..., None], moving.turning[..., None])
-            second += np.concatenate(curvatures, axis=1)
-            drift[:, : second.shape[1]] = second[:, :, 0]
-        return drift
+            for closure, part, rows in self.prepared.equations:
+                drift[:, rows] += part.curvature(self.pairs[closure], velocities[closure])
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+            drift[:, row, 0] = coupling.drift(self.q, v)
+        return drift[:, :, 0]
 
     def translation_rates(self, moved: BoolArray) -> FloatArray:
         """(N, closure rows, 3 k) per unit translation along the fixed axes of k sets of frames."""
         count, width = len(self.q), 3 * moved.shape[1]
-        rates = np.zeros((count, self.mechanism.rows, width))
+        rates = np.zeros((count, self.prepared.rows, width))
         if self.pairs:
             linear = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
             shape = (count, *linear.shape)
-            found = self._rates(np.broadcast_to(linear, shape), np.zeros(shape))
-            rates[:, : found.shape[1]] = found
+            self._rates(np.broadcast_to(linear, shape), np.zeros(shape), rates)
         return rates
 
     def scaled(self) -> tuple[FloatArray, FloatArray]:
@@ -109,23 +99,19 @@ class Constraint:
         scaled = self.mechanism.row_scales * self.residual()
         return scaled, scaled_jacobian(self.mechanism, self.jacobian())
 
-    def _rates(self, linear: FloatArray, angular: FloatArray) -> FloatArray:
-        """Rates (N, rows, k) of the closures' residuals from those of the frames (N, F, 3, k)."""
-        parts = [
-            part.rate(pair, rates)
-            for closure, pair, rates in zip(
-                self.mechanism.closures, self.pairs, _pair_rates(linear, angular), strict=True
-            )
-            for part in closure.equations
-        ]
-        return np.concatenate(parts, axis=1)
+    def _rates(self, linear: FloatArray, angular: FloatArray, out: FloatArray) -> None:
+        """Put rates of the closures' residuals, from those of the frames (N, F, 3, k), in rows."""
+        rates = _pair_rates(linear, angular)
+        for closure, part, rows in self.prepared.equations:
+            out[:, rows] = part.rate(self.pairs[closure], rates[closure])
 
 
 def _pair_rates(linear: FloatArray, angular: FloatArray) -> list[PairRates]:
     """Rates of each closure from those of its two frames (N, F, 3, k)."""
+    velocity = linear[:, 1::2] - linear[:, ::2]
     return [
-        PairRates(linear[:, k + 1] - linear[:, k], angular[:, k], angular[:, k + 1])
-        for k in range(0, linear.shape[1], 2)
+        PairRates(velocity[:, k], angular[:, 2 * k], angular[:, 2 * k + 1])
+        for k in range(velocity.shape[1])
     ]
 
 
@@ -182,9 +168,9 @@ def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     What carries both frames of a closure moves them alike. Where a loop is open, it turns the
     residual without changing its size: steps that close the loop need not know.
     """
-    scales = mechanism.row_scales[:, None] * mechanism.coordinate_scales
-    scaled = jacobian * (scales * mechanism.moving)
+    scaled = jacobian * prepared(mechanism).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
-    largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
-    scaled[largest < ROUND_OFF * mechanism.length] = 0.0
-    return np.asarray(scaled, dtype=np.float64)
+    nothing = np.abs(scaled).max(axis=(1, 2), initial=0.0) < ROUND_OFF * mechanism.length
+    if nothing.any():
+        scaled[nothing] = 0.0
+    return np.asarray(scaled)

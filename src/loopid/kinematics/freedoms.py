@@ -22,7 +22,7 @@ from loopid.errors import (
 )
 from loopid.kinematics.closing import nearby_configurations
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.projection import (
+from loopid.kinematics.linear import (
     Factorisation,
     null_space,
 )

@@ -23,6 +23,7 @@ from loopid.errors import (
     OptionError,
 )
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import Solver
 from loopid.kinematics.poses import (
     blocks,
     tree_reactions,
@@ -30,7 +31,6 @@ from loopid.kinematics.poses import (
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     ClosedMotion,
-    Solver,
     partition,
 )
 from loopid.parameters import KINDS

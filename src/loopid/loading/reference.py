@@ -33,6 +33,7 @@ from loopid.kinematics.constraint import (
     largest_residual,
 )
 from loopid.kinematics.freedoms import independent_coordinates
+from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.modes import (
     FOLDED,
     assembly_modes,
@@ -43,7 +44,6 @@ from loopid.kinematics.poses import (
 )
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
     singularity_measure,
 )
 from loopid.kinematics.rounding import (

@@ -28,7 +28,10 @@ from loopid.errors import (
     OptionError,
     warn,
 )
-from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.assembly import (
+    AssemblyOptions,
+    try_assemble,
+)
 from loopid.kinematics.projection import (
     ClosedMotion,
     closed_motion,
@@ -675,7 +678,10 @@ def _with_exchanged(mechanism: Mechanism, position: FloatArray) -> str:
         order = np.arange(len(names))
         order[[i, j]] = j, i
         found = try_assemble(
-            mechanism, position[:, order], trajectory=True, shortest_step=SHORTEST_STEP
+            mechanism,
+            position[:, order],
+            trajectory=True,
+            options=AssemblyOptions(shortest_step=SHORTEST_STEP),
         )
         if found.assembled.all():
             return f"; all close with the positions of {names[i]} and {names[j]} exchanged"

@@ -29,11 +29,11 @@ from loopid.errors import (
     SingularityError,
 )
 from loopid.files import csv_text
-from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import torque_regressors
 from loopid.kinematics.projection import (
     ClosedMotion,
-    Factorisation,
     closed_motion,
 )
 from loopid.motion.joints import JointMotion

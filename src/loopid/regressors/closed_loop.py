@@ -130,7 +130,7 @@ def motion_regressor(
     q, G = motion.configurations, motion.projection.G
     if model_kinds(model) == model_kinds("full"):
         v, a = motion.velocities, motion.accelerations
-        bodies = torque_regressors(mechanism, q, v, a, model, G)
+        bodies = torque_regressors(mechanism, q, v, a, model=model, G=G)
     else:
         bodies = torque_regressors(mechanism, q, model=model, G=G)
     if joint_terms is None:

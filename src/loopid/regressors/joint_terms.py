@@ -529,7 +529,7 @@ def _rms(force: FloatArray) -> FloatArray:
 
 def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
     state = motion.configurations, motion.velocities, motion.accelerations
-    columns = torque_regressors(mechanism, *state, "full", motion.projection.G)
+    columns = torque_regressors(mechanism, *state, G=motion.projection.G)
     return np.asarray(columns @ mechanism.standard_parameters("full"))
 
 

@@ -24,6 +24,7 @@ from loopid.kinematics.rounding import (
     within_accuracy,
 )
 from loopid.kinematics.sampling import (
+    SamplingOptions,
     configuration_batches,
     random_motions,
 )
@@ -104,11 +105,12 @@ def structural_observation(
     enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
+    draws = SamplingOptions(margin=margin, spread=spread)
     generator, kept = random_generator(seed, stream=1), list[Motions]()
 
     def regressors() -> Iterator[FloatArray]:
         done = 0
-        for q in configuration_batches(mechanism, samples, seed, margin, spread):
+        for q in configuration_batches(mechanism, samples, seed, options=draws):
             rates = np.zeros((2, len(q), len(mechanism.independent)))
             if model == "gravity" and joint_terms is None:
                 columns = gravity_regressor(mechanism, q)

@@ -19,9 +19,9 @@ from loopid.base_parameters.naming import (
 )
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
     singularity_measure,
 )
 from loopid.regressors.joint_terms import (
