@@ -92,7 +92,12 @@ def test_only_the_samples_out_of_reach_are_lost(mechanism, poses):
 
 
 def test_an_impossible_tolerance_is_not_met(mechanism, poses):
-    outcome = try_assemble(mechanism, read(mechanism, poses, "platform"), "platform", options=AssemblyOptions(tolerance=0))
+    outcome = try_assemble(
+        mechanism,
+        read(mechanism, poses, "platform"),
+        "platform",
+        options=AssemblyOptions(tolerance=0),
+    )
     np.testing.assert_array_equal(outcome.assembled, outcome.residual == 0)
     assert not outcome.assembled.all()
 

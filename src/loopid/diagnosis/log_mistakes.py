@@ -360,7 +360,7 @@ class _Model:
 
     def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
         whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])
-        K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
+        K = motion_regressor(self.mechanism, whole, joint_terms=self.joint_terms)
         return np.asarray(K[:, :, self.kept])
 
     def _columns(self, signals: _Signals, q: FloatArray, closed: BoolArray) -> _Columns:

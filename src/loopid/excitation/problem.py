@@ -215,7 +215,9 @@ class Problem:
         return Outcome(rows, moving, self.bounds.in_poses(motion, count, poses is None))
 
     def _regressor(self, motion: ClosedMotion, terms: JointTerms | None) -> FloatArray:
-        return motion_regressor(self.force_model.mechanism, motion, self.force_model.model, terms)
+        return motion_regressor(
+            self.force_model.mechanism, motion, self.force_model.model, joint_terms=terms
+        )
 
     def rows(
         self, motion: ClosedMotion, terms: JointTerms | None, regressor: FloatArray | None = None

@@ -188,7 +188,7 @@ class ForceModel:
             (N, dof) of the independent coordinates.
         """
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
-        return motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
+        return motion_regressor(self.mechanism, whole, self.model, joint_terms=self.joint_terms)
 
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""

@@ -35,6 +35,7 @@ from loopid.errors import (
 )
 from loopid.kinematics.linear import Solver
 from loopid.kinematics.measured import (
+    Linearisation,
     MeasuredCoordinates,
     measured_by,
 )
@@ -71,6 +72,8 @@ class AssemblyOptions:
         then expect that the root is unique around the start, hence the one on its branch.
     newton_steps : int
         Of a correction at most.
+    near : float
+        Way of the unknown coordinates for which the start's tangent is followed first.
     short : float
         A Newton step this short, the root of the round-off, leaves an error of round-off.
     rough : float
@@ -95,6 +98,7 @@ class AssemblyOptions:
     longest_step: float = 0.4
     contraction: float = 0.2
     newton_steps: int = 12
+    near: float = 1e-2
     short: float = 1e-8
     rough: float = 1e-3
     regular: float = 1e-6
@@ -256,27 +260,70 @@ def _followed(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
     origin = measured.read(start)
-    way = measured.difference(origin, targets)
-    # The last point on the path, the part of the way done there, and the next part tried.
-    reached, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
-    jacobian = measured.linearise(start, origin).unknown
-    k, tried = np.arange(len(start)), 0
+    way, at = measured.difference(origin, targets), measured.linearise(start, origin)
+    # The whole way at once, from where the start's tangent leads if that is near; else in steps.
+    begin = _predicted(measured, start, at, way, options)
+    found = correct(measured, begin, targets, options.short, options)
+    arrived = found.accepted & same_side(at.unknown, found.jacobian)
+    q = found.configurations
+    if not arrived.all():
+        k = np.flatnonzero(~arrived)
+        path = _Path(start[k], origin[k], way[k], at.unknown[k])
+        q[k], arrived[k] = _in_steps(measured, path, options)
+        q = measured.write(q, targets)
+    residual, small = _closed(measured, q, targets, options)
+    assembled = arrived & small
+    q[~assembled] = np.nan
+    return Assembly(q, residual, assembled, options)
+
+
+class _Path(NamedTuple):
+    """Straight ways of the measured values."""
+
+    start: FloatArray  # (N, nq)
+    origin: FloatArray  # (N, c)
+    way: FloatArray  # (N, c)
+    jacobian: FloatArray  # (N, m, u) at the start, by the unknown coordinates
+
+
+def _in_steps(
+    measured: MeasuredCoordinates, path: _Path, options: AssemblyOptions
+) -> tuple[FloatArray, BoolArray]:
+    """The last points (N, nq) on paths that are followed in parts, and whether these are the ends.
+
+    The whole way was tried before.
+    """
+    count = len(path.start)
+    # The last point on the path, its Jacobian, the part of the way done there, and the next part.
+    reached, jacobian = path.start.copy(), path.jacobian.copy()
+    done, step = np.zeros(count), np.full(count, 0.5)
+    k, tried = np.arange(count), 1
     while len(k) and tried < options.most_steps:
         ahead = np.minimum(done[k] + step[k], 1.0)
         short = np.where(ahead < 1.0, options.rough, options.short)
-        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k], short, options)
-        good = found.accepted.copy()
-        good[good] = same_side(jacobian[k[good]], found.jacobian[good])
-        arrived = k[good]
-        reached[arrived], jacobian[arrived] = found.configurations[good], found.jacobian[good]
-        done[arrived] = ahead[good]
+        values = path.origin[k] + ahead[:, None] * path.way[k]
+        found = correct(measured, reached[k], values, short, options)
+        good = found.accepted & same_side(jacobian[k], found.jacobian)
+        there = k[good]
+        reached[there], jacobian[there] = found.configurations[good], found.jacobian[good]
+        done[there] = ahead[good]
         step[k] *= np.where(good, 2.0, 0.5)
         k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
-    q = measured.write(reached, targets)
-    residual, small = _closed(measured, q, targets, options)
-    assembled = (done >= 1.0) & small
-    q[~assembled] = np.nan
-    return Assembly(q, residual, assembled, options)
+    return reached, done >= 1.0
+
+
+def _predicted(
+    measured: MeasuredCoordinates,
+    start: FloatArray,
+    at: Linearisation,
+    way: FloatArray,
+    options: AssemblyOptions,
+) -> FloatArray:
+    """Where the tangents lead that are short enough to be trusted; else the starts."""
+    pull = at.known @ way[:, :, None]
+    steps = -Solver.of(at.unknown, options.regular).solve(pull)[:, :, 0]
+    steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0
+    return integrate(measured.mechanism, start, measured.tangent(steps))
 
 
 def _closed(
@@ -294,7 +341,8 @@ class Correction(NamedTuple):
     configurations: FloatArray  # (N, nq)
     accepted: BoolArray  # (N,), whether it contracted at once
     jacobian: FloatArray  # (N, m, u), by the unknown coordinates
-    tangent: FloatArray  # (N, u, c), their steps per unit of the measured values
+    # (N, u, c), their steps per unit of the measured values; without columns where not asked for
+    tangent: FloatArray
 
 
 def correct(
@@ -303,29 +351,37 @@ def correct(
     values: FloatArray,
     short: FloatArray | float,
     options: AssemblyOptions,
+    *,
+    tangents: bool = False,
 ) -> Correction:
     """Newton's method from configurations (N, nq) to measured values (N, c), up to a short step."""
-    q, accepted = measured.write(q, values), np.zeros(len(q), dtype=bool)
-    count, u, short = len(q), len(measured.unknown), np.broadcast_to(short, len(q))
-    jacobian, tangent = np.empty((count, 0, u)), np.empty((count, u, values.shape[1]))
-    k, longest = np.arange(count), np.full(count, options.longest_step)
+    q, count = measured.write(q, values), len(q)
+    accepted, short = np.zeros(count, dtype=bool), np.full(count, short)
+    jacobian = tangent = np.empty((count, 0, 0))
+    longest: FloatArray | float = options.longest_step
+    k: IntArray | slice = slice(None)  # those that go on
     for _ in range(options.newton_steps):
         at = measured.linearise(q[k], values[k])
-        pull = np.concatenate([at.residual[:, :, None], at.known], axis=2)
-        solution = -Solver.of(at.unknown, options.regular).solve(pull)
-        step, slope = solution[:, :, 0], solution[:, :, 1:]
+        pull = at.residual[:, :, None]
+        if tangents:
+            pull = np.concatenate([pull, at.known], axis=2)
+        solution = Solver.of(at.unknown, options.regular).solve(pull)
+        step, slope = -solution[:, :, 0], -solution[:, :, 1:]
         q[k] = integrate(measured.mechanism, q[k], measured.tangent(step))
-        if len(k) == count:
+        if len(at.unknown) == count:
             jacobian, tangent = at.unknown, slope
         else:
             jacobian[k], tangent[k] = at.unknown, slope
         length = np.abs(step).max(axis=1, initial=0.0)
-        done = length <= short[k]
-        accepted[k] = done
-        going = ~done & (length <= longest)
-        k, longest = k[going], options.contraction * length[going]
-        if not len(k):
+        accepted[k] = done = length <= short[k]
+        if done.all():
             break
+        going = ~done & (length <= longest)
+        if not going.all():
+            k = np.arange(count)[k][going]
+            if not len(k):
+                break
+        longest = options.contraction * length[going]
     return Correction(q, accepted, jacobian, tangent)
 
 
@@ -370,7 +426,7 @@ def _linked(
 ) -> Assembly:
     """The leading samples that are linked to each other and to the start."""
     values = np.concatenate([measured.read(start[None]), targets])
-    home = correct(measured, start[None], values[:1], options.short, options)
+    home = correct(measured, start[None], values[:1], options.short, options, tangents=True)
     way = measured.difference(values[:1], values)
     # As far as the start's tangent leads within the reach of Newton's method.
     steps = way @ home.tangent[0].T
@@ -379,14 +435,14 @@ def _linked(
     guess = integrate(
         measured.mechanism, np.tile(start, (len(rows), 1)), measured.tangent(steps[rows])
     )
-    nodes = correct(measured, guess, values[rows], options.short, options)
+    nodes = correct(measured, guess, values[rows], options.short, options, tangents=True)
     known = _leading_true(nodes.accepted)
     if known < 2:
         return Assembly(guess[:0], np.empty(0), np.empty(0, dtype=bool), options)
     rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
     values = values[: rows[-1] + 1]
     predicted = _between(measured, rows, nodes, values)
-    found = correct(measured, predicted, values, options.short, options)
+    found = correct(measured, predicted, values, options.short, options, tangents=True)
     q = found.configurations
     q[0] = start
     residual, small = _closed(measured, q, values, options)

@@ -131,8 +131,8 @@ class JointCoordinates(MeasuredCoordinates):
 
     def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
         residual, jacobian = Constraint(self.mechanism, q).scaled()
-        known = jacobian[:, :, self.known] / self.known_scales
-        return Linearisation(residual, jacobian[:, :, self.unknown], known)
+        known = jacobian.take(self.known, axis=2) / self.known_scales
+        return Linearisation(residual, jacobian.take(self.unknown, axis=2), known)
 
     def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
         return scaled_residual(self.mechanism, q)

@@ -120,7 +120,7 @@ def prepared(mechanism: Mechanism) -> Prepared:
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class FramePoses:
     """F frames at N samples."""
 

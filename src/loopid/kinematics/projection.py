@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -191,7 +192,15 @@ def partition(
 
 def projected(mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]) -> Projection:
     """As ``project``, of arrays and indices that are checked."""
-    return _projected(mechanism, q, parts, None)[0]
+    found = _parts(mechanism, q, parts, None)
+    return _projection(found, parts)
+
+
+def velocity_maps(
+    mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
+) -> FloatArray:
+    """G (N, nv, dof) of ``project`` alone."""
+    return _joined([part.G for part in _parts(mechanism, q, parts, None)])
 
 
 def completed(
@@ -202,44 +211,63 @@ def completed(
     accelerations: FloatArray,
 ) -> ClosedMotion:
     """As ``closed_motion``, of arrays and indices that are checked."""
-    projection, v, gamma = _projected(mechanism, q, parts, rates)
+    found = _parts(mechanism, q, parts, rates)
+    projection = _projection(found, parts)
+    v, gamma = _joined([part.v for part in found]), _joined([part.gamma for part in found])
     a = (projection.G @ accelerations[:, :, None])[:, :, 0] + gamma
-    return ClosedMotion(q, _own(v), _own(a), _own(gamma), projection)
+    a.setflags(write=False)  # a record need not copy what nobody else has
+    return ClosedMotion(q, v, a, gamma, projection)
 
 
-def _projected(
+class _Part(NamedTuple):
+    """Some samples."""
+
+    G: FloatArray
+    solver: Solver  # with the dependent columns A_d
+    v: FloatArray  # (N, nv), and γ; empty where no rates were given
+    gamma: FloatArray
+
+
+NOTHING = np.empty((0, 0))
+
+
+def _parts(
     mechanism: Mechanism,
     q: FloatArray,
     parts: tuple[IntArray, IntArray],
     rates: FloatArray | None,
-) -> tuple[Projection, FloatArray, FloatArray]:
-    """The projection, and with independent velocities (N, dof) also v and γ (N, nv)."""
-    (chosen, dependent), nv, doubts = parts, mechanism.model.nv, list[_Doubt]()
-    G = np.empty((len(q), nv, len(chosen)))
-    columns = np.empty((len(q), prepared(mechanism).rows, len(dependent)))
-    v, gamma = np.zeros((2, 0 if rates is None else len(q), nv))
+) -> list[_Part]:
+    """All samples, block by block, none of which may be singular."""
+    found, doubts = list[_Part](), list[_Doubt]()
     for rows in blocks(len(q)):
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
         # No more equations than dependent coordinates have no larger rank.
-        if rows.start == 0 and A.shape[1] > len(dependent):
-            _refuse_too_many(mechanism, A[:1], len(chosen))
-        G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
-        columns[rows] = solver.matrices
+        if rows.start == 0 and A.shape[1] > len(parts[1]):
+            _refuse_too_many(mechanism, A[:1], len(parts[0]))
+        G, solver = velocity_map(mechanism, A, *parts)
         if len(solver.ill_conditioned):
             doubts.append((rows.start + solver.ill_conditioned, solver.factors))
+        v = gamma = NOTHING
         if rates is not None:
-            v[rows] = (G[rows] @ rates[rows, :, None])[:, :, 0]
-            gamma[rows] = drift_acceleration(constraint, v[rows], dependent, solver)
+            v = (G @ rates[rows, :, None])[:, :, 0]
+            gamma = drift_acceleration(constraint, v, parts[1], solver)
+        found.append(_Part(G, solver, v, gamma))
     if doubts:
-        _refuse_singular(doubts, len(dependent))
-    return Projection(_own(G), chosen, _own(columns)), v, gamma
+        _refuse_singular(doubts, len(parts[1]))
+    return found
 
 
-def _own(array: FloatArray) -> FloatArray:
-    """An array that nobody else has, read-only: a record need not copy it."""
-    array.setflags(write=False)
-    return array
+def _projection(found: list[_Part], parts: tuple[IntArray, IntArray]) -> Projection:
+    columns = _joined([part.solver.matrices for part in found])
+    return Projection(_joined([part.G for part in found]), parts[0], columns)
+
+
+def _joined(arrays: list[FloatArray]) -> FloatArray:
+    """One read-only array, which nobody else has: a record need not copy it."""
+    whole = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+    whole.setflags(write=False)
+    return whole
 
 
 def velocity_map(
@@ -247,11 +275,11 @@ def velocity_map(
 ) -> tuple[FloatArray, Solver]:
     """G (N, nv, dof) = [I; -A_d⁺ A_u] of Jacobians in common units, and the solver with A_d."""
     scales = mechanism.coordinate_scales
-    solver = Solver.of(jacobian[:, :, dependent], NEAR_SINGULARITY)
+    solver = Solver.of(jacobian.take(dependent, axis=2), NEAR_SINGULARITY)
     G = np.zeros((len(jacobian), len(scales), len(chosen)))
     G[:, chosen, np.arange(len(chosen))] = 1.0
-    to_units = scales[dependent, None] / scales[chosen]
-    G[:, dependent] = -to_units * solver.solve(jacobian[:, :, chosen])
+    to_units = scales.take(dependent)[:, None] / scales.take(chosen)
+    G[:, dependent] = -to_units * solver.solve(jacobian.take(chosen, axis=2))
     return G, solver
 
 

@@ -43,6 +43,7 @@ def bearing_forces(
     mechanism: Mechanism,
     motion: ClosedMotion,
     joints: Sequence[int],
+    *,
     standard_parameters: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Forces (N, J) in N across the free motion of joints, by Pinocchio's indices.

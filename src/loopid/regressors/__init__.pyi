@@ -1,4 +1,5 @@
 from .closed_loop import (
+    ClosedLoop as ClosedLoop,
     ForceParts as ForceParts,
     dynamic_regressor as dynamic_regressor,
     force_parts as force_parts,

@@ -397,7 +397,9 @@ class JointTerms:
         if not (names := self.loaded):
             return {}, ()
         ids = [mechanism.joint_ids[k] for k in mechanism.velocity_indices(names)]
-        forces, undetermined = bearing_forces(mechanism, motion, ids, standard_parameters)
+        forces, undetermined = bearing_forces(
+            mechanism, motion, ids, standard_parameters=standard_parameters
+        )
         left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
         return dict(zip(names, forces.T, strict=True)), left_open
 

@@ -117,7 +117,7 @@ def structural_observation(
             else:
                 rates = _random_rates(mechanism, joint_terms, len(q), generator)
                 motion = closed_motion(mechanism, q, *rates)
-                columns = motion_regressor(mechanism, motion, model, joint_terms)
+                columns = motion_regressor(mechanism, motion, model, joint_terms=joint_terms)
             if done < enough:
                 kept.append((q, *rates))
             done += len(q)
@@ -214,6 +214,9 @@ def _factors_within(
     found = []
     for other in (mechanism, *others):
         moved = (same_motion(mechanism, other, *batch) for batch in motions)
-        parts = (motion_regressor(other, one, model, joint_terms)[:, :driven] for one in moved)
+        parts = (
+            motion_regressor(other, one, model, joint_terms=joint_terms)[:, :driven]
+            for one in moved
+        )
         found.append(Observation.from_parts(parts, parameters, mechanism.length).factor)
     return np.stack(found)
