@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from closure_robots import body, joint, loop
+from closure_robots import body, files, joint, loop
 from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
@@ -34,13 +34,13 @@ FLAT = {
 
 @pytest.mark.filterwarnings("ignore:.*outside the limits")
 @pytest.mark.parametrize("name", FLAT)
-def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files):
+def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files, write_files):
     bars, angles = FLAT[name]
     parts, description = four_bar("hinge", bars)
     joints = ("crank_joint", "coupler_joint", "rocker_joint")
     description["reference"] = dict(zip(joints, angles, strict=True))
-    with pytest.warns(UserWarning, match="2 degrees of freedom there, 1 around it"):
-        robot = load_files(parts, description)
+    with pytest.warns(ModelWarning, match="2 degrees of freedom there, 1 around it"):
+        robot = load_mechanism(write_files(*files(parts, description)))
     flat = np.array(angles, dtype=float)
     found = mobility(robot, flat)
     assert found.singular
@@ -113,13 +113,14 @@ def test_a_locked_leader_holds_its_follower(load_files):
     np.testing.assert_allclose(held, 0.1 + 0.05 * 0.8, atol=1e-12)
 
 
-def test_couplings_that_contradict_each_other_are_refused(load_files):
+def test_couplings_that_contradict_each_other_are_refused(write_files):
     parts, description = rack_and_pinion()
     gear = description["closures"][0]
     again = {"type": "coupling", "joints": {n: 2 * c for n, c in gear["joints"].items()}}
 
     def load(offset):
-        return load_files(parts, description | {"closures": [gear, again | {"offset": offset}]})
+        both = description | {"closures": [gear, again | {"offset": offset}]}
+        return load_mechanism(write_files(*files(parts, both)))
 
     with pytest.warns(ModelWarning, match="follows from the ones before it"):
         assert mobility(load(0.2)).rank == 1

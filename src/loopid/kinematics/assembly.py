@@ -378,8 +378,8 @@ def correct(
             break
         going = ~done & (length <= longest)
         if not going.all():
-            k = np.arange(count)[k][going]
-            if not len(k):
+            k = left = np.arange(count)[k][going]
+            if not len(left):
                 break
         longest = options.contraction * length[going]
     return Correction(q, accepted, jacobian, tangent)

@@ -28,6 +28,7 @@ from loopid.kinematics.poses import (
     prepared,
 )
 from loopid.robot.closures import (
+    Equations,
     FramePair,
     PairRates,
 )
@@ -45,28 +46,30 @@ class Constraint:
         # Without loops there is nothing to ask for.
         self.poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
         p, R = self.poses.origin, self.poses.rotation
-        distance = (p[:, 1::2] - p[:, ::2])[..., None]
+        distance = p[:, 1::2] - p[:, ::2]
         self.pairs = [
-            FramePair(distance[:, k], R[:, 2 * k], R[:, 2 * k + 1]) for k in range(len(ids) // 2)
+            FramePair(
+                distance[:, group.closures].reshape(-1, 3, 1),
+                R[:, group.frames_a].reshape(-1, 3, 3),
+                R[:, group.frames_b].reshape(-1, 3, 3),
+            )
+            for group in self.prepared.groups
         ]
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""
-        residual = np.empty((len(self.q), self.prepared.rows))
-        for closure, part, rows in self.prepared.equations:
-            residual[:, rows] = part.residual(self.pairs[closure])
+        residual = np.empty((len(self.q), self.prepared.rows, 1))
+        self._fill(residual, lambda part, k: part.residual(self.pairs[k]))
         for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
-            residual[:, row] = coupling.residual(self.q)
-        return residual
+            residual[:, row, 0] = coupling.residual(self.q)
+        return residual[:, :, 0]
 
     def jacobian(self) -> FloatArray:
         """A (N, rows, nv)."""
         A = np.zeros((len(self.q), self.prepared.rows, self.prepared.model.nv))
         if self.pairs:
-            linear = self.poses.linear
-            # What no equation asks for is not computed.
-            angular = self.poses.angular if self.prepared.turns else linear
-            self._rates(linear, angular, A)
+            rates = self._pair_rates(self.poses.linear, lambda: self.poses.angular)
+            self._fill(A, lambda part, k: part.rate(self.pairs[k], rates[k]))
         for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
@@ -75,11 +78,14 @@ class Constraint:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
         drift = np.zeros((len(self.q), self.prepared.rows, 1))
         if self.pairs:
-            moving = frame_motions(self.mechanism, self.q, v, self.poses)
-            self._rates(moving.acceleration[..., None], moving.turning[..., None], drift)
-            velocities = _pair_rates(moving.velocity[..., None], moving.turn[..., None])
-            for closure, part, rows in self.prepared.equations:
-                drift[:, rows] += part.curvature(self.pairs[closure], velocities[closure])
+            at = frame_motions(self.mechanism, self.q, v, self.poses)
+            first = self._pair_rates(at.velocity[..., None], lambda: at.turn[..., None])
+            second = self._pair_rates(at.acceleration[..., None], lambda: at.turning[..., None])
+
+            def derivative(part: Equations, k: int) -> FloatArray:
+                return part.rate(self.pairs[k], second[k]) + part.curvature(self.pairs[k], first[k])
+
+            self._fill(drift, derivative)
         for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             drift[:, row, 0] = coupling.drift(self.q, v)
         return drift[:, :, 0]
@@ -87,32 +93,41 @@ class Constraint:
     def translation_rates(self, moved: BoolArray) -> FloatArray:
         """(N, closure rows, 3 k) per unit translation along the fixed axes of k sets of frames."""
         count, width = len(self.q), 3 * moved.shape[1]
-        rates = np.zeros((count, self.prepared.rows, width))
+        found = np.zeros((count, self.prepared.rows, width))
         if self.pairs:
-            linear = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
-            shape = (count, *linear.shape)
-            self._rates(np.broadcast_to(linear, shape), np.zeros(shape), rates)
-        return rates
+            one = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
+            linear = np.broadcast_to(one, (count, *one.shape))
+            rates = self._pair_rates(linear, lambda: np.zeros(linear.shape))
+            self._fill(found, lambda part, k: part.rate(self.pairs[k], rates[k]))
+        return found
 
     def scaled(self) -> tuple[FloatArray, FloatArray]:
         """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""
         scaled = self.mechanism.row_scales * self.residual()
         return scaled, scaled_jacobian(self.mechanism, self.jacobian())
 
-    def _rates(self, linear: FloatArray, angular: FloatArray, out: FloatArray) -> None:
-        """Put rates of the closures' residuals, from those of the frames (N, F, 3, k), in rows."""
-        rates = _pair_rates(linear, angular)
-        for closure, part, rows in self.prepared.equations:
-            out[:, rows] = part.rate(self.pairs[closure], rates[closure])
+    def _pair_rates(self, linear: FloatArray, angular: Callable[[], FloatArray]) -> list[PairRates]:
+        """Rates of each group of closures from those of all frames (N, F, 3, k)."""
+        velocity, width = linear[:, 1::2] - linear[:, ::2], linear.shape[3]
+        rates = []
+        for group in self.prepared.groups:
+            own = turn_a = turn_b = velocity[:, group.closures].reshape(-1, 3, width)
+            if group.turns:  # otherwise no equation asks for them
+                turns = angular()
+                turn_a = turns[:, group.frames_a].reshape(-1, 3, width)
+                turn_b = turns[:, group.frames_b].reshape(-1, 3, width)
+            rates.append(PairRates(own, turn_a, turn_b))
+        return rates
 
-
-def _pair_rates(linear: FloatArray, angular: FloatArray) -> list[PairRates]:
-    """Rates of each closure from those of its two frames (N, F, 3, k)."""
-    velocity = linear[:, 1::2] - linear[:, ::2]
-    return [
-        PairRates(velocity[:, k], angular[:, 2 * k], angular[:, 2 * k + 1])
-        for k in range(velocity.shape[1])
-    ]
+    def _fill(self, out: FloatArray, value: Callable[[Equations, int], FloatArray]) -> None:
+        """Put what each equation of the k-th group gives in its rows of an array (N, rows, c)."""
+        count, _, width = out.shape
+        for k, group in enumerate(self.prepared.groups):
+            own, row = out[:, group.rows].reshape(count, group.closure_count, group.each, width), 0
+            for part in group.equations:
+                found = value(part, k).reshape(count, group.closure_count, part.count, width)
+                own[:, :, row : row + part.count] = found
+                row += part.count
 
 
 @checked
@@ -170,7 +185,8 @@ def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     """
     scaled = jacobian * prepared(mechanism).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
-    nothing = np.abs(scaled).max(axis=(1, 2), initial=0.0) < ROUND_OFF * mechanism.length
-    if nothing.any():
-        scaled[nothing] = 0.0
+    largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
+    least = ROUND_OFF * mechanism.length
+    if largest.min(initial=np.inf) < least:
+        scaled[largest < least] = 0.0
     return np.asarray(scaled)

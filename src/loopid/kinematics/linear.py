@@ -175,10 +175,8 @@ def _inverses(matrices: FloatArray) -> FloatArray | None:
 
 
 def _square_norms(matrices: FloatArray) -> FloatArray:
-    if len(matrices) == 1:
-        return np.array([np.vdot(matrices, matrices)])
-    flat = matrices.reshape(len(matrices), -1)
-    return np.asarray(np.einsum("ni,ni->n", flat, flat), dtype=np.float64)
+    flat = matrices.reshape(len(matrices), matrices.shape[1] * matrices.shape[2])
+    return np.asarray(np.vecdot(flat, flat), dtype=np.float64)
 
 
 def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatArray:

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,10 @@ from loopid.arguments import (
     IntArray,
 )
 from loopid.parameters import model_kinds
-from loopid.robot.closures import Equations
+from loopid.robot.closures import (
+    Equations,
+    LoopClosure,
+)
 from loopid.robot.mechanism import (
     Mechanism,
     scratch_data,
@@ -83,8 +87,7 @@ class Prepared:
         ]
         self.closure_frames, _ = mechanism.closure_frames
         self.rows, self.closure_rows = mechanism.rows, len(mechanism.row_closures)
-        self.equations = list(_equations(mechanism))
-        self.turns = any(part.turns for _, part, _ in self.equations)
+        self.groups = list(_groups(mechanism))
         self.units = mechanism.row_scales[:, None] * mechanism.coordinate_scales
         self.in_common_units = self.units * mechanism.moving
         # Coordinates that are chosen as independent, and the others, by their names.
@@ -102,13 +105,38 @@ class Prepared:
         self.memory = _Memory(self.model)
 
 
-def _equations(mechanism: Mechanism) -> Iterator[tuple[int, Equations, slice]]:
-    """Elementary equations of all closures: the number of the closure, and the rows they take."""
-    row = 0
-    for closure, own in enumerate(mechanism.closures):
-        for part in own.equations:
-            yield closure, part, slice(row, row + part.count)
-            row += part.count
+class Group(NamedTuple):
+    """Closures one after the other that ask the same of their frames, and are worked on at once."""
+
+    closures: slice
+    frames_a: slice  # of the frames of all closures, two a closure
+    frames_b: slice
+    rows: slice  # of the equations of all closures
+    equations: tuple[Equations, ...]  # of each closure
+    closure_count: int
+    each: int  # rows of each
+    turns: bool  # whether any of these depends on how the frames turn
+
+
+def _groups(mechanism: Mechanism) -> Iterator[Group]:
+    """Closures whose equations have no numbers of their own, such as axes, can be in one group."""
+    first, row = 0, 0
+    for key, closures in groupby(mechanism.closures, _without_numbers):
+        alike = list(closures)
+        for group in [alike] if key else [[closure] for closure in alike]:
+            last, rows = first + len(group), slice(row, row + len(group) * group[0].rows)
+            ends = slice(2 * first, 2 * last, 2), slice(2 * first + 1, 2 * last, 2)
+            equations = group[0].equations
+            turns = any(part.turns for part in equations)
+            own = slice(first, last), *ends, rows, equations, len(group), group[0].rows, turns
+            yield Group(*own)
+            first, row = last, rows.stop
+
+
+def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
+    """The equations of a closure, none where they have numbers of their own."""
+    own = closure.equations
+    return () if any(vars(part) for part in own) else tuple(type(part) for part in own)
 
 
 def prepared(mechanism: Mechanism) -> Prepared:

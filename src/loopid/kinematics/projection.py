@@ -276,10 +276,10 @@ def velocity_map(
     """G (N, nv, dof) = [I; -A_d⁺ A_u] of Jacobians in common units, and the solver with A_d."""
     scales = mechanism.coordinate_scales
     solver = Solver.of(jacobian.take(dependent, axis=2), NEAR_SINGULARITY)
-    G = np.zeros((len(jacobian), len(scales), len(chosen)))
-    G[:, chosen, np.arange(len(chosen))] = 1.0
-    to_units = scales.take(dependent)[:, None] / scales.take(chosen)
-    G[:, dependent] = -to_units * solver.solve(jacobian.take(chosen, axis=2))
+    dependent_rows = solver.solve(jacobian.take(chosen, axis=2))
+    dependent_rows *= scales.take(dependent)[:, None] / -scales.take(chosen)
+    G = np.empty((len(jacobian), len(scales), len(chosen)))
+    G[:, chosen], G[:, dependent] = np.eye(len(chosen)), dependent_rows
     return G, solver
 
 
