@@ -39,7 +39,7 @@ def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files, write
     parts, description = four_bar("hinge", bars)
     joints = ("crank_joint", "coupler_joint", "rocker_joint")
     description["reference"] = dict(zip(joints, angles, strict=True))
-    with pytest.warns(ModelWarning, match="2 degrees of freedom there, 1 around it"):
+    with pytest.warns(UserWarning, match="2 degrees of freedom there, 1 around it"):
         robot = load_mechanism(write_files(*files(parts, description)))
     flat = np.array(angles, dtype=float)
     found = mobility(robot, flat)
