@@ -12,7 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial, wraps
 from importlib.metadata import version
@@ -48,7 +48,6 @@ from loopid.files import (
 if TYPE_CHECKING:
     from loopid.identification.saved import SavedFit
     from loopid.logs.recording import Recording
-    from loopid.observation import Observation
     from loopid.robot.mechanism import Mechanism
 
 app = typer.Typer(
@@ -92,11 +91,6 @@ def loaded(
     rounding: float | None = Option(
         None, help="Of the file's numbers, in m and rad: what closes within it is closed."
     ),
-    snap: bool = Option(
-        False,
-        "--snap",
-        help="Make axes parallel or meet, and lengths equal, that nearly are or do.",
-    ),
     floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
     free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
     tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
@@ -107,12 +101,11 @@ def loaded(
     with progress_bar("robot"):
         return load_mechanism(
             file,
-            lock or (),
+            lock=lock or (),
             floating_base=floating_base,
             free_mimics=free_mimics,
             tied=tied,
             rounding=rounding,
-            snap=snap,
         )
 
 
@@ -171,7 +164,6 @@ def base(
         ExactSearch,
     )
     from loopid.base_parameters.structure import without_effect
-    from loopid.kinematics.rounding import nearly_special
     from loopid.regressors.joint_terms import (
         JointTerms,
         warn_of_omitted,
@@ -209,35 +201,14 @@ def base(
                 left -= found[-1].search.seconds
     bases = found[0], found[1] if len(found) > 1 else None
     rest = None if time_limit is None else max(began + time_limit - perf_counter(), LEAST_TIME)
-    record, missing = None, "lengths in coefficients are"
     try:
         with _time_limit(rest, passed), progress_bar("names"):
             record = base_record(mechanism, model, *bases)
-            missing = "what --snap would change is"
-            if not mechanism.options.get("snap") and (special := nearly_special(mechanism)):
-                other, moved = special
-                W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
-                record["base_parameters_if_snapped"] = count = _count(W)
-                if count and count != len(found[0]):
-                    warn(
-                        f"{mechanism.path}: geometry is nearly special: {len(bases[0])} base "
-                        f"parameters as it is, {count} with --snap, {moved}",
-                        AccuracyWarning,
-                    )
     except LoopidError as reason:
-        warn(f"{mechanism.path}: {reason}, so {missing} not told", AccuracyWarning)
-        record = record or base_record(mechanism, model, *bases, with_lengths=False)
+        what = "so lengths in coefficients are not told"
+        warn(f"{mechanism.path}: {reason}, {what}", AccuracyWarning)
+        record = base_record(mechanism, model, *bases, with_lengths=False)
     show(record, base_tables(record), as_json)
-
-
-def _count(observation: Observation) -> int | None:
-    """Number of base parameters; None where it is not clear."""
-    from loopid.base_parameters.base import find_base_parameters
-
-    with suppress(LoopidError), warnings.catch_warnings():
-        warnings.simplefilter("ignore", AccuracyWarning)
-        return len(find_base_parameters(observation, "qr"))
-    return None
 
 
 @app.command()
@@ -736,7 +707,7 @@ def paper(
 
 def _robot_of(saved: SavedFit, file: str | None) -> Mechanism:
     """The robot of a fit, loaded as it was then."""
-    from loopid.loading.description import bundled_robots
+    from loopid.loading.files import bundled_robots
     from loopid.loading.load import load_mechanism
 
     options = dict(saved.robot.options)

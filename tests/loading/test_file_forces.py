@@ -254,7 +254,7 @@ def test_joints_that_are_locked_have_no_terms(tmp_path):
     (tmp_path / "robot.urdf").write_text(
         ARM.replace("{}", '<dynamics damping="2"/>').replace("REST", "")
     )
-    assert load_mechanism(tmp_path / "robot.urdf", ["shoulder"]).joint_values == {}
+    assert load_mechanism(tmp_path / "robot.urdf", lock=["shoulder"]).joint_values == {}
 
 
 def test_terms_of_a_joint_that_is_replaced_are_said_to_be_left_out(load, tmp_path):

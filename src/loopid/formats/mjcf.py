@@ -25,6 +25,7 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     FileError,
+    OptionError,
     RobotFileError,
 )
 from loopid.files import why_no_file
@@ -32,13 +33,10 @@ from loopid.loading.description import (
     ClosureDescription,
     Description,
 )
+from loopid.loading.files import naming
 from loopid.loading.tree import (
     TreeSource,
     add_frame,
-)
-from loopid.loading.urdf import (
-    naming,
-    refuse_entities,
 )
 from loopid.robot.mechanism import (
     LeftOut,
@@ -99,8 +97,10 @@ ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its leng
 QUATERNION_LIMIT = np.full(4, 1.01)
 
 
-def read_mjcf(path: Path) -> TreeSource:
+def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
     """Read tree, closures, motors, reference and joint forces of an MJCF file."""
+    if floating_base:
+        raise OptionError(f"{path}: an MJCF says itself whether its base floats: add a freejoint")
     compiled, warnings = compile_mjcf(path)
     with naming(path):
         scene = Scene(path, compiled)
@@ -241,8 +241,6 @@ def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
     # MuJoCo compiles URDFs too, but drops what it does not know in them.
     if not read and root.tag != "mujoco":
         raise RobotFileError(f"{path} is not MJCF: its root is <{root.tag!s}>, not <mujoco>")
-    with naming(path):
-        refuse_entities(root)
     read.append(path)
     for tags, most in ((("*",), MOST_ELEMENTS), (("joint", "freejoint"), MOST_JOINTS)):
         made = sum(map(_copies, root.iter(*tags)))
@@ -753,8 +751,7 @@ class _Forces:
                 terms[kind] = terms.get(kind, 0.0) + value * powers.get(kind, factor**2)
         elif values:
             given = ", ".join(f"{kind} {value:g}" for kind, value in values.items())
-            known = values if tendon else {}
-            self.left_out.append(LeftOut(f"{given} of {what}", {}, tendon, known))
+            self.left_out.append(LeftOut(f"{given} of {what}"))
 
 
 def _joint_forces(scene: Scene) -> _Forces:

@@ -69,7 +69,7 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.description import find_files
+from loopid.loading.files import find_files
 from loopid.parameters import (
     Parameter,
     ParameterSet,
@@ -126,7 +126,6 @@ class SavedOptions(_Record):
     free_mimics: bool = False
     tied: bool = False
     rounding: float | None = None
-    snap: bool = False
 
 
 class SavedRobot(_Record):
