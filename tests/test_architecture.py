@@ -44,9 +44,6 @@ KNOWN = {
     "cli.py",
     "export/robot_file.py",
     "identification/pipeline.py",
-    "loading/description.py",
-    "loading/load.py",
-    "loading/reference.py",
     "logs/log.py",
 }
 FILES = sorted(SOURCE.rglob("*.py"))

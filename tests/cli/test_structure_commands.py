@@ -330,7 +330,6 @@ def test_a_search_out_of_time_is_not_certified(run, run_json, monkeypatch):
         ("loopid.regressors.structural_observation", ""),
         ("loopid.base_parameters.find_base_parameters", ""),
         ("loopid.report.structure.named_lengths", "lengths in coefficients are"),
-        ("loopid.kinematics.nearly_special", "what --snap would change is"),
     ],
 )
 def test_the_time_limit_ends_every_step(run, monkeypatch, place, missing):

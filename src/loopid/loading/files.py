@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from loopid.errors import FileError, RobotFileError
+from loopid.errors import FileError, OptionError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.description import Description
 from loopid.loading.formats import ROBOT_FORMATS
@@ -20,12 +20,12 @@ MOTIONS = "_motions.yaml"
 
 @contextmanager
 def naming(what: str | Path) -> Iterator[None]:
-    """Name a file or an element in front of whatever is refused inside."""
+    """Name a file or an element in front of what is refused inside."""
     try:
         yield
-    except RobotFileError as error:
+    except (RobotFileError, OptionError) as error:
         place = {"file": str(what)} if isinstance(what, Path) else {"element": what}
-        raise RobotFileError(f"{what}: {error}", **(place | error.facts)) from error
+        raise type(error)(f"{what}: {error}", **(place | error.facts)) from error
 
 
 class RobotFiles(NamedTuple):

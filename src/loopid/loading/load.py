@@ -100,7 +100,7 @@ def load_mechanism(
     with naming(files.named):
         description = merged(source.description, files.given)
         if tied and not description.identical:
-            raise OptionError(f"{files.named} declares no identical links: nothing to tie")
+            raise OptionError("it declares no identical links: nothing to tie")
         tree = build_tree(source, description, lock)
         drawn = replace(
             _open_robot(files.named, tree, description),
@@ -137,7 +137,7 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
         model=model,
         closures=find_closures(file, model, description.all_closures),
         couplings=find_couplings(file, model, description.all_closures, tree.locked),
-        actuated=_motors(tree),
+        actuated=_motors(file, tree),
         bodies=bodies,
         reference=written_reference(model, tree.description.reference),
         platform=_platform(model, description),
@@ -157,7 +157,7 @@ def _require_printable_names(tree: TreeSource, description: Description) -> None
             raise RobotFileError(f"names must be printable and on one line, not {name!r:.60}")
 
 
-def _motors(tree: TreeSource) -> tuple[str, ...]:
+def _motors(file: Path, tree: TreeSource) -> tuple[str, ...]:
     """Joints with motors that are not locked; all with one coordinate where no file says."""
     model, motors = tree.model, tree.description.name_mot
     joints = list(model.names)[1:]
@@ -172,9 +172,9 @@ def _motors(tree: TreeSource) -> tuple[str, ...]:
         joint_named(model, name, "in name_mot")
     if not motors:
         raise MobilityError(
-            f"{tree.file}: no joint has a motor, so no force would be known: choose 'name_mot' "
-            f"among {', '.join(joints)}",
-            file=str(tree.file),
+            f"{file}: no joint has a motor, so no force would be known: choose 'name_mot' among "
+            f"{', '.join(joints)}",
+            file=str(file),
             valid=tuple(joints),
         )
     return tuple(motors)
@@ -186,7 +186,9 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
-        raise RobotFileError("no moving link has an <inertial>: nothing to identify")
+        raise RobotFileError(
+            f"no moving link has an <inertial> in {tree.file}: nothing to do"
+        )
     return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
 
 
