@@ -76,19 +76,11 @@ def test_a_seed_gives_the_same_answer_again(run_json):
     assert first == second
 
 
-def test_base_works_from_any_folder_and_says_which_lengths_the_coefficients_are(
-    run, base, tmp_path, monkeypatch
-):
+def test_base_works_from_any_folder(run, base, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = run("base", "3ups_rpu").out
-    for line in ("platform.mx - 0.3 leg1_stem.m", "where -0.3 = x(platform_B1)",
-                 "0.1928 m   x of platform_B2 in platform"):  # fmt: skip
-        assert line in text
+    assert "platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m" in run("base", "3ups_rpu").out
     (row,) = [row for row in base["base_parameters"] if row["name"] == "platform.my"]
-    assert row["expression"] == (
-        "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m, "
-        "where 0.2298 = y(platform_B2), -0.3 = y(platform_B3)"
-    )
+    assert row["expression"] == "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m"
 
 
 def test_check_reports_mobility_and_closure(run_json):

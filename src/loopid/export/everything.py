@@ -58,9 +58,7 @@ def export_fit(
         Of joint terms that a robot file cannot hold.
     """
     if robot is yaml is c is None:
-        raise OptionError(
-            'nothing to export: give robot="FILE", yaml="FILE" or c="DIR"'
-        )
+        raise OptionError('nothing to export: give robot="FILE", yaml="FILE" or c="DIR"')
     if yaml is not None:
         saved.content(yaml)
         require_other_file(yaml, *robot_files(mechanism))
