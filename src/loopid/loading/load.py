@@ -186,9 +186,7 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
-        raise RobotFileError(
-            f"no moving link has an <inertial> in {tree.file}: nothing to do"
-        )
+        raise RobotFileError(f"no moving link has an <inertial> in {tree.file}: nothing to do")
     return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
-from loopid.arguments import FloatArray, checked_fields
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.records import record
 from loopid.registry import Registry
@@ -323,8 +323,7 @@ CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
 })  # fmt: skip
 
 
-@checked_fields
-@record
+@record(checked=True)
 class LoopClosure:
     """A joint that closes a loop of the tree.
 
@@ -387,8 +386,7 @@ class LoopClosure:
         return sum(part.count for part in self.equations)
 
 
-@checked_fields
-@record
+@record(checked=True)
 class JointCoupling:
     """A gear, belt, cam or mimicking joint: an equation between coordinates of joints.
 

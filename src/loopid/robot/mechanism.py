@@ -20,7 +20,6 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     Number,
-    checked_fields,
     frozen,
 )
 from loopid.errors import OptionError
@@ -53,8 +52,7 @@ OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
 LISTED = 8  # names in a sentence
 
 
-@checked_fields
-@record
+@record(checked=True)
 class Body:
     """A rigid body that carries parameters: all the links fixed to one joint."""
 
@@ -62,8 +60,7 @@ class Body:
     joint_id: int  # index of the joint in the Pinocchio model
 
 
-@checked_fields
-@record
+@record(checked=True)
 class LinkGroup:
     """Links with the same parameters, each in its own frame."""
 
@@ -105,8 +102,7 @@ class Loop(NamedTuple):
     closures: tuple[LoopClosure, ...]
 
 
-@checked_fields
-@record
+@record(checked=True)
 class Mechanism:
     """A robot with or without closed loops.
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from loopid.arguments import FloatArray, checked_fields, samples
+from loopid.arguments import FloatArray, samples
 from loopid.records import record
 
 TRANSLATIONS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
 
 
-@checked_fields
-@record
+@record(checked=True)
 class Platform:
     """A frame whose placement is a product of elementary motions.
 
