@@ -168,7 +168,7 @@ def base(
         TIME_LIMIT,
         ExactSearch,
     )
-    from loopid.base_parameters.structure import without_effect
+    from loopid.base_parameters.rank import without_effect
     from loopid.regressors.joint_terms import (
         JointTerms,
         warn_of_omitted,
@@ -189,7 +189,12 @@ def base(
         warn_of_omitted(mechanism, joint_terms)
         with progress_bar("poses") as report:
             observation = structural_observation(
-                mechanism, model, samples, seed, progress=report, joint_terms=joint_terms
+                mechanism,
+                model,
+                samples=samples,
+                seed=seed,
+                progress=report,
+                joint_terms=joint_terms,
             )
         left, found = TIME_LIMIT, list[BaseParameters]()
         if time_limit is not None:
