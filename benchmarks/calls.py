@@ -13,6 +13,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -43,7 +44,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = []
     for name, call in CALLS.items():
-        run = call if callable(call) else lambda words=call: _command(words)
+        run = call if callable(call) else partial(_command, call)
         run()  # imports and caches
         rows.append({"call": name, **passed(run)})
     show("what a call passes through", rows)

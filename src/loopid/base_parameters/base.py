@@ -25,7 +25,10 @@ from loopid.base_parameters.choice import (
 )
 from loopid.base_parameters.exact import ExactSearch
 from loopid.base_parameters.guess import PivotedQR
-from loopid.base_parameters.rank import DoubtfulCombination
+from loopid.base_parameters.rank import (
+    DoubtfulCombination,
+    warn_of_doubts,
+)
 from loopid.base_parameters.structure import (
     Structure,
     analyse,
@@ -220,6 +223,7 @@ def find_base_parameters(
     """
     strategy = make_strategy(search)
     structure = analyse(observation)
+    warn_of_doubts(structure.doubtful)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
     places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]

@@ -8,7 +8,7 @@ does not count, and the combination is listed as doubtful.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 
 import numpy as np
@@ -31,6 +31,7 @@ from loopid.records import record
 SHOWN = 4  # parameters that a warning names
 TRIED = 1e-4  # of the characteristic length: rounding that shows what doubtful values take
 EQUAL = 1e-6  # relative; round-off decides no pivot
+SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
 
 
@@ -41,8 +42,8 @@ class RankTolerances:
     Attributes
     ----------
     least : float
-        Singular values up to this never count. Of 90 robots in others' files none has a singular
-        value between 1e-13 and 1e-5, but for geometry that is nearly special.
+        Singular values up to this never count. Robots whose geometry is exact have none between
+        1e-13 and 1e-5: 90 robots in others' files, with fixed and with floating bases.
     zero : float
         Up to this a singular value or a column is round-off, and not even doubtful.
     change : float
@@ -51,8 +52,11 @@ class RankTolerances:
     draws : int
         Other geometries that are tried to see that.
     reach, farthest : float
-        They are tried where the least singular value that counts is below ``reach`` times the
-        accuracy of the file, over the characteristic length, and below ``farthest``.
+        They are tried where the least singular value that is not round-off is below ``reach``
+        times the accuracy of the file, over the characteristic length, and below ``farthest``.
+    faint, presumed : float
+        Where the file does not tell its accuracy, they are tried where that value is below
+        ``faint``, with lengths ``presumed`` times the characteristic length off.
     """
 
     least: float = 1e-7
@@ -61,6 +65,8 @@ class RankTolerances:
     draws: int = 8
     reach: float = 1e3
     farthest: float = 1e-3
+    faint: float = 1e-5
+    presumed: float = 1e-6
 
     def __post_init__(self) -> None:
         given = {name: getattr(self, name) for name in self.__dataclass_fields__}
@@ -137,8 +143,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         )
     sizes, right = decomposed((observation.factor * scales)[:, columns])
     values = sizes / sizes[0]
-    made = _made_by_rounding(observation, scales, values, tolerances)
-    rank = max(1, int((values > max(tolerances.least, made)).sum()))
+    rank, source = _counted(observation, scales, values, tolerances)
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
@@ -152,11 +157,30 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     if last > rank:
         forces = np.zeros((last - rank, len(scales)))
         forces[:, columns] = values[rank:last, None] * right[rank:last]
-        doubtful = _combinations(observation, forces, scales, made)
-        # Of columns no longer than that nothing counts.
-        columns = np.flatnonzero(norms > sizes[0] * np.sqrt(values[rank - 1] * below))
+        doubtful = _combinations(observation, forces, scales, source)
+        # Nothing that counts is felt of columns so much shorter than what counts.
+        shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
+        columns = np.flatnonzero(norms > shortest)
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
     return Rank(rank, gap, values, scales, columns, doubtful)
+
+
+def warn_of_doubts(doubtful: Sequence[DoubtfulCombination]) -> None:
+    """Say which combinations do not count, and what may have made them."""
+    if not doubtful:
+        return
+    names, most = [next(iter(one.terms)) for one in doubtful], doubtful[0]
+    listed = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
+    by = f", as a rounding of {most.rounding:.0e} m makes" if most.rounding > 0 else ""
+    if most.source:
+        by = f", and numbers known to {most.rounding:.1g} m only ({most.source}) make such"
+    many = f"{len(names)} doubtful combinations of parameters, led by {listed}, do not count"
+    if len(names) == 1:
+        many = f"a doubtful combination of parameters, led by {listed}, does not count"
+    warn(
+        f"{many}: singular values are at most {most.singular_value:.1e} of the largest{by}",
+        AccuracyWarning,
+    )
 
 
 def without_effect(observation: Observation) -> bool:
@@ -200,35 +224,38 @@ def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, right
 
 
-def _made_by_rounding(
+def _counted(
     observation: Observation, scales: FloatArray, values: FloatArray, tolerances: RankTolerances
-) -> float:
-    """The largest relative singular value that rounded numbers of the robot file make; 0 if none.
+) -> tuple[int, str]:
+    """How many relative singular values count; and what tells of the rounding that made the rest.
 
-    What is evidence of rank stays nearly the same for other numbers that the file would write
-    alike; what changes by a part of itself is made by the rounding.
+    From the least one on, values that other numbers of the robot file would change are made by its
+    rounding; the first that stays the same is evidence of rank, and so are all above it.
     """
-    rounding, counted = observation.rounding, int((values > tolerances.least).sum())
-    if rounding is None or not rounding.accuracy:
-        return 0.0
-    within = tolerances.reach * rounding.accuracy / observation.length
-    if values[counted - 1] > min(within, tolerances.farthest):
-        return 0.0
+    counted = max(1, int((values > tolerances.least).sum()))
+    rounding, least = observation.rounding, values[values > tolerances.zero][-1]
+    if rounding is None:
+        return counted, ""
+    accuracy, near = rounding.accuracy, tolerances.reach * rounding.accuracy / observation.length
+    if not accuracy and not rounding.source:
+        accuracy, near = tolerances.presumed * observation.length, tolerances.faint
+    if not accuracy or least > min(near, tolerances.farthest):
+        return counted, ""
     # A few draws see whether there may be any.
     for draws, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
-        spectra = np.linalg.svd(rounding.factors(draws) * scales, compute_uv=False)[:, :counted]
-        spectra = spectra / spectra[0, 0]
+        factors = rounding.factors(draws, accuracy if not rounding.accuracy else None)
+        spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
         changes = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
-        noisy = changes > part * spectra[0]
-        if not noisy.any():
-            return 0.0
-    return float(spectra[:, noisy].max())
+        same = np.flatnonzero(changes <= part * spectra[0])
+        if len(same) and same[-1] == counted - 1:
+            return counted, ""
+    return (int(same[-1]) + 1 if len(same) else 1), rounding.source
 
 
 def _combinations(
-    observation: Observation, forces: FloatArray, scales: FloatArray, made: float
+    observation: Observation, forces: FloatArray, scales: FloatArray, source: str
 ) -> tuple[DoubtfulCombination, ...]:
-    """Combinations that span those of some forces (k, p) in common units, and a warning of them.
+    """Combinations that span those of some forces (k, p) in common units.
 
     Each has a parameter that the others do not have, so they do not depend on the choice of
     vectors for equal singular values.
@@ -239,9 +266,9 @@ def _combinations(
     rows = np.linalg.inv(basis[:, leaders]) @ basis
     along = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     sizes = np.linalg.norm(forces @ along.T, axis=0)
-    roundings, source = _roundings(observation, scales, along, sizes), ""
-    if made and observation.rounding is not None:
-        roundings[:], source = observation.rounding.accuracy, observation.rounding.source
+    roundings = _roundings(observation, scales, along, sizes)
+    if source and observation.rounding is not None:
+        roundings[:] = observation.rounding.accuracy
     found = []
     for k in np.argsort(-sizes, kind="stable"):
         leader, row = leaders[k], rows[k]
@@ -249,16 +276,6 @@ def _combinations(
         order = [leader, *kept[kept != leader]]
         terms = {labels[j]: float(row[j] / scales[j] * scales[leader]) for j in order}
         found.append(DoubtfulCombination(terms, float(sizes[k]), float(roundings[k]), source))
-    names = [next(iter(one.terms)) for one in found]
-    listed = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
-    by = f", as a rounding of {np.max(roundings):.0e} m makes" if roundings[0] > 0 else ""
-    if source:
-        by = f", and numbers known to {roundings[0]:.1g} m only ({source}) make such"
-    warn(
-        f"{len(found)} doubtful combinations of parameters, led by {listed}, do not count: their "
-        f"singular values are at most {sizes.max():.1e} of the largest{by}",
-        AccuracyWarning,
-    )
     return tuple(found)
 
 

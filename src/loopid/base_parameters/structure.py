@@ -94,11 +94,6 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
     RankError
         When no parameter has an effect, or when there are too few rows.
 
-    Warns
-    -----
-    AccuracyWarning
-        When combinations are doubtful: they do not count.
-
     Examples
     --------
     >>> import loopid
