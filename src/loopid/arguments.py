@@ -254,7 +254,7 @@ def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, type) and kind is None:
-        return Annotated[hint, _Instance] if is_dataclass(hint) else hint  # type: ignore[type-arg]
+        return Annotated[hint, _Instance] if is_dataclass(hint) else hint
     if kind is Annotated:
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
