@@ -82,6 +82,6 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
         count = ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent))
         for spread in SPREADS:
             with suppress(LoopidError):
-                observed = structural_observation(robot, "full", count, spread=spread)
-                return analyse(replace(observed, geometry=None)).rank
+                observed = structural_observation(robot, "full", samples=count, spread=spread)
+                return analyse(replace(observed, rounding=None)).rank
     return None

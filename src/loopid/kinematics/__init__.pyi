@@ -59,7 +59,6 @@ from .rounding import (
     exact_geometry as exact_geometry,
     geometry_accuracy as geometry_accuracy,
     largest_gap as largest_gap,
-    nearly_equal_lengths as nearly_equal_lengths,
     rounding_that_closes as rounding_that_closes,
     same_motion as same_motion,
     within_accuracy as within_accuracy,

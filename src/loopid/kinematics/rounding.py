@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
@@ -94,24 +94,6 @@ def _placements(model: pin.Model) -> list[pin.SE3]:
             place = model.jointPlacements[frame.parentJoint]
         found.append(model.frames[frame.parentFrame].placement.actInv(place))
     return found
-
-
-def nearly_equal_lengths(mechanism: Mechanism, accuracy: Accuracy) -> tuple[str, ...]:
-    """Pairs of distances between joints that differ, but hardly: ``elbow 0.2 m, wrist 0.200001 m``.
-
-    In a linkage such as a parallelogram equal lengths decide what can be known.
-    """
-    model, found = mechanism.model, dict[str, float]()
-    for frame, place in zip(list(model.frames)[1:], _placements(model), strict=True):
-        if length := float(np.linalg.norm(place.translation)):
-            found[frame.name] = length
-    found |= {closure.name: closure.length for closure in mechanism.closures if closure.length}
-    by_length = sorted(found.items(), key=lambda item: item[1])
-    return tuple(
-        f"{one} {a:.9g} m, {other} {b:.9g} m"
-        for (one, a), (other, b) in pairwise(by_length)
-        if accuracy.length / 2 < b - a <= NEARLY * accuracy.length
-    )
 
 
 def _square(angle: float) -> bool:
