@@ -761,17 +761,17 @@ def prepared(
     rows: str | None = None,
 ) -> list[Recording]:
     """Logs, read and made ready for identification."""
-    from loopid.logs.log import read_log
-    from loopid.logs.recording import prepare_recording
-    from loopid.motion.filtering import LowPass
+    from loopid.logs.options import FilterOptions
+    from loopid.logs.preparing import prepare_recording
+    from loopid.logs.reading import read_log
 
-    lowpass = None if cutoff is None else LowPass(cutoff)
+    options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     chosen = None if rows is None else _row_range(rows)
     found = []
     for path in paths or ():
-        log = read_log(path, mechanism, mapping, chosen)
+        log = read_log(path, mechanism, mapping=mapping, rows=chosen)
         with progress_bar(f"assembling {log.name}") as report:
-            found.append(prepare_recording(mechanism, log, lowpass or "default", progress=report))
+            found.append(prepare_recording(mechanism, log, filter=options, progress=report))
     return found
 
 

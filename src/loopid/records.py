@@ -82,7 +82,7 @@ def _eq(self: Any, other: object) -> Any:
 
 
 def _hash(self: Any) -> int:
-    return hash((type(self).__name__, *map(_digest, _compared(self))))
+    return hash((type(self).__name__, *map(digest, _compared(self))))
 
 
 def _repr(self: Any) -> str:
@@ -112,7 +112,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _digest(value: Any) -> int:
+def digest(value: Any) -> int:
     """A hash that is the same for values that are ``same``."""
     if isinstance(value, np.ndarray):
         first = value.ravel()[:HASHED]
@@ -121,7 +121,7 @@ def _digest(value: Any) -> int:
     if isinstance(value, float) and np.isnan(value):
         return 0
     if isinstance(value, tuple | list):
-        return hash(tuple(map(_digest, value)))
+        return hash(tuple(map(digest, value)))
     if isinstance(value, Mapping):
         return hash(frozenset(value))
     known = isinstance(value, str | int | float | bytes | Path | type(None))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from loopid.errors import OptionError
 
@@ -59,3 +59,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         return len(self._entries)
+
+
+# Filled by whoever has a format: the core by its own, tools and users by theirs.
+log_formats: Registry[Any] = Registry("log format")
