@@ -9,9 +9,9 @@ SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 GROUND = (
     "errors",
     "registry",
+    "arguments",
     "records",
     "scratch",
-    "arguments",
     "workers",
     "files",
     "yaml_files",

@@ -12,7 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial, wraps
 from importlib.metadata import version
@@ -30,7 +30,6 @@ from rich.table import Table
 from typer import Argument, Option
 
 from loopid.errors import (
-    AccuracyWarning,
     FileError,
     LoopidError,
     ModelWarning,
@@ -48,7 +47,6 @@ from loopid.files import (
 if TYPE_CHECKING:
     from loopid.identification.saved import SavedFit
     from loopid.logs.recording import Recording
-    from loopid.observation import Observation
     from loopid.robot.mechanism import Mechanism
 
 app = typer.Typer(
@@ -171,7 +169,6 @@ def base(
         ExactSearch,
     )
     from loopid.base_parameters.structure import without_effect
-    from loopid.kinematics.rounding import nearly_special
     from loopid.regressors.joint_terms import (
         JointTerms,
         warn_of_omitted,
@@ -207,37 +204,8 @@ def base(
                     strategy = ExactSearch(max(left, LEAST_TIME))
                 found.append(find_base_parameters(each, strategy, criterion))
                 left -= found[-1].search.seconds
-    bases = found[0], found[1] if len(found) > 1 else None
-    rest = None if time_limit is None else max(began + time_limit - perf_counter(), LEAST_TIME)
-    record, missing = None, "lengths in coefficients are"
-    try:
-        with _time_limit(rest, passed), progress_bar("names"):
-            record = base_record(mechanism, model, *bases)
-            missing = "what --snap would change is"
-            if not mechanism.options.get("snap") and (special := nearly_special(mechanism)):
-                other, moved = special
-                W = structural_observation(other, model, samples, seed, joint_terms=joint_terms)
-                record["base_parameters_if_snapped"] = count = _count(W)
-                if count and count != len(found[0]):
-                    warn(
-                        f"{mechanism.path}: geometry is nearly special: {len(bases[0])} base "
-                        f"parameters as it is, {count} with --snap, {moved}",
-                        AccuracyWarning,
-                    )
-    except LoopidError as reason:
-        warn(f"{mechanism.path}: {reason}, so {missing} not told", AccuracyWarning)
-        record = record or base_record(mechanism, model, *bases, with_lengths=False)
+    record = base_record(mechanism, model, *found)
     show(record, base_tables(record), as_json)
-
-
-def _count(observation: Observation) -> int | None:
-    """Number of base parameters; None where it is not clear."""
-    from loopid.base_parameters.base import find_base_parameters
-
-    with suppress(LoopidError), warnings.catch_warnings():
-        warnings.simplefilter("ignore", AccuracyWarning)
-        return len(find_base_parameters(observation, "qr"))
-    return None
 
 
 @app.command()

@@ -79,19 +79,11 @@ def test_a_seed_gives_the_same_answer_again(run_json):
     assert first == second
 
 
-def test_base_works_from_any_folder_and_says_which_lengths_the_coefficients_are(
-    run, base, tmp_path, monkeypatch
-):
+def test_base_works_from_any_folder(run, base, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = run("base", "3ups_rpu").out
-    for line in ("platform.mx - 0.3 leg1_stem.m", "where -0.3 = x(platform_B1)",
-                 "0.1928 m   x of platform_B2 in platform"):  # fmt: skip
-        assert line in text
+    assert "platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m" in run("base", "3ups_rpu").out
     (row,) = [row for row in base["base_parameters"] if row["name"] == "platform.my"]
-    assert row["expression"] == (
-        "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m, "
-        "where 0.2298 = y(platform_B2), -0.3 = y(platform_B3)"
-    )
+    assert row["expression"] == "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m"
 
 
 def test_check_reports_mobility_and_closure(run_json):
@@ -324,16 +316,14 @@ def test_a_search_out_of_time_is_not_certified(run, run_json, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("place", "missing"),
+    "place",
     [
-        ("loopid.loading.load_mechanism", ""),
-        ("loopid.regressors.structural_observation", ""),
-        ("loopid.base_parameters.find_base_parameters", ""),
-        ("loopid.report.structure.named_lengths", "lengths in coefficients are"),
-        ("loopid.kinematics.nearly_special", "what --snap would change is"),
+        "loopid.loading.load_mechanism",
+        "loopid.regressors.structural_observation",
+        "loopid.base_parameters.find_base_parameters",
     ],
 )
-def test_the_time_limit_ends_every_step(run, monkeypatch, place, missing):
+def test_the_time_limit_ends_every_step(run, monkeypatch, place):
     monkeypatch.setattr(place, lambda *_, **__: signal.raise_signal(signal.SIGALRM))
     before = signal.getsignal(signal.SIGALRM)
     done = run("base", "five_bar", "--time-limit", "600")
@@ -343,8 +333,7 @@ def test_the_time_limit_ends_every_step(run, monkeypatch, place, missing):
     )
     assert "the time limit of 600 s has passed" in done.err
     assert done.err.count("\n") == 1
-    assert (done.code, "base parameters" in done.out) == ((0, True) if missing else (2, False))
-    assert missing in done.err
+    assert (done.code, done.out) == (2, "")
 
 
 def test_the_time_limit_is_enforced_until_it_is_felt(run, monkeypatch):

@@ -38,9 +38,8 @@ from loopid.arguments import (
     finite,
     frozen,
 )
-from loopid.base_parameters.base import BaseParameters
+from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
-from loopid.base_parameters.naming import expression
 from loopid.base_parameters.structure import analyse
 from loopid.errors import (
     DataError,
