@@ -47,7 +47,6 @@ KNOWN = {
     "loading/description.py",
     "loading/load.py",
     "loading/reference.py",
-    "logs/log.py",
 }
 FILES = sorted(SOURCE.rglob("*.py"))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from loopid.errors import LogError
 from loopid.files import require_plausible
 from loopid.logs.arrays import ArrayFormat, Column, columns_of
-from loopid.logs.formats import optional, refusals
+from loopid.logs.formats import MOST_LISTED, optional, refusals
 
 if TYPE_CHECKING:
     import h5py
@@ -35,10 +35,8 @@ class Hdf5Format(ArrayFormat):
 
             def collect(_: str, item: Any) -> None:
                 if isinstance(item, h5py.Dataset) and item.shape:
-                    columns, own = (
-                        streams.setdefault(item.parent.name, {}),
-                        item.name.rsplit("/")[-1],
-                    )
+                    columns = streams.setdefault(item.parent.name, {})
+                    own = item.name.rsplit("/", 1)[-1]
                     fields = item.dtype.names and item.ndim == 1
                     places = _fields(item.dtype) if fields else columns_of(own, item.shape)
                     self.collect(columns, item.name, places)
@@ -64,7 +62,9 @@ class Hdf5Format(ArrayFormat):
             lambda name, item: groups.append(name) if isinstance(item, h5py.Group) else None
         )
         if self.chosen.strip("/") not in groups:
-            valid = f"choose among {', '.join(groups)}" if groups else "it has no groups"
+            valid = (
+                f"choose among {', '.join(groups[:MOST_LISTED])}" if groups else "it has no groups"
+            )
             raise LogError(
                 f"{self.path} has no group {self.chosen!r}: {valid}",
                 file=self.path,

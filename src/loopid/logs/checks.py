@@ -176,7 +176,9 @@ def check_rates(log: Log, allowed: LogTolerances) -> None:
     """
     for order, quantity in enumerate(("velocity", "acceleration"), 1):
         measured: FloatArray | None = getattr(log, quantity)
-        for k, joint in enumerate(log.joints if measured is not None else ()):
+        if measured is None:
+            continue
+        for k, joint in enumerate(log.joints):
             integrals, changes = _both_changes(log, k, measured[:, k], order, allowed.compared_over)
             size = float(changes @ changes)
             if size == 0:  # it stands

@@ -23,12 +23,6 @@ from loopid.registry import log_formats
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars
 
-# The last one registered is asked first whether it reads a path.
-log_formats.register("folder", "loopid.logs.text:FolderFormat")
-log_formats.register("csv", "loopid.logs.text:TextFormat")
-log_formats.register("npz", "loopid.logs.arrays:NpzFormat")
-log_formats.register("parquet", "loopid.logs.parquet:ParquetFormat")
-
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
@@ -92,12 +86,12 @@ def format_of(path: Path, name: str | None = None) -> tuple[str, type[LogFormat]
         kind: type[LogFormat] = log_formats[known]
         if name is not None or kind.accepts(path):
             return known, kind
-    endings = [ending for known in log_formats for ending in log_formats[known].endings]
+    endings = dict.fromkeys(end for known in log_formats for end in log_formats[known].endings)
     raise LogError(
         f"{path} is of no known format: its name must end in {', '.join(endings)}, or it must be a "
         f"folder; otherwise give the format in a mapping ({', '.join(sorted(log_formats))})",
         file=path,
-        valid=endings,
+        valid=tuple(endings),
     )
 
 

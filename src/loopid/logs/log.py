@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked_fields, finite, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, OptionError
 from loopid.logs.columns import Channel, ColumnFinder
 from loopid.logs.formats import array_table
@@ -33,8 +33,7 @@ UNITS: dict[str, dict[str, float]] = {
 EVEN = 0.01
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class Log:
     """Positions and forces of the motors over time, in stretches without gaps.
 
@@ -161,21 +160,21 @@ class Log:
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
-        time = _increasing(time) * _scale("time", units.get("time", "s"), joints)
+        at = _increasing(time) * _scale("time", units.get("time", "s"), joints)
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals = {
-            quantity: _columns(values, len(joints), quantity, len(time))
+            quantity: _columns(values, len(joints), quantity, len(at))
             * _scale(quantity, units.get(quantity), joints)
             for quantity, values in given.items()
             if values is not None
         }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
-            time, signals, stretches, dropped = _on_even_grid(name, joints, time, signals)
+            at, signals, stretches, dropped = _on_even_grid(name, joints, at, signals)
         return cls(
             name=name,
             joints=joints,
-            time=time,
+            time=at,
             **signals,
             stretches=np.asarray(stretches),
             saturation=None if saturation is None else np.asarray(saturation),

@@ -108,8 +108,13 @@ def prepare_recording(
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said, source=log.name)
     columns = [log.joints.index(name) for name in robot.independent]
-    rates = [signal[rows][:, columns] for signal in (signals.velocity, signals.acceleration)]
-    motion = JointMotion(log.time[rows], found.configurations, *rates, found.singularity)
+    motion = JointMotion(
+        log.time[rows],
+        found.configurations,
+        signals.velocity[rows][:, columns],
+        signals.acceleration[rows][:, columns],
+        found.singularity,
+    )
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
     return Recording(
         name=log.name,
@@ -126,9 +131,7 @@ def prepare_recording(
             *_flagged([f"{joint} is saturated" for joint in log.joints], saturated, motion.time),
         ),
         cutoff=None if lowpass is None else lowpass.cutoff,
-        history=None
-        if lowpass is None
-        else rate_history(log, signals.velocity, lowpass, motion, rows),
+        history=rate_history(log, signals.velocity, lowpass, motion, rows),
         spectrum=spectrum,
         filter=filter,
         masks=masks,
@@ -265,9 +268,11 @@ def kept_rows(
 
 
 def rate_history(
-    log: Log, velocity: FloatArray, lowpass: LowPass, motion: JointMotion, rows: IntArray
-) -> RateHistory:
+    log: Log, velocity: FloatArray, lowpass: LowPass | None, motion: JointMotion, rows: IntArray
+) -> RateHistory | None:
     """Filtered rates at the rate of the log, and which of its rows have a motion."""
+    if lowpass is None:
+        return None
     parts = tuple(log.parts())
     rates = tuple(map(log.rate, parts))
     return RateHistory(log.joints, velocity, parts, rates, lowpass, rows, (rows, motion))
@@ -315,7 +320,12 @@ def assemble_samples(
     dropped = []
     if not good.all():
         dropped.append(Dropped.at("loops do not close", time[~good]))
-        _refuse_open(robot, log, measured, good, np.concatenate(residual), masks)
+        left_open = np.where(good, 0.0, np.concatenate(residual)).max()
+        said = (
+            f"{log.name}: the loops do not close in {_where(time, ~good)} (they stay open by up to "
+            f"{left_open:.1e} m)"
+        )
+        _refuse_open(robot, log.name, said, measured, 1 - float(good.mean()), masks)
     regular = measure >= masks.singularity
     if not regular.all():
         near = good.copy()
@@ -333,26 +343,16 @@ def assemble_samples(
 
 
 def _refuse_open(
-    robot: Mechanism,
-    log: Log,
-    position: FloatArray,
-    closed: BoolArray,
-    residual: FloatArray,
-    masks: MaskOptions,
+    robot: Mechanism, name: str, said: str, position: FloatArray, part: float, masks: MaskOptions
 ) -> None:
-    """Warn of samples whose loops stay open; refuse a log with too many."""
-    said = (
-        f"{log.name}: the loops do not close in {_where(time, ~closed)} (they stay open by up to "
-        f"{residual[~closed].max():.1e} m)"
-    )
-    part = 1 - closed.mean()
+    """Warn of a part of the samples whose loops stay open; refuse a log with too large a part."""
     if part > MANY_OPEN:
         said += _with_exchanged(robot, position)
     if part > masks.unassembled or part == 1:
         raise AssemblyError(
             f"{said}: is the robot on another branch than the start, or are these not its "
             "positions?",
-            source=log.name,
+            source=name,
             part=part,
             tolerance=masks.unassembled,
         )
@@ -402,7 +402,9 @@ def standing(
     else:  # at a speed of zero no motor counts as standing
         speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
     idle = np.abs(velocity) <= speeds
-    for part in log.parts() if lowpass is not None else ():
+    if lowpass is None:
+        return idle[rows]
+    for part in log.parts():
         rate = log.rate(part)
         length = 1 + 2 * int(masks.standstill * rate / (2 * lowpass.cutoff))
         width = length + 2 * options.reach_of(lowpass, rate)
