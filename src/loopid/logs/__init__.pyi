@@ -16,6 +16,7 @@ from .options import (
 )
 from .preparing import (
     prepare_recording as prepare_recording,
+    read_recordings as read_recordings,
 )
 from .reading import (
     read_log as read_log,

@@ -60,6 +60,14 @@ class Log:
         default a twentieth of the motor's own usual top speed.
     dropped : tuple of Dropped
         What was left out on the way here.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> time = np.arange(0, 2, 0.01)
+    >>> log = loopid.Log.from_arrays(time, np.sin(time), np.cos(time), ["crank_joint"])
+    >>> log.rate(log.parts()[0])
+    100.0
     """
 
     name: str

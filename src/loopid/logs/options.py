@@ -74,6 +74,12 @@ class FilterOptions:
         single sample or the end of a stretch does to the filtered signal. Ends are left out.
     rate_rounding : float
         Relative error of measured rates.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.FilterOptions(cutoff=5.0).lowpass(suggested=20.0)
+    LowPass(cutoff=5.0, order=2)
     """
 
     cutoff: float | str | None = "auto"
@@ -137,6 +143,12 @@ class MaskOptions:
         range.
     clipped : int
         Samples in motion in which a clipped force has its largest size.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.MaskOptions(singularity=0.02).singularity
+    0.02
     """
 
     singularity: float = 5e-3

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, war
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.log import Log, renumbered
+from loopid.logs.mapping import LogMapping
 from loopid.logs.options import FilterOptions, MaskOptions
-from loopid.logs.reading import require_known_motion
+from loopid.logs.reading import read_log, require_known_motion
 from loopid.logs.recording import RateHistory, Recording
 from loopid.logs.spectrum import motion_spectrum
 from loopid.logs.streams import Dropped
@@ -136,6 +138,23 @@ def prepare_recording(
         filter=filter,
         masks=masks,
     )
+
+
+@checked
+def read_recordings(
+    robot: Mechanism,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    rows: tuple[int, int | None] | None = None,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    masks: MaskOptions = MaskOptions(),
+    progress: Progress | None = None,
+) -> tuple[Recording, ...]:
+    """Read logs and make them ready; see ``read_log`` and ``prepare_recording``."""
+    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
+    options: dict[str, Any] = {"filter": filter, "masks": masks, "progress": progress}
+    return tuple(prepare_recording(robot, log, **options) for log in logs)
 
 
 def require_motors(robot: Mechanism, log: Log) -> None:
