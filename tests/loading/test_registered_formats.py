@@ -12,13 +12,12 @@ from linkages import four_bar
 from loopid import load_mechanism
 from loopid.kinematics import mobility
 from loopid.loading import (
-    ROBOT_FORMATS,
-    URDF_DIALECTS,
     Dialect,
     TreeSource,
     closure_of,
     linked,
 )
+from loopid.registry import robot_formats, urdf_dialects
 from loopid.robot import CLOSURE_KINDS
 
 
@@ -36,7 +35,7 @@ def read_pendulum(path, floating_base, free_mimics):
 
 
 def test_a_format_that_is_registered_is_read(tmp_path):
-    ROBOT_FORMATS.register(".pendulum", read_pendulum)
+    robot_formats.register(".pendulum", read_pendulum)
     (tmp_path / "clock.pendulum").write_text("0.5 2")
     (tmp_path / "clock.yaml").write_text("name_mot: [hinge]")
     for name in ("clock.pendulum", "clock.yaml"):
@@ -52,7 +51,7 @@ def test_a_dialect_that_is_registered_is_read(write_files):
         closure = closure_of(model, element, linked(urdf, element), tuple(places))
         return Dialect([closure], notes=("a pin",))
 
-    URDF_DIALECTS.register("pin", read_pins)
+    urdf_dialects.register("pin", read_pins)
     parts, description = four_bar("3d")
     tag = '<pin name="end" type="spherical"><parent link="plate"/><child link="rocker"/></pin>'
     given = {key: description[key] for key in ("name_mot", "reference")}

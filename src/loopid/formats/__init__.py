@@ -1,13 +1,13 @@
-"""Formats of other programs, each in a file of its own that is imported when a file has it.
+"""Formats of robots and of logs beyond the core, one a file, found through registries."""
 
-A new one is a file and a line: below for those of loopid, in a program of one's own by
-``ROBOT_FORMATS.register(".ending", reader)``.
-"""
+from loopid import loading as loading, logs as logs  # whose formats are registered before
+from loopid.registry import log_formats, robot_formats, urdf_dialects
 
-from loopid.loading.formats import ROBOT_FORMATS, URDF_DIALECTS
+log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
+log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
-for ending in (".xml", ".mjcf"):
-    ROBOT_FORMATS.register(ending, "loopid.formats.mjcf:read_mjcf")
+robot_formats.register(".xml", "loopid.formats.mjcf:read_mjcf")
+robot_formats.register(".mjcf", "loopid.formats.mjcf:read_mjcf")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
@@ -19,4 +19,4 @@ for sign, reader in {
     "gazebo": "gazebo:read_gazebo",
     "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "drake:read_drake",
 }.items():
-    URDF_DIALECTS.register(sign, f"loopid.formats.{reader}")
+    urdf_dialects.register(sign, f"loopid.formats.{reader}")

@@ -4,10 +4,6 @@ from .files import (
     find_files as find_files,
     find_motion_file as find_motion_file,
 )
-from .formats import (
-    ROBOT_FORMATS as ROBOT_FORMATS,
-    URDF_DIALECTS as URDF_DIALECTS,
-)
 from .load import (
     load_mechanism as load_mechanism,
 )

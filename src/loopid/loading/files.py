@@ -11,7 +11,7 @@ from typing import NamedTuple
 from loopid.errors import FileError, OptionError, RobotFileError
 from loopid.files import why_no_file
 from loopid.loading.description import Description
-from loopid.loading.formats import ROBOT_FORMATS
+from loopid.registry import robot_formats
 from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
@@ -62,8 +62,8 @@ def find_files(path: str | Path) -> RobotFiles:
     if file.suffix in YAML:
         given = read_yaml(file, Description)
         return RobotFiles(file, given, _tree(file, given))
-    if file.suffix not in ROBOT_FORMATS:
-        endings = (*YAML, *ROBOT_FORMATS)
+    if file.suffix not in robot_formats:
+        endings = (*YAML, *robot_formats)
         raise RobotFileError(
             f"{file}: a robot file ends in {', '.join(endings)}", file=str(file), valid=endings
         )
@@ -73,7 +73,7 @@ def find_files(path: str | Path) -> RobotFiles:
 def _tree(file: Path, given: Description) -> Path:
     """The file of the tree beside a YAML: the one that it names, else that of its own name."""
     named = given.urdf or given.mjcf
-    trees = [file.parent / named] if named else [*map(file.with_suffix, ROBOT_FORMATS)]
+    trees = [file.parent / named] if named else [*map(file.with_suffix, robot_formats)]
     problems = [why_no_file(tree) for tree in trees]
     if "" in problems:
         return trees[problems.index("")]

@@ -21,9 +21,9 @@ from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import LARGEST_ROUNDING, Description, merged
 from loopid.loading.files import find_files, naming
 from loopid.loading.findings import warn_of_findings
-from loopid.loading.formats import ROBOT_FORMATS
 from loopid.loading.reference import close_reference
 from loopid.loading.tree import TreeSource, build_tree, joint_named, written_reference
+from loopid.registry import robot_formats
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
     Body,
@@ -96,7 +96,7 @@ def load_mechanism(
         raise OptionError(f"rounding must be {least_most}, not {rounding:g}", given=rounding)
     files = find_files(path)
     floating = floating_base or files.given.floating_base
-    source = ROBOT_FORMATS[files.tree.suffix](files.tree, floating, free_mimics)
+    source = robot_formats[files.tree.suffix](files.tree, floating, free_mimics)
     with naming(files.named):
         description = merged(source.description, files.given)
         if tied and not description.identical:

@@ -5,7 +5,7 @@ missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number t
 So both get a copy of what the tree is made of, in which names and numbers are sound.
 
 Closures are joints that ``<mimic>`` others and joints that give a link a second parent; dialects,
-registered in ``URDF_DIALECTS``, have tags of their own.
+registered in ``urdf_dialects``, have tags of their own.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from loopid.arguments import number
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.files import naming
-from loopid.loading.formats import URDF_DIALECTS
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.xml import (
     Element,
@@ -41,6 +40,7 @@ from loopid.loading.xml import (
     said,
     single,
 )
+from loopid.registry import urdf_dialects
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
@@ -118,8 +118,8 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
         model = build_model(urdf, floating_base)
         mimics = {} if free_mimics else _mimics(joints)
         closures, notes = _second_parents(urdf, model), _second_notes(urdf)
-        signs = [sign for sign in URDF_DIALECTS if urdf.root.xpath(sign)]
-        dialects = [URDF_DIALECTS[sign](urdf, model) for sign in signs]
+        signs = [sign for sign in urdf_dialects if urdf.root.xpath(sign)]
+        dialects = [urdf_dialects[sign](urdf, model) for sign in signs]
         closures += [closure for dialect in dialects for closure in dialect.closures]
         motors = _motors(urdf, dialects, mimics, looped=any(c.frames for c in closures))
         terms, left_out = _joint_forces(urdf, dialects)
