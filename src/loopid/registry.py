@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from loopid.errors import OptionError
 
@@ -20,6 +20,8 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     ----------
     what : str
         What an entry is called in errors, such as ``"estimator"``.
+    entries : mapping, optional
+        The first entries by name.
 
     Examples
     --------
@@ -51,11 +53,27 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             self._entries[name] = entry
         return entry
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """The entry, or the default where there is none."""
+        if name not in self:
+            return default
+        return self[name]
+
     def __contains__(self, name: object) -> bool:
-        return name in self._entries
+        return isinstance(name, str) and name in self._entries
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
 
     def __len__(self) -> int:
         return len(self._entries)
+
+
+# Filled by whoever has a format: the core by its own, tools and users by theirs.
+log_formats: Registry[Any] = Registry("log format")
+# By the ending of the tree's file: a function of it, of whether its base floats and whether joints
+# that mimic others move on their own, that gives a ``TreeSource``.
+robot_formats: Registry[Any] = Registry("ending of a robot file")
+# By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
+# tree, to mount frames in, that gives a ``Dialect``.
+urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")

@@ -119,8 +119,8 @@ def test_couplings_that_contradict_each_other_are_refused(write_files):
     again = {"type": "coupling", "joints": {n: 2 * c for n, c in gear["joints"].items()}}
 
     def load(offset):
-        both = description | {"closures": [gear, again | {"offset": offset}]}
-        return load_mechanism(write_files(*files(parts, both)))
+        gears = {"closures": [gear, again | {"offset": offset}]}
+        return load_mechanism(write_files(*files(parts, description | gears)))
 
     with pytest.warns(ModelWarning, match="follows from the ones before it"):
         assert mobility(load(0.2)).rank == 1

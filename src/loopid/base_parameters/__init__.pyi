@@ -1,6 +1,7 @@
 from .base import (
     STRATEGIES as STRATEGIES,
     BaseParameters as BaseParameters,
+    expression as expression,
     find_base_parameters as find_base_parameters,
     make_strategy as make_strategy,
 )
@@ -20,17 +21,16 @@ from .exact import (
 from .guess import (
     PivotedQR as PivotedQR,
 )
-from .naming import (
-    CoefficientName as CoefficientName,
-    equations as equations,
-    expression as expression,
-    name_coefficients as name_coefficients,
+from .rank import (
+    DoubtfulCombination as DoubtfulCombination,
+    RankTolerances as RankTolerances,
+    decide_rank as decide_rank,
+    without_effect as without_effect,
 )
 from .structure import (
     Structure as Structure,
     analyse as analyse,
     independent_blocks as independent_blocks,
-    without_effect as without_effect,
 )
 from .subgroup import (
     SubgroupSearch as SubgroupSearch,

@@ -24,7 +24,7 @@ from loopid.arguments import (
     checked,
     frozen,
 )
-from loopid.base_parameters.naming import expression
+from loopid.base_parameters.base import expression
 from loopid.errors import (
     DataError,
     RankError,

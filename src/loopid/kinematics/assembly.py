@@ -51,7 +51,7 @@ from loopid.workers import one_blas_thread
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class AssemblyOptions:
     """How closely loops are closed, and how paths are followed to there.
 

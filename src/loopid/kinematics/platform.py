@@ -21,10 +21,8 @@ from loopid.kinematics.poses import (
     frame_motions,
     frame_poses,
 )
-from loopid.robot.mechanism import (
-    Mechanism,
-    Platform,
-)
+from loopid.robot.mechanism import Mechanism
+from loopid.robot.platform import Platform
 
 
 def declared_platform(mechanism: Mechanism) -> Platform:

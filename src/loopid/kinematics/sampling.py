@@ -50,7 +50,7 @@ SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class SamplingOptions:
     """How random configurations are drawn.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import fields
 from html import escape
 
 import numpy as np
@@ -12,9 +13,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     checked,
-    checked_fields,
     finite,
-    frozen,
 )
 from loopid.errors import (
     DataError,
@@ -27,16 +26,17 @@ from loopid.kinematics.projection import (
     singularity_measure,
 )
 from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
+from loopid.records import record
 from loopid.robot.mechanism import (
     Mechanism,
     lock_options,
 )
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class JointMotion:
     """Configurations of a mechanism over time, and the motion of its independent coordinates.
 
@@ -60,7 +60,7 @@ class JointMotion:
                     f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
                     f"of time, not {values.shape}"
                 )
-            object.__setattr__(self, name, frozen(values))
+            object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -135,7 +135,7 @@ def joint_motion(
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
 
 
-@dataclass(frozen=True)
+@record
 class JointRange:
     """What a joint with one coordinate passes through, in m or rad."""
 
@@ -151,7 +151,7 @@ class JointRange:
         return min(self.lowest - self.lower, self.upper - self.highest)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class MotionReview:
     """Findings about a motion."""
 
@@ -228,3 +228,35 @@ def review_motion(
         margin=margin,
         speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
     )
+
+
+@checked
+def review_program(
+    mechanism: Mechanism,
+    program: MotionProgram,
+    rate: float | None = None,
+    *,
+    margin: float = DEFAULT_MARGIN,
+    progress: Callable[[float, float], None] | None = None,
+) -> dict[str, MotionReview]:
+    """Review every motion of a file; see ``review_motion``.
+
+    Parameters
+    ----------
+    rate : float, optional
+        Samples per second; by default the file's.
+    progress : callable, optional
+        Called with how many motions are done, and with their number.
+
+    Returns
+    -------
+    dict
+        Of reviews, by the motions' names.
+    """
+    reviews: dict[str, MotionReview] = {}
+    for name in program.motions:
+        motion = joint_motion(mechanism, program.motion(name, rate))
+        reviews[name] = review_motion(mechanism, motion, margin)
+        if progress is not None:
+            progress(len(reviews), len(program.motions))
+    return reviews
