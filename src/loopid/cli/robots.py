@@ -102,7 +102,8 @@ def base(
     from loopid.base_parameters.base import find_base_parameters
     from loopid.base_parameters.exact import ExactSearch
     from loopid.base_parameters.rank import without_effect
-    from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.regressors.left_out import warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
 

@@ -50,12 +50,12 @@ from loopid.parameters import (
     html_table,
 )
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_terms import (
+from loopid.regressors.joint_laws import (
     JointState,
-    JointTerms,
     joint_term,
-    warn_of_omitted,
 )
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.left_out import warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.scratch import (
@@ -232,15 +232,15 @@ class ForceModel:
         for j in self.joint_columns:
             parameter = self.parameters[j]
             joint, law = parameter.link, joint_term(parameter.kind)
-            if history and law.jumps:
+            if history and "sign" in law.needs:
 
                 def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
                     return terms.loads(self.mechanism, motion)[0][joint]
 
                 (index,) = self.mechanism.velocity_indices([joint])
                 rate = history.of_joint(self.mechanism, joint)
-                loads = history.of_motion(self.mechanism, load) if law.needs_load else None
-                signal = law.signal(JointState(None, rate, None, loads), terms, np)
+                loads = history.of_motion(self.mechanism, load) if "load" in law.needs else None
+                signal = law.law(terms.state(JointState(None, rate, None), loads), law.at)
                 steps[j] = int(index), history.lowpassed(np.asarray(signal))
 
         def stepped(rows: slice) -> FloatArray:

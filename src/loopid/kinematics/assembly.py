@@ -320,6 +320,8 @@ def _predicted(
     options: AssemblyOptions,
 ) -> FloatArray:
     """Where the tangents lead that are short enough to be trusted; else the starts."""
+    if measured.holds:
+        return start
     pull = at.known @ way[:, :, None]
     steps = -Solver.of(at.unknown, options.regular).solve(pull)[:, :, 0]
     steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0

@@ -56,6 +56,8 @@ class MeasuredCoordinates(ABC):
         self.unknown = unknown
         self.width = width
         self.scales = mechanism.coordinate_scales[unknown]
+        # Whether parts of joints stay as they are, which then depends on the way to a sample.
+        self.holds = bool(mechanism.held)
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:

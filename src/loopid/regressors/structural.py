@@ -36,10 +36,8 @@ from loopid.regressors.closed_loop import (
     motion_parameters,
     motion_regressor,
 )
-from loopid.regressors.joint_terms import (
-    JointTerms,
-    joint_term,
-)
+from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import (
     Progress,

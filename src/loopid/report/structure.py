@@ -22,8 +22,8 @@ from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     singularity_measure,
 )
-from loopid.regressors.joint_terms import (
-    OF_FILE,
+from loopid.regressors.joint_terms import OF_FILE
+from loopid.regressors.left_out import (
     FileForce,
     file_forces,
 )
