@@ -294,7 +294,7 @@ def split_recordings(
     >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
     >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
     >>> force = np.zeros((len(motion.time), 2))
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
     >>> training, validation = loopid.split_recordings([run], 0.75)
     >>> len(run), len(training[0]), len(validation[0])
     (201, 151, 50)
@@ -373,8 +373,10 @@ def identify(
     >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> noise, values = loopid.Noise(gaussian=0.01), np.array([1.0, 2.0])
-    >>> log = loopid.simulate_measurement(robot, motion, noise, 0, None, friction, values)
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> log = loopid.simulate_measurement(
+    ...     robot, motion, noise, joint_terms=friction, joint_values=values
+    ... )
+    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> model = loopid.find_force_model(robot, "gravity", friction)
     >>> found = loopid.identify(model, *loopid.split_recordings([run], 0.5))
     >>> np.round(found.fit.values[model.joint_columns], 1)
