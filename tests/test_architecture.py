@@ -46,7 +46,6 @@ KNOWN = {
     "loading/description.py",
     "loading/load.py",
     "loading/reference.py",
-    "logs/log.py",
 }
 FILES = sorted(SOURCE.rglob("*.py"))
 

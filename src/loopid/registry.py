@@ -67,3 +67,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         return len(self._entries)
+
+
+# Filled by whoever has a format: the core by its own, tools and users by theirs.
+log_formats: Registry[Any] = Registry("log format")

@@ -84,13 +84,6 @@ def test_a_difference_of_ranks_is_warned_of(path):
     assert "singular" in str(told[0].message)
 
 
-def test_so_is_a_rank_that_is_not_clear(write_files):
-    parts, description = folded_robots.folded_four_bar(coupler=folded_robots.LONG + 1e-6)
-    file = write_files(*files(parts, description))
-    with pytest.warns(ModelWarning, match=r"MAY DIFFER .*: \? in mode 1, 8 in mode 2"):
-        load_mechanism(file)
-
-
 def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "folded.xml").write_text(folded_robots.FOLDED_MJCF)

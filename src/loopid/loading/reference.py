@@ -288,8 +288,8 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
     samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
     for spread in SPREADS:
         with suppress(LoopidError):
-            observed = structural_observation(robot, "full", samples, spread=spread)
-            return analyse(replace(observed, geometry=None)).rank
+            observed = structural_observation(robot, "full", samples=samples, spread=spread)
+            return analyse(replace(observed, rounding=None)).rank
     return None
 
 

@@ -282,8 +282,14 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
         "nonzero_parameters": len(base.structure.columns),
         "rank": base.structure.rank,
         "rank_gap": base.structure.rank_gap,
-        "rank_noise": base.structure.noise,
-        "rank_noise_source": base.structure.noise_source,
+        "doubtful": [
+            {
+                "expression": expression(one.terms),
+                "terms": dict(one.terms),
+                **json_fields(one, "singular_value", "rounding", "source"),
+            }
+            for one in base.doubtful
+        ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
         "search": json_fields(base.search, *SEARCH),
         "base_parameters": [
@@ -299,6 +305,8 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
+    if record["doubtful"]:
+        tables.append(_doubtful(record["doubtful"]))
     return [*tables, facts("findings", _findings(record))]
 
 
@@ -307,13 +315,27 @@ def _parameters(title: str, choice: dict[str, Any]) -> Table:
     return plain_table(title, (">", "base parameter"), rows)
 
 
+def _doubtful(combinations: Sequence[Mapping[str, Any]]) -> Table:
+    rows = (
+        (
+            one["expression"],
+            f"{one['singular_value']:.1e}",
+            "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}",
+        )
+        for one in combinations
+    )
+    return plain_table(
+        "doubtful combinations, which do not count",
+        ("", ">singular value", "rounding that makes it"),
+        rows,
+    )
+
+
 def _findings(record: dict[str, Any]) -> dict[str, str]:
     search = record["search"]
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
     gap = f"singular-value gap {record['rank_gap']:.1e}"
-    if record["rank_noise"]:
-        gap += f" above {record['rank_noise']:.1e}, noise of {record['rank_noise_source']}"
     rows = {
         "parameters with an effect": (
             f"{record['nonzero_parameters']} of {record['standard_parameters']}"
