@@ -13,14 +13,11 @@ import loopid
 
 URDF = Path(__file__).parents[1] / "urdf"
 
-time, q1, q2, force1, force2 = np.loadtxt(
-    URDF / "logs" / "five_bar.csv", delimiter=",", skiprows=1
-).T
+run = np.loadtxt(URDF / "logs" / "five_bar.csv", delimiter=",", skiprows=1)
+time, position, force = run[:, 0], run[:, 1:3], run[:, 3:]
 
 robot = loopid.load_mechanism(URDF / "five_bar.yaml")
-log = loopid.Log.from_arrays(
-    time, np.stack([q1, q2], axis=1), np.stack([force1, force2], axis=1), robot.actuated
-)
+log = loopid.Log.from_arrays(time, position, force, robot.actuated)
 model = loopid.find_force_model(robot, "full")
 found = loopid.identify(model, [loopid.prepare_recording(robot, log)])
 
