@@ -24,17 +24,15 @@ def values():
         loopid.LowPass(2.0),
     )
     yield from (spline, FourierCurve(np.zeros((4, 1))), Arc("x", 0.1), JointRange("a", 0, 1, -1, 2))
+    yield loopid.LowPass(2.0)
     yield Waypoint([0.0, 1.0], 2.0, (Arc("x", 0.1),), spline)
     yield from (program, program.plans[0])
 
 
-@pytest.mark.parametrize(
-    ("one", "again"),
-    [
-        pytest.param(*both, id=type(both[0]).__name__)
-        for both in zip(values(), values(), strict=True)
-    ],
-)
+BOTH = [*zip(values(), values(), strict=True)]
+
+
+@pytest.mark.parametrize(("one", "again"), BOTH, ids=[type(one).__name__ for one, _ in BOTH])
 def test_records_of_motions_compare_hash_copy_and_pickle(one, again):
     assert one == again
     assert hash(one) == hash(again)

@@ -50,7 +50,7 @@ def loaded(
     with progress_bar("robot"):
         return load_mechanism(
             file,
-            lock or (),
+            lock=lock or (),
             floating_base=floating_base,
             free_mimics=free_mimics,
             tied=tied,

@@ -17,7 +17,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from loopid.arguments import FloatArray, checked, number
 from loopid.errors import DataError, FileError, LogError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
-from loopid.loading.description import find_motion_file
+from loopid.loading.files import find_motion_file
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.trajectories import (
     Arc,
