@@ -13,7 +13,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import replace
 from functools import partial, wraps
 from importlib.metadata import version
 from inspect import Parameter, Signature, signature
@@ -70,8 +69,7 @@ TERMS = (
     "motors and passive joints; after semicolons of some joints: "
     '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
 )
-# Terms of identify by default, and the choice that a comparison decides, of these and springs too.
-FRICTION, AUTOMATIC, SPRINGS = "Fc,Fv,file", "auto", "Fc,Fv,Ks,file"
+FRICTION = "Fc,Fv,file"  # terms of identify by default
 MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
@@ -495,8 +493,11 @@ def identify(
     as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
-    from loopid import identification
-    from loopid.regressors.joint_terms import JointTerms
+    from loopid.diagnosis.study import (
+        StudyOptions,
+        study_logs,
+    )
+    from loopid.identification.options import FitOptions
     from loopid.report.identify import (
         identification_files,
         identification_record,
@@ -507,50 +508,40 @@ def identify(
         raise OptionError(f"--train must be between 0 and 1, not {train}")
     if not start < end:
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
+    fit = FitOptions(
+        estimator=estimator,
+        unidentifiable=unidentifiable,
+        prior_deviation=prior_deviation,
+        fraction=train,
+        n_jobs=jobs,
+    )
+    options = StudyOptions(
+        model=model,
+        terms=terms,
+        compared=tuple(compare_terms or ()),
+        consistent=consistent,
+        repair=repair,
+        fit=fit,
+    )
     mechanism = load()
+    options.require_terms(mechanism)
     require_output(out, str(mechanism.path), mapping, *logs, *(validate or ()))
-    JointTerms.of(mechanism, FRICTION if terms == AUTOMATIC else terms)
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     runs = prepared(mechanism, logs, mapping, cutoff, rows)
-    training: Sequence[Recording] = [run.between(start, end) for run in runs]
-    validation: Sequence[Recording] = prepared(mechanism, validate, mapping, cutoff)
-    if not validation:
-        training, validation = identification.split_recordings(training, train)
+    judging = prepared(mechanism, validate, mapping, cutoff)
     commanded = prepared(mechanism, reference, reference_mapping, cutoff)
     friction = prepared(mechanism, friction_log, mapping, cutoff)
-
-    def identified(choice: str, others: Sequence[str] | None) -> identification.Identification:
-        joint_terms = JointTerms.of(mechanism, choice)
-        with progress_bar("poses") as report:
-            force_model = identification.find_force_model(
-                mechanism, model, joint_terms, progress=report
-            )
-        return identification.identify(
-            force_model,
-            training,
-            validation,
-            estimator,
-            friction,
-            jobs,
-            unidentifiable,
-            [each.motion for each in commanded],
-            prior_deviation,
-            consistent,
-            repair,
-            others,
+    with progress_bar("poses") as report:
+        found = study_logs(
+            mechanism,
+            [run.between(start, end) for run in runs],
+            validation=judging or None,
+            friction=friction,
+            references=[each.motion for each in commanded],
+            options=options,
+            progress=report,
         )
-
-    if terms == AUTOMATIC:
-        with warnings.catch_warnings():  # of terms that need not be the chosen ones
-            warnings.simplefilter("ignore")
-            compared = identified(FRICTION, [*(compare_terms or ()), SPRINGS]).term_sets
-        assert compared is not None
-        best = compared.enough[1]
-        found = identified(best.choice, None)
-        found = replace(found, term_sets=replace(compared, chosen=best))
-    else:
-        found = identified(terms, compare_terms or ())
     if out is not None:
         write_files(out, identification_files(found))
     show(identification_record(found), identification_tables(found), as_json)
@@ -673,6 +664,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
+    from loopid.diagnosis.consistent import standard_parameters_of
     from loopid.export.c_code import regressor_code
     from loopid.export.robot_file import export_robot_file
     from loopid.identification.saved import (
@@ -692,7 +684,9 @@ def export(
         saved.content(yaml)
         require_other_file(yaml, fit, *robot_files(mechanism))
     model = saved.find_force_model(mechanism)
-    standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
+    standard = None
+    if robot is not None:
+        standard = standard_parameters_of(saved, model, repair=repair, any_mass=any_mass)
     code = None if c is None else regressor_code(model, name, saved.values)
     written = []
     if robot is not None and standard is not None:

@@ -24,12 +24,12 @@ FINE = QUICK | {"rate": 100.0}
 
 @pytest.fixture(scope="module")
 def gravity(five_bar):
-    return find_force_model(five_bar)
+    return find_force_model(five_bar, joint_terms=None)
 
 
 @pytest.fixture(scope="module")
 def full(five_bar):
-    return find_force_model(five_bar, "full")
+    return find_force_model(five_bar, "full", None)
 
 
 @pytest.fixture(scope="module")
@@ -265,7 +265,7 @@ def wrist(tmp_path_factory):
     tree, described = files(parts, description)
     (folder / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
     (folder / "robot.yaml").write_text(described)
-    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"))
+    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"), joint_terms=None)
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):

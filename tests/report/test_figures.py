@@ -42,7 +42,7 @@ DRAWERS = {
 @pytest.fixture(scope="module")
 def knee_log(knee):
     """Identifiability from a log in which no motor moves."""
-    model, motion = find_force_model(knee), stand(knee, seconds=5.0)
+    model, motion = find_force_model(knee, joint_terms=None), stand(knee, seconds=5.0)
     return identifiability(model, [modelled(model, motion, model.prior)])
 
 
@@ -206,7 +206,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, identification):
 def test_a_serial_robot_has_a_row_for_each_of_its_motors(monkeypatch, tmp_path):
     (tmp_path / "arm.urdf").write_text(ARM)
     arm = load_mechanism(tmp_path / "arm.urdf")
-    model = find_force_model(arm)
+    model = find_force_model(arm, joint_terms=None)
     runs = [
         [modelled(model, wander(arm, seed, seconds=20.0, size=(1.0, 1.0)), model.prior, seed=seed)]
         for seed in (1, 2)

@@ -1,18 +1,33 @@
 from .bands import (
     BandSweep as BandSweep,
+    sweep_bands as sweep_bands,
+)
+from .consistent import (
+    consistent_fit as consistent_fit,
+    consistent_parameters as consistent_parameters,
+    standard_parameters_of as standard_parameters_of,
+)
+from .consistent_prior import (
+    repaired_prior as repaired_prior,
+)
+from .consistent_program import (
+    REGULARISATIONS as REGULARISATIONS,
 )
 from .elimination import (
     PredictionError as PredictionError,
     Reduction as Reduction,
     ReductionStep as ReductionStep,
     eliminate as eliminate,
+    eliminate_parameters as eliminate_parameters,
     influence as influence,
+    judge_essential as judge_essential,
     prediction_errors as prediction_errors,
     truncated_values as truncated_values,
 )
 from .log_mistakes import (
     MotorGain as MotorGain,
     Suspicions as Suspicions,
+    diagnose as diagnose,
     suspicions as suspicions,
     warn_of_suspicions as warn_of_suspicions,
 )
@@ -21,6 +36,12 @@ from .payload import (
     PayloadFit as PayloadFit,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
+)
+from .study import (
+    Study as Study,
+    StudyOptions as StudyOptions,
+    examine as examine,
+    study_logs as study_logs,
 )
 from .term_sets import (
     TermComparison as TermComparison,

@@ -30,7 +30,8 @@ from loopid.errors import (
     DataWarning,
     warn,
 )
-from loopid.identification.force_model import body_sizes
+from loopid.identification.pipeline import Identification
+from loopid.identification.robot_prior import body_sizes
 from loopid.kinematics.assembly import (
     JointCoordinates,
     try_assemble,
@@ -43,6 +44,7 @@ from loopid.logs.recording import (
     SINGULARITY_MARGIN,
     Recording,
 )
+from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
@@ -83,7 +85,7 @@ MOVES = "shift", "stretch"  # kinds of mistakes in the positions
 INTERVAL, TINY, HOPELESS = 1.96, 1e-300, 1e9  # the first in standard deviations
 
 
-@dataclass(frozen=True)
+@record
 class MotorGain:
     """Measured force of a motor over what the bodies and the other motors let expect.
 
@@ -101,7 +103,7 @@ class MotorGain:
     interval: tuple[float, float]
 
 
-@dataclass(frozen=True)
+@record
 class Suspicions:
     """What is suspected of a log.
 
@@ -167,6 +169,24 @@ def suspicions(
     return Suspicions(recordings[0].name, gains, tuple(sentences))
 
 
+@checked
+def diagnose(found: Identification) -> tuple[Suspicions, ...]:
+    """Look for mistakes in each log of an identification, its parts taken together."""
+    runs = (*found.training, *found.validation, *found.friction)
+    model = found.force_model
+    return tuple(
+        suspicions(model.mechanism, parts, model.joint_terms) for parts in _by_log(runs).values()
+    )
+
+
+def _by_log(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Parts of one log, which have one name, together."""
+    logs: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        logs.setdefault(recording.name, []).append(recording)
+    return logs
+
+
 def warn_of_suspicions(
     mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[Suspicions, ...]:
@@ -177,10 +197,8 @@ def warn_of_suspicions(
     DataWarning
         Of each mistake.
     """
-    logs: dict[str, list[Recording]] = {}
-    for recording in recordings:
-        logs.setdefault(recording.name, []).append(recording)
-    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
+    logs = _by_log(recordings).values()
+    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs)
     for one in found:
         for sentence in one.sentences:
             warn(f"{one.recording}: {sentence}", DataWarning)

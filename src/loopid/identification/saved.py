@@ -56,9 +56,7 @@ from loopid.files import (
 from loopid.identification.consistent import (
     ConsistentFit,
     FitCost,
-    consistent_parameters,
 )
-from loopid.identification.consistent_prior import repaired_prior
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import (
     FitResult,
@@ -92,8 +90,6 @@ ENDINGS = (".yaml", ".yml", ".json")
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns up to which a robot is the same.
 SAME_ROBOT = 1e-6
-# Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
-MOST_MASS, LIGHT = 3.0, 0.01
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
@@ -326,7 +322,7 @@ class SavedFit(_Record):
                 raise ValueError("configurations of the states differ in length")
         if self.estimate is not None and self.covariance is None:
             raise ValueError("an estimate needs a covariance")
-        if self.consistency is not None and not np.isfinite(self._standard_values).all():
+        if self.consistency is not None and not np.isfinite(self.standard_values).all():
             raise ValueError("a consistent fit needs the values of all standard parameters")
         _ = self.result  # refused where its columns do not fit together
         return self
@@ -389,7 +385,7 @@ class SavedFit(_Record):
         if self.consistency is not None:
             return ConsistentFit(
                 parameters=self.standard,
-                standard_parameters=self._standard_values,
+                standard_parameters=self.standard_values,
                 base_parameters=self.parameters,
                 values=self.values,
                 **dict(self.consistency),
@@ -404,7 +400,8 @@ class SavedFit(_Record):
         )
 
     @property
-    def _standard_values(self) -> FloatArray:
+    def standard_values(self) -> FloatArray:
+        """Values (p,) of the standard parameters; NaN where the file gives none."""
         return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
 
     @checked
@@ -484,55 +481,6 @@ class SavedFit(_Record):
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
         return ForceModel(mechanism, kind, terms, found)
-
-    @checked
-    def find_standard_parameters(
-        self, model: ForceModel, repair: bool = False, any_mass: bool = False
-    ) -> FloatArray:
-        """Physically consistent standard parameters (p,) with the base parameters of the fit.
-
-        Those of a consistent fit itself; otherwise, of all that there are, those closest to the
-        robot file's (``consistent_parameters``).
-
-        Parameters
-        ----------
-        model : ForceModel
-            From ``find_force_model``.
-        repair : bool
-            Whether inconsistent bodies of the robot file are repaired first.
-        any_mass : bool
-            Whether bodies of a fit that is not a consistent one may weigh more than ``MOST_MASS``
-            times what the robot file says.
-
-        Raises
-        ------
-        DataError
-            Naming bodies, when there are none, or when one would be that heavy.
-        """
-        if self.consistency is not None:
-            return self._standard_values
-        prior, columns = model.standard_prior, self.standard
-        if repair:
-            prior = repaired_prior(columns, prior)
-        # The distance that keeps masses near the prior's where nothing is known of them.
-        given = model.base, self.values, prior
-        standard = consistent_parameters(*given, regularisation="euclidean")
-        masses = [j for j, parameter in enumerate(columns) if parameter.kind == "m"]
-        # A body without a mass of its own in the file counts as a light one.
-        known = np.maximum(prior[masses], LIGHT * np.abs(prior[masses]).mean())
-        ratios = standard[masses] / np.where(known > 0, known, np.inf)
-        worst = int(ratios.argmax())
-        if ratios[worst] > MOST_MASS and not any_mass:
-            j = masses[worst]
-            bayes = self.estimate is not None and self.estimate.estimator == "bayes"
-            other = "" if bayes else "it as a prior (loopid identify --estimator bayes), or "
-            raise DataError(
-                f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
-                f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
-                "(loopid identify --consistent entropic, which writes standard_parameters.yaml); "
-                "if the robot is that heavy, any_mass=True (--any-mass)"
-            )
-        return standard
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""
@@ -631,7 +579,7 @@ def save_fit(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"))
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     loopid.save_fit(f"{folder}/fit.json", model, model.prior).name
     'fit.json'
@@ -657,7 +605,7 @@ def read_fit(path: str | Path) -> SavedFit:
     --------
     >>> import loopid, tempfile
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot)
+    >>> model = loopid.find_force_model(robot, joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = loopid.save_fit(f"{folder}/fit.yaml", model, 1.1 * model.prior)
     ...     saved = loopid.read_fit(path)

@@ -5,15 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from block_sizes import set_block_rows
 from loopid import JointTerms, load_mechanism
+from loopid.diagnosis.consistent_prior import sound_prior
+from loopid.diagnosis.consistent_program import Whitening
 from loopid.identification import (
     FitSamples,
     WeightedLeastSquares,
     find_force_model,
 )
-from loopid.identification.consistent_prior import sound_prior
-from loopid.identification.consistent_program import Whitening
 from made_runs import ARM, friction, wander
+
+__all__ = ["set_block_rows"]
 
 
 @dataclass(frozen=True)

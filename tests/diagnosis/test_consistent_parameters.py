@@ -5,15 +5,15 @@ import pytest
 from oracles import bodies_of, body_columns, closest, least_eigenvalue, least_relative, shaken
 
 from loopid import load_mechanism
+from loopid.diagnosis import (
+    REGULARISATIONS,
+    consistent_parameters,
+)
 from loopid.errors import (
     DataError,
     OptionError,
 )
-from loopid.identification import (
-    REGULARISATIONS,
-    consistent_parameters,
-    find_force_model,
-)
+from loopid.identification import find_force_model
 
 MARGIN = 1e-3
 
@@ -116,7 +116,7 @@ def test_drive_inertia_and_links_share_what_only_their_sum_shows(arm_case):
 
 def test_tied_links_are_one_body():
     robot = load_mechanism("3rrr", tied=True)
-    base, prior = find_force_model(robot, "full").base, robot.standard_parameters()
+    base, prior = find_force_model(robot, "full", None).base, robot.standard_parameters()
     truth = shaken(base.parameters, prior, 0.2, seed=1)
     found = consistent_parameters(base, base.values(truth), prior)
     np.testing.assert_allclose(
