@@ -20,13 +20,14 @@ import numpy as np
 from loopid import JointTerms, find_force_model, joint_motion, load_mechanism
 from loopid.arguments import FloatArray
 from loopid.base_parameters import BaseParameters
-from loopid.diagnosis import REGULARISATIONS, consistent_fit
 from loopid.identification import (
+    REGULARISATIONS,
     ConsistentFit,
     FitProblem,
     FitResult,
     FitSamples,
     WeightedLeastSquares,
+    consistent_fit,
 )
 from loopid.inertia import pseudo_inertia
 from loopid.kinematics import platform_coordinates

@@ -21,8 +21,6 @@ from .base_parameters import (
     find_base_parameters as find_base_parameters,
 )
 from .diagnosis import (
-    consistent_fit as consistent_fit,
-    consistent_parameters as consistent_parameters,
     diagnose as diagnose,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
@@ -43,6 +41,8 @@ from .identification import (
     BayesianRidge as BayesianRidge,
     FitOptions as FitOptions,
     FitSamples as FitSamples,
+    consistent_fit as consistent_fit,
+    consistent_parameters as consistent_parameters,
     find_force_model as find_force_model,
     fit as fit,
     identifiability as identifiability,

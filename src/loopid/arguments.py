@@ -6,13 +6,24 @@ functions that take them, which know their shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
-from reprlib import Repr
-from typing import Annotated, Any, ParamSpec, TypeVar
+from pathlib import Path
+from types import UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,11 +35,9 @@ from pydantic import (
     ValidationError,
     validate_call,
 )
+from pydantic_core.core_schema import is_instance_schema
 
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -46,8 +55,6 @@ KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time dif
 # Of any number that is taken: no product of a few such numbers overflows.
 LARGEST = 1e100
 
-_texts = Repr()  # how long the fields of a ``repr`` may be
-_texts.maxother, _texts.maxtuple = 70, 4
 # What one call may take, by an estimate before it begins.
 MOST_SECONDS, MOST_BYTES = 900.0, 2**32
 
@@ -161,7 +168,7 @@ def _equal(one: object, other: object) -> bool:
 def _short(value: object) -> str:
     """A field in one line; of large arrays only the shape."""
     if not isinstance(value, np.ndarray):
-        return _texts.repr(value).replace("\n", " ")
+        return f"{value!r:.70}".replace("\n", " ")
     if value.ndim == 1 and value.size <= 8:
         return np.array2string(value, precision=4, separator=", ", max_line_width=1000)
     return f"<array of shape {value.shape}>"
@@ -203,9 +210,18 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @cache  # made by the first call: importing loopid does not wait for it
     def validated() -> Callable[P, R]:
+        @wraps(function)
+        def plain(*args: P.args, **kwargs: P.kwargs) -> R:
+            return function(*args, **kwargs)
+
+        plain.__annotations__ = {name: _instances(hint) for name, hint in hints().items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
-        validator: Callable[P, R] = validate_call(config=config)(function)
+        validator: Callable[P, R] = validate_call(config=config)(plain)
         return validator
+
+    @cache
+    def hints() -> dict[str, Any]:
+        return get_type_hints(function, include_extras=True)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -215,7 +231,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             if error.title not in (function.__name__, function.__qualname__):
                 raise
             signature(function).bind(*args, **kwargs)  # a TypeError as Python words it
-            raise OptionError(_sentence(error, list(signature(function).parameters))) from None
+            raise _refusal(error, list(signature(function).parameters), hints()) from None
 
     return call
 
@@ -226,20 +242,84 @@ def checked_fields(cls: Class) -> Class:
     return cls
 
 
-def _sentence(error: ValidationError, names: list[str]) -> str:
-    """Say what the first wrong argument must be; a union says it once for each of its types."""
-    details = error.errors(include_url=False)
-    place, given = details[0]["loc"][0], details[0]["input"]
-    name = names[min(place, len(names) - 1)] if isinstance(place, int) else place
-    valid = dict.fromkeys(_valid(one["msg"]) for one in details if one["loc"][0] == place)
+class _Instance:
+    """An annotation: instances alone; of ``pydantic.InstanceOf`` each builds an unused schema."""
+
+    @staticmethod
+    def __get_pydantic_core_schema__(source: Any, _: Any) -> Any:
+        return is_instance_schema(source)
+
+
+def _instances(hint: Any) -> Any:
+    """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
+    kind, parts = get_origin(hint), get_args(hint)
+    if isinstance(hint, type) and kind is None:
+        return Annotated[hint, _Instance] if is_dataclass(hint) else hint
+    if kind is Annotated:
+        return Annotated[(_instances(parts[0]), *parts[1:])]
+    if kind in (Union, UnionType):
+        return Union[tuple(map(_instances, parts))]  # noqa: UP007
+    if kind in (None, Literal, Callable):
+        return hint
+    return kind[tuple(map(_instances, parts))]
+
+
+def _refusal(error: ValidationError, names: list[str], hints: Mapping[str, Any]) -> OptionError:
+    """Say what the first wrong argument must be."""
+    detail = error.errors(include_url=False)[0]
+    place, *inside = detail["loc"]
+    name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
+    at, hint, given = name, hints.get(name, Any), detail["input"]
+    if get_origin(hint) in ENTRIES and inside:  # an entry of a sequence or a mapping is wrong
+        at, hint = f"{name}[{inside[0]!r}]", get_args(hint)[-1 if get_args(hint)[-1] != ... else 0]
+        inside = inside[1:]
+    valid = words(hint)
+    if detail["type"] in LIMITS and not inside:
+        valid = detail["msg"].removeprefix("Input should be ")
     shown = repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
-    return f"{name} must be {' or '.join(valid)}, not {shown:.60}"
+    return OptionError(f"{at} must be {valid}, not {shown:.60}", argument=name, given=given)
 
 
-def _valid(message: str) -> str:
-    return (
-        message.partition(",")[0].removeprefix("Input should be ").replace("a dictionary or ", "")
-    )
+# What pydantic says of a value of the right type.
+LIMITS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+ENTRIES = {Sequence, Iterable, Mapping, tuple, list, dict}
+NOUNS = {
+    int: ("a whole number", "whole numbers"),
+    float: ("a finite number", "finite numbers"),
+    bool: ("True or False", "True or False"),
+    str: ("text", "texts"),
+    Path: ("a path", "paths"),
+    type(None): ("None", "None"),
+}
+
+
+def words(hint: Any, several: bool = False) -> str:
+    """What an annotation asks for, in words.
+
+    Examples
+    --------
+    >>> from loopid.arguments import words
+    >>> words(int | None), words(tuple[str, ...])
+    ('a whole number or None', 'a sequence of texts')
+    """
+    kind, parts = get_origin(hint), get_args(hint)
+    if kind is Annotated:
+        return "an array" if hint in (FloatArray, IntArray, BoolArray) else words(parts[0], several)
+    if kind in (Union, UnionType):
+        shown = [part for part in parts if part is not str or Path not in parts]
+        return " or ".join(dict.fromkeys(words(part, several) for part in shown))
+    if kind is Literal:
+        return " or ".join(map(repr, parts))
+    if kind is Callable or hint is Callable:
+        return "functions" if several else "a function"
+    if kind in (Mapping, dict):
+        return f"a mapping of names to {words(parts[1], several=True)}"
+    if kind in ENTRIES:
+        return f"a sequence of {words(parts[0], several=True)}"
+    if hint in NOUNS:
+        return NOUNS[hint][several]
+    name = getattr(hint, "__name__", "value").lstrip("_")
+    return name if several else f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
 def random_generator(seed: int, stream: int = 0) -> np.random.Generator:

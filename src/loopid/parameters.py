@@ -147,14 +147,3 @@ def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
         for tag, cells in [("th", head), *(("td", row) for row in rows)]
     ]
     return "<table>\n" + "\n".join(lines) + "\n</table>"
-
-
-@dataclass(frozen=True)
-class NamedLength:
-    """A coordinate or a distance in the robot file."""
-
-    symbol: str  # short form for formulas, ``x(platform_B2)``; unique within a robot
-    value: float  # in m; coordinates have signs
-    meaning: str  # the symbol in words
-    # Links that it is part of: the one it is measured in, and those that are held at its ends
-    links: frozenset[str] = frozenset()

@@ -2,37 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import copyreg
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import wraps
-from pathlib import Path
+from operator import attrgetter
 from reprlib import Repr
 from typing import Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
+from numpy.typing import NDArray
+
+from loopid.arguments import checked
 
 Class = TypeVar("Class", bound=type)
 
 LINES = 10  # of a repr at most
-WIDTH = 88  # characters of a repr that stands in one line
+WIDTH = 88  # characters of a repr that stands in one line, and of a field
 SHOWN = 8  # entries of an array that are printed
 HASHED = 16  # entries of an array that its hash depends on
 
 _texts = Repr()
-_texts.maxother, _texts.maxtuple, _texts.maxdict = 70, 4, 4
+_texts.maxother, _texts.maxstring, _texts.maxtuple, _texts.maxlist, _texts.maxdict = 70, 60, 4, 4, 4
 
 
 @overload
 def record(cls: Class) -> Class: ...
 @overload
-def record(*, kw_only: bool = False) -> Callable[[Class], Class]: ...
+def record(*, kw_only: bool = False, checked: bool = False) -> Callable[[Class], Class]: ...
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def record(cls: Any = None, *, kw_only: bool = False) -> Any:
+def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> Any:
     """Make a class a frozen dataclass of values.
 
     Its arrays are read-only; those that are not yet are copied. Records are equal when their
     compared fields are, entry by entry, NaN included; equal records have equal hashes. They can be
-    pickled, and print in ten lines at most. Methods that the class defines itself are kept.
+    pickled, and print in ten lines at most. Methods that the class defines or inherits are kept.
+
+    Parameters
+    ----------
+    kw_only : bool
+        Whether all fields are given by their names.
+    checked : bool
+        Whether fields are checked against their annotations, as ``arguments.checked`` does.
 
     Examples
     --------
@@ -45,44 +56,83 @@ def record(cls: Any = None, *, kw_only: bool = False) -> Any:
     (True, Line(points=[0., 0.]))
     """
     if cls is None:
-        return lambda decorated: _record(decorated, kw_only)
-    return _record(cls, kw_only)
+        return lambda decorated: _record(decorated, kw_only, checked)
+    return _record(cls, kw_only, checked)
 
 
-def _record(cls: type, kw_only: bool) -> type:
+def _record(cls: type, kw_only: bool, is_checked: bool) -> type:
     made: Any = dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
-    init = made.__init__
+    init = checked(made.__init__) if is_checked else made.__init__
 
     @wraps(init)
     def initialise(self: Any, *args: Any, **kwargs: Any) -> None:
         init(self, *args, **kwargs)
-        for each in fields(made):
-            value = getattr(self, each.name)
-            if isinstance(value, np.ndarray) and value.flags.writeable:
-                copy = value.copy()
-                copy.setflags(write=False)
-                object.__setattr__(self, each.name, copy)
+        _protect(self.__dict__)
 
     made.__init__ = initialise
-    for method in (_eq, _hash, _repr):
-        name = f"__{method.__name__[1:]}__"
-        if name not in cls.__dict__ or cls.__dict__[name] is None:
+    made._compared = staticmethod(_reader([each.name for each in fields(made) if each.compare]))
+    own: dict[str, Any] = {"__repr__": _repr, "__reduce__": _reduce}
+    if made.__eq__ is object.__eq__:  # who compares by a rule of its own hashes by it, too
+        own |= {"__eq__": _eq, "__hash__": _hash}
+    for name, method in own.items():
+        if getattr(made, name) is getattr(object, name):
             setattr(made, name, method)
-    return cls
+    return made  # type: ignore[no-any-return]
 
 
-def _compared(instance: Any) -> list[Any]:
-    return [getattr(instance, each.name) for each in fields(instance) if each.compare]
+def _protect(state: dict[str, Any]) -> None:
+    """Put read-only arrays in the place of those that can be written to."""
+    for name, value in state.items():
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            state[name] = read_only(value)
+        elif type(value) is tuple and any(isinstance(each, np.ndarray) for each in value):
+            state[name] = tuple(
+                read_only(each) if isinstance(each, np.ndarray) else each for each in value
+            )
 
 
-def _eq(self: Any, other: object) -> Any:
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or a copy of one that can be written to."""
+    if not array.flags.writeable:
+        return array
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
+
+
+def _reader(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """A function that reads attributes, as a tuple."""
+    if not names:
+        return lambda instance: ()
+    read = attrgetter(*names)
+    return read if len(names) > 1 else lambda instance: (read(instance),)
+
+
+def _reduce(self: Any) -> tuple[Any, ...]:
+    return _restored, (type(self), self.__dict__)
+
+
+def _restored(cls: type, state: dict[str, Any]) -> Any:
+    """A record with a state; pickling has forgotten which arrays are read-only."""
+    made = copyreg.__newobj__(cls)  # type: ignore[attr-defined]
+    for value in state.values():
+        for array in value if type(value) is tuple else (value,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+    made.__dict__.update(state)
+    return made
+
+
+def _eq(self: Any, other: Any) -> Any:
+    if self is other:
+        return True
     if type(other) is not type(self):
         return NotImplemented
-    return all(map(same, _compared(self), _compared(other)))
+    return all(map(same, self._compared(self), self._compared(other)))
 
 
 def _hash(self: Any) -> int:
-    return hash((type(self).__name__, *map(_digest, _compared(self))))
+    return hash((type(self).__name__, *map(digest, self._compared(self))))
 
 
 def _repr(self: Any) -> str:
@@ -90,7 +140,7 @@ def _repr(self: Any) -> str:
         f"{each.name}={_short(getattr(self, each.name))}" for each in fields(self) if each.repr
     ]
     line = ", ".join(parts)
-    if len(line) > WIDTH or "\n" in line:
+    if len(line) > WIDTH:
         if len(parts) > LINES - 2:
             parts = [*parts[: LINES - 3], "..."]
         line = "\n  " + ",\n  ".join(parts) + "\n"
@@ -99,40 +149,50 @@ def _repr(self: Any) -> str:
 
 def same(one: Any, other: Any) -> bool:
     """Whether two values are equal, arrays entry by entry, NaN as a value like others."""
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        if {one.dtype.kind, other.dtype.kind} & set("OV"):
+            return one.shape == other.shape and all(map(same, one.flat, other.flat))
+        real = all(each.dtype.kind in "fc" for each in (one, other))
+        return bool(np.array_equal(one, other, equal_nan=real))
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        both = np.asarray(one), np.asarray(other)
-        real = all(each.dtype.kind in "fc" for each in both)
-        return bool(np.array_equal(*both, equal_nan=real))
-    if isinstance(one, float) and isinstance(other, float):
-        return bool(one == other or (np.isnan(one) and np.isnan(other)))
+        return False
     if isinstance(one, tuple | list) and isinstance(other, tuple | list):
         return len(one) == len(other) and all(map(same, one, other))
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if _is_nan(one) and _is_nan(other):
+        return True
     return bool(one == other)
 
 
-def _digest(value: Any) -> int:
+def digest(value: Any) -> int:
     """A hash that is the same for values that are ``same``."""
     if isinstance(value, np.ndarray):
-        first = value.ravel()[:HASHED]
-        first = np.nan_to_num(first) if value.dtype.kind in "fc" else first
-        return hash((value.size, *first.tolist()))
-    if isinstance(value, float) and np.isnan(value):
-        return 0
+        first = value.flat[:HASHED]
+        return hash((value.shape, *map(digest, first.tolist() if first.dtype.kind != "M" else ())))
     if isinstance(value, tuple | list):
-        return hash(tuple(map(_digest, value)))
+        return hash(tuple(map(digest, value)))
     if isinstance(value, Mapping):
         return hash(frozenset(value))
-    known = isinstance(value, str | int | float | bytes | Path | type(None))
-    own = getattr(type(value), "__hash__", None) is _hash
-    return hash(value) if known or own else hash(type(value).__name__)
+    if isinstance(value, Set):
+        return hash(frozenset(value))
+    kind: Any = type(value)
+    # Compared by a rule, but hashed by its place in memory, as Pinocchio's models are.
+    by_place = kind.__hash__ is object.__hash__ and kind.__eq__ is not object.__eq__
+    return 0 if by_place or kind.__hash__ is None or _is_nan(value) else hash(value)
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float | complex | np.inexact) and bool(value != value)
 
 
 def _short(value: object) -> str:
     """A field in one line; of large arrays only the shape."""
-    if not isinstance(value, np.ndarray):
-        return _texts.repr(value).replace("\n", " ")
-    if value.ndim == 1 and value.size <= SHOWN:
+    if isinstance(value, np.ndarray):
+        if value.ndim != 1 or value.size > SHOWN or value.dtype.hasobject:
+            return f"<array of shape {value.shape}>"
         return np.array2string(value, precision=4, separator=", ", max_line_width=1000)
-    return f"<array of shape {value.shape}>"
+    text = " ".join(_texts.repr(value).split())
+    return text if len(text) <= WIDTH else f"{text[: WIDTH - 3]}..."

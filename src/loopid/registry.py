@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from loopid.errors import OptionError
 
@@ -20,6 +20,8 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     ----------
     what : str
         What an entry is called in errors, such as ``"estimator"``.
+    entries : mapping, optional
+        The first entries by name.
 
     Examples
     --------
@@ -51,8 +53,14 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             self._entries[name] = entry
         return entry
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """The entry, or the default where there is none."""
+        if name not in self:
+            return default
+        return self[name]
+
     def __contains__(self, name: object) -> bool:
-        return name in self._entries
+        return isinstance(name, str) and name in self._entries
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)

@@ -6,17 +6,13 @@ Small matrices are worked on by one BLAS thread: more threads only wait for each
 from __future__ import annotations
 
 import os
-import signal
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from itertools import islice
-from multiprocessing import get_context, parent_process
 from threading import Lock, Thread
+from time import sleep
 from typing import Any, TypeVar
+from warnings import catch_warnings
 
 from threadpoolctl import ThreadpoolController
 
@@ -27,21 +23,7 @@ Progress = Callable[[int, int], None]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-# Items that wait for each worker: enough to keep it busy, few enough for a small memory.
-WAITING = 2
 LEAST_MOST = 16  # processes that any machine may be asked for
-
-_function: Callable[[Any], Any]
-# Who holds linear algebra at one thread, and what was before.
-_lock, _inside = Lock(), 0
-_limit: Any = None
-
-
-def require_processes(count: int, name: str) -> None:
-    """Refuse what is no number of processes, or more than a machine with such cores can use."""
-    most = max(LEAST_MOST, 4 * (os.cpu_count() or 1))
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
-        raise OptionError(f"{name} must be a number of processes from 1 to {most}, not {count!r}")
 
 
 def ordered_map(
@@ -49,78 +31,69 @@ def ordered_map(
 ) -> Iterator[Result]:
     """Results in the order of the items, one BLAS thread to each process.
 
-    Workers are started afresh ("spawn"), so a script that asks for them does its work under
-    ``if __name__ == "__main__":``. The function goes to each worker once.
-
     Raises
     ------
     OptionError
-        When the number of processes is not a whole number from 1 on, or a worker could not be
-        started.
+        When the number of processes is not a whole number from 1 on, or a worker died.
     """
     require_processes(n_jobs, "n_jobs")
-    if n_jobs == 1:
-        return (_on_one_thread(function, item) for item in items)
-    return _in_workers(function, iter(items), n_jobs)
+    import joblib  # slow, and seldom needed
+
+    work = joblib.delayed(_on_one_thread)
+    tasks = (work(function, item, os.getpid()) for item in items)
+    options = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
+    return _guarded(joblib.Parallel(n_jobs, **options)(tasks), n_jobs)
 
 
-def _in_workers(
-    function: Callable[[Item], Result], items: Iterator[Item], n_jobs: int
-) -> Iterator[Result]:
-    context = get_context("spawn")
-    with ProcessPoolExecutor(n_jobs, context, _install, (function,)) as pool:
-
-        def submit(item: Item) -> Future[Result]:
-            with _without_interrupts():  # starts a worker, as long as there are too few
-                return pool.submit(_work, item)
-
-        try:
-            waiting = deque(submit(item) for item in islice(items, WAITING * n_jobs))
-            while waiting:
-                yield waiting.popleft().result()
-                waiting.extend(submit(item) for item in islice(items, 1))
-        except BrokenProcessPool as error:
-            raise OptionError(
-                f"a worker of n_jobs={n_jobs} ended: a script must ask for workers under "
-                "'if __name__ == \"__main__\":', and there must be memory for them; n_jobs=1 takes "
-                "none"
-            ) from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+def require_processes(count: int, name: str) -> None:
+    """Refuse what is no number of processes, or more than a machine with such cores can use."""
+    most = max(LEAST_MOST, 4 * (os.cpu_count() or 1))
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
+        raise OptionError(
+            f"{name} must be a number of processes from 1 to {most}, not {count!r}",
+            argument=name,
+            given=count,
+        )
 
 
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Processes that are started here are deaf to Ctrl-C, from their first line on.
+def _guarded(results: Generator[Result, None, None], n_jobs: int) -> Iterator[Result]:
+    """The results, with a sentence where a worker died, and without joblib's where they end."""
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    It goes to the parent, too, which ends them.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        for result in results:  # noqa: UP028 (closed below)
+            yield result
+    except TerminatedWorkerError as error:
+        raise OptionError(
+            f"a worker of n_jobs={n_jobs} died, as for want of memory: take fewer", n_jobs=n_jobs
+        ) from error
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with catch_warnings(action="ignore", category=UserWarning):  # of tasks that are cancelled
+            results.close()
 
 
-def _install(function: Callable[[Any], Any]) -> None:
-    global _function
-    _function = function
-    Thread(target=_end_with_parent, daemon=True).start()
+def _on_one_thread(function: Callable[[Item], Result], item: Item, parent: int) -> Result:
+    if os.getpid() != parent:
+        _end_with(parent)
+    with one_blas_thread():
+        return function(item)
 
 
-def _end_with_parent() -> None:
-    """End this process when its parent has ended in any way: the pool alone would wait for ever."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
+@cache
+def _end_with(parent: int) -> None:
+    """End this worker soon after its parent: loky's own would wait for work for minutes."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            sleep(0.5)
         os._exit(1)
 
+    Thread(target=watch, daemon=True).start()
 
-def _work(item: Any) -> Any:
-    return _on_one_thread(_function, item)
+
+# Who holds linear algebra at one thread, and what was before.
+_lock, _inside = Lock(), 0
+_limit: Any = None
 
 
 @contextmanager
@@ -158,8 +131,3 @@ def _take_control() -> None:
     for library in _blas().lib_controllers:
         if hasattr(library, "clear_controlling_thread"):
             library.clear_controlling_thread(force=True)
-
-
-def _on_one_thread(function: Callable[[Item], Result], item: Item) -> Result:
-    with one_blas_thread():
-        return function(item)

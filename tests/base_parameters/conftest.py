@@ -1,7 +1,5 @@
 """The knee robots, their geometry table and their regressors, made once."""
 
-import re
-
 import pytest
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
@@ -33,17 +31,3 @@ def observe_robot(write_robot, table):
         return structural_observation(mechanism, samples=samples)
 
     return observe
-
-
-@pytest.fixture(scope="session")
-def evaluate():
-    """The number that the text of a coefficient's name stands for."""
-
-    def value(name):
-        text = name.text.replace("²", "**2")
-        for length in name.lengths:
-            text = text.replace(length.symbol, f"({length.value!r})")
-        # Factors stand side by side.
-        return eval(re.sub(r"(?<=[)2]) (?=\()", "*", text))
-
-    return value

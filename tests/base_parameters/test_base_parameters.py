@@ -9,7 +9,6 @@ from choice_problems import parameters
 from hypothesis import given, strategies as st
 
 from loopid.base_parameters import expression, find_base_parameters
-from loopid.base_parameters.naming import SHOWN
 from loopid.errors import DataError
 from loopid.observation import Observation
 
@@ -73,7 +72,7 @@ def test_every_column_is_base_dependent_or_without_effect(seed):
 def test_expressions_read_back_to_the_displayed_digits(seed):
     found = make(seed)
     for text, terms in zip(found.expressions, found.terms, strict=True):
-        assert parse(text) == pytest.approx(terms, rel=0.5001 * 10 ** (1 - SHOWN))
+        assert parse(text) == pytest.approx(terms, rel=0.5001 * 10 ** (1 - 4))
         assert list(parse(text)) == list(terms)
 
 

@@ -137,7 +137,7 @@ def test_platform_coordinates():
 def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_crank):
     told = loopid.identifiability(full, [one_crank])
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
-    assert all(f"--for {lead}" in told.refusal for lead in leads)
+    assert set(leads) <= set(told.leads)
     found = design_excitation(full, after=[one_crank], parameters=leads, **FINE)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
     assert (found.before.standard_errors[unknown] > 1e3).all()

@@ -8,9 +8,9 @@ import pytest
 from feasible_changes import changed, relative
 
 from loopid import JointTerms, find_force_model, load_mechanism
-from loopid.diagnosis import consistent_fit, standard_parameters_of
 from loopid.export import export_robot_file
 from loopid.identification import (
+    consistent_fit,
     quiet_fit,
     read_fit,
     save_fit,
@@ -67,7 +67,7 @@ def assert_same_forces(model, again, standard, motion, expected):
 def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     model, result, motion, _ = identified
     saved = read_fit(save_fit(tmp_path / "parameters.yaml", model, result))
-    standard = standard_parameters_of(saved, saved.find_force_model(model.mechanism))
+    standard = saved.find_standard_parameters(saved.find_force_model(model.mechanism))
     names = model.base.parameters
     again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, names)
     expected = result.predict(model.regressor(motion))
@@ -83,7 +83,7 @@ def test_consistent_fits_round_trip(identified, tmp_path, urdf_folder):
     problem = model.samples(recording).problem
     found = consistent_fit(problem, result, model.base, prior)
     saved = read_fit(save_fit(tmp_path / "consistent.yaml", model, found))
-    standard = standard_parameters_of(saved, model)
+    standard = saved.find_standard_parameters(model)
     np.testing.assert_array_equal(standard, found.standard_parameters)
     again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, found.parameters)
     expected = model.regressor(motion) @ found.values

@@ -14,7 +14,6 @@ from loopid.base_parameters import (
     ExactSearch,
     SearchStrategy,
 )
-from loopid.diagnosis import consistent_fit, standard_parameters_of
 from loopid.errors import (
     DataError,
     FileError,
@@ -24,6 +23,7 @@ from loopid.export import export_robot_file
 from loopid.identification import (
     SavedFit,
     WeightedLeastSquares,
+    consistent_fit,
     quiet_fit,
     read_fit,
     save_fit,
@@ -215,12 +215,12 @@ def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
 
 def test_standard_parameters_are_consistent_or_refused(model, fits):
     saved = SavedFit.of(model, fits["consistent"])
-    found = standard_parameters_of(saved, model)
+    found = saved.find_standard_parameters(model)
     np.testing.assert_array_equal(found, fits["consistent"].standard_parameters)
     values = model.prior.copy()
     values[model.parameters.labels.index("left_coupler.Izz")] = -1.0
     with pytest.raises(DataError, match="left_coupler"):
-        standard_parameters_of(SavedFit.of(model, values), model)
+        SavedFit.of(model, values).find_standard_parameters(model)
 
 
 # Files that make no sense.

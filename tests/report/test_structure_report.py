@@ -83,24 +83,6 @@ def test_terms_rebuild_the_matrix(knee, base):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
 
 
-def test_coefficients_are_named_and_their_lengths_listed(knee, base):
-    record = base_record(knee, "gravity", base)
-    assert_strict(record)
-    (row,) = [row for row in record["base_parameters"] if row["name"] == "platform.mx"]
-    assert row["coefficients"] == {
-        "platform.mx": None,
-        "leg1_stem.m": "x(platform_B1)",
-        "leg2_stem.m": "x(platform_B2)",
-    }
-    assert row["where"] == ["-0.3 = x(platform_B1)", "0.1928 = x(platform_B2)"]
-    assert row["expression"] == f"{expression(row['terms'])}, where {', '.join(row['where'])}"
-    assert [length["symbol"] for length in record["lengths"]] == [
-        f"{axis}(platform_B{leg})" for axis, leg in ("x1", "x2", "y2", "y3")
-    ]
-    # x of B1, y of B3 and the distance of B2 are all 0.3 m.
-    assert [length["equally_long"] for length in record["lengths"]] == [2, 0, 0, 2]
-
-
 def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
     """The free spin of a rod in ball joints has a row "= 0", which no motor feels."""
     for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):

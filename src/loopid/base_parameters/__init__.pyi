@@ -1,6 +1,7 @@
 from .base import (
     STRATEGIES as STRATEGIES,
     BaseParameters as BaseParameters,
+    expression as expression,
     find_base_parameters as find_base_parameters,
     make_strategy as make_strategy,
 )
@@ -19,12 +20,6 @@ from .exact import (
 )
 from .guess import (
     PivotedQR as PivotedQR,
-)
-from .naming import (
-    CoefficientName as CoefficientName,
-    equations as equations,
-    expression as expression,
-    name_coefficients as name_coefficients,
 )
 from .structure import (
     Structure as Structure,

@@ -13,6 +13,7 @@ import numpy as np
 from loopid.arguments import (
     FloatArray,
     IntArray,
+    checked,
     finite,
     frozen,
 )
@@ -24,7 +25,6 @@ from loopid.base_parameters.choice import (
 )
 from loopid.base_parameters.exact import ExactSearch
 from loopid.base_parameters.guess import PivotedQR
-from loopid.base_parameters.naming import expression
 from loopid.base_parameters.structure import (
     Structure,
     analyse,
@@ -237,3 +237,29 @@ def find_base_parameters(
         regrouping=frozen(regrouping_matrix(structure.null_basis, dependent, structure.precision)),
         search=result,
     )
+
+
+@checked
+def expression(terms: Mapping[str, float], digits: int = 4) -> str:
+    """Write terms as a sum, ``platform.mx + 0.1928 leg2_stem.m``.
+
+    Parameters
+    ----------
+    terms : mapping
+        Parameter label to coefficient.
+    digits : int
+        Significant digits of the coefficients, for reading only.
+
+    Raises
+    ------
+    OptionError
+        When there are no digits.
+    """
+    if digits < 1:
+        raise OptionError(f"digits must be a whole number from 1 on, not {digits}", given=digits)
+    text = ""
+    for label, coefficient in terms.items():
+        size, sign = f"{abs(coefficient):.{digits}g}", "-" if coefficient < 0 else "+"
+        joint = f" {sign} " if text else sign.strip("+")
+        text += f"{joint}{'' if size == '1' else size + ' '}{label}"
+    return text

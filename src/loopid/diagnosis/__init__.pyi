@@ -2,17 +2,6 @@ from .bands import (
     BandSweep as BandSweep,
     sweep_bands as sweep_bands,
 )
-from .consistent import (
-    consistent_fit as consistent_fit,
-    consistent_parameters as consistent_parameters,
-    standard_parameters_of as standard_parameters_of,
-)
-from .consistent_prior import (
-    repaired_prior as repaired_prior,
-)
-from .consistent_program import (
-    REGULARISATIONS as REGULARISATIONS,
-)
 from .elimination import (
     PredictionError as PredictionError,
     Reduction as Reduction,

@@ -171,7 +171,23 @@ def suspicions(
 
 @checked
 def diagnose(found: Identification) -> tuple[Suspicions, ...]:
-    """Look for mistakes in each log of an identification, its parts taken together."""
+    """Look for mistakes in each log of an identification, its parts taken together.
+
+    Examples
+    --------
+    A log whose motors' forces are in mN m:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(50.0, 5.0))
+    >>> force = 1e3 * loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
+    >>> loopid.diagnose(found)[0].sentences[0][:20]
+    'all forces are about'
+    """
     runs = (*found.training, *found.validation, *found.friction)
     model = found.force_model
     return tuple(

@@ -14,10 +14,6 @@ from loopid.diagnosis.bands import (
     BandSweep,
     sweep_bands,
 )
-from loopid.diagnosis.consistent import (
-    ConsistentFit,
-    consistent_fit,
-)
 from loopid.diagnosis.elimination import (
     Reduction,
     eliminate,
@@ -37,6 +33,10 @@ from loopid.errors import (
     warn,
 )
 from loopid.identification.candidate import Candidate
+from loopid.identification.consistent import (
+    ConsistentFit,
+    consistent_fit,
+)
 from loopid.identification.force_model import (
     USUAL_TERMS,
     find_force_model,

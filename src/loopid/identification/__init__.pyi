@@ -16,6 +16,14 @@ from .candidate import (
 from .consistent import (
     ConsistentFit as ConsistentFit,
     FitCost as FitCost,
+    consistent_fit as consistent_fit,
+    consistent_parameters as consistent_parameters,
+)
+from .consistent_prior import (
+    repaired_prior as repaired_prior,
+)
+from .consistent_program import (
+    REGULARISATIONS as REGULARISATIONS,
 )
 from .directions import (
     Excitation as Excitation,

@@ -14,7 +14,7 @@ from loopid.arguments import (
     FloatArray,
     checked,
 )
-from loopid.base_parameters.naming import expression
+from loopid.base_parameters.base import expression
 from loopid.errors import (
     DataError,
     DataWarning,

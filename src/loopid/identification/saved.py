@@ -38,9 +38,8 @@ from loopid.arguments import (
     finite,
     frozen,
 )
-from loopid.base_parameters.base import BaseParameters
+from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
-from loopid.base_parameters.naming import expression
 from loopid.base_parameters.structure import analyse
 from loopid.errors import (
     DataError,
@@ -56,7 +55,9 @@ from loopid.files import (
 from loopid.identification.consistent import (
     ConsistentFit,
     FitCost,
+    consistent_parameters,
 )
+from loopid.identification.consistent_prior import repaired_prior
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import (
     FitResult,
@@ -67,7 +68,8 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.description import find_files
+from loopid.loading.description import bundled_robots, find_files
+from loopid.loading.load import load_mechanism
 from loopid.parameters import (
     Parameter,
     ParameterSet,
@@ -90,6 +92,8 @@ ENDINGS = (".yaml", ".yml", ".json")
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns up to which a robot is the same.
 SAME_ROBOT = 1e-6
+# Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
+MOST_MASS, LIGHT = 3.0, 0.01
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
@@ -431,6 +435,28 @@ class SavedFit(_Record):
         self.require(mechanism)
         return self._forces(mechanism, configurations, velocities, accelerations)
 
+    def load_robot(self, file: str | Path | None = None) -> Mechanism:
+        """The robot of the fit, loaded as it was then: from a file, or from where it was.
+
+        Raises
+        ------
+        FileError
+            When it is no longer there.
+        """
+        options, own = dict(self.robot.options), self.robot
+        if file is not None:
+            return load_mechanism(file, **options)
+        try:
+            return load_mechanism(own.path, **options)
+        except FileError:
+            if own.name in bundled_robots():
+                return load_mechanism(own.name, **options)
+            raise FileError(
+                f"the robot of the fit, {own.name}, is no longer at {own.path}: say where it is, "
+                'file="FILE"',
+                file=own.path,
+            ) from None
+
     @checked
     def require(self, mechanism: Mechanism) -> None:
         """Refuse a mechanism on which the values would give other forces.
@@ -481,6 +507,58 @@ class SavedFit(_Record):
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
         return ForceModel(mechanism, kind, terms, found)
+
+    @checked
+    def find_standard_parameters(
+        self, model: ForceModel, *, repair: bool = False, any_mass: bool = False
+    ) -> FloatArray:
+        """Physically consistent standard parameters (p,) with the base parameters of the fit.
+
+        Those of a consistent fit itself; otherwise, of all that there are, those closest to the
+        robot file's (``consistent_parameters``).
+
+        Parameters
+        ----------
+        model : ForceModel
+            From ``find_force_model``.
+        repair : bool
+            Whether inconsistent bodies of the robot file are repaired first.
+        any_mass : bool
+            Whether bodies of a fit that is not a consistent one may weigh more than ``MOST_MASS``
+            times what the robot file says.
+
+        Raises
+        ------
+        DataError
+            Naming bodies, when there are none, or when one would be that heavy.
+        """
+        if self.consistency is not None:
+            return self.standard_values
+        prior, columns = model.standard_prior, self.standard
+        if repair:
+            prior = repaired_prior(columns, prior)
+        # The distance that keeps masses near the prior's where nothing is known of them.
+        given = model.base, self.values, prior
+        standard = consistent_parameters(*given, regularisation="euclidean")
+        masses = [j for j, parameter in enumerate(columns) if parameter.kind == "m"]
+        # A body without a mass of its own in the file counts as a light one.
+        known = np.maximum(prior[masses], LIGHT * np.abs(prior[masses]).mean())
+        ratios = standard[masses] / np.where(known > 0, known, np.inf)
+        worst = int(ratios.argmax())
+        if ratios[worst] > MOST_MASS and not any_mass:
+            j = masses[worst]
+            bayes = self.estimate is not None and self.estimate.estimator == "bayes"
+            other = "" if bayes else "it as a prior (estimator='bayes'), or "
+            raise DataError(
+                f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
+                f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
+                "(consistent='entropic', which writes standard_parameters.yaml); if the robot is "
+                "that heavy, any_mass=True",
+                parameter=columns[j].label,
+                mass=float(standard[j]),
+                ratio=float(ratios[worst]),
+            )
+        return standard
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""

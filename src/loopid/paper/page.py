@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from loopid.arguments import FloatArray
-from loopid.base_parameters.naming import expression
+from loopid.base_parameters.base import expression
 from loopid.identification.result import FitResult
 from loopid.paper.reproduction import (
     CONDITION_NUMBERS,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -73,6 +72,7 @@ from loopid.motion.simulation import (
     Noise,
     simulate_measurement,
 )
+from loopid.records import record
 from loopid.regressors.closed_loop import (
     ForceParts,
     force_parts,
@@ -181,7 +181,7 @@ def measured_geometry(mechanism: Mechanism) -> dict[str, float]:
     return found | {"d_s": float(revolute[0])}
 
 
-@dataclass(frozen=True)
+@record
 class BaseComparison:
     """Base parameters of the 3UPS+RPU beside Table II."""
 
@@ -243,7 +243,7 @@ def rows_of_table_ii(base: BaseParameters) -> IntArray:
 # The nine trajectories.
 
 
-@dataclass(frozen=True)
+@record
 class Experiment:
     """The nine identification trajectories, each with what it asks of the motors, by name."""
 
@@ -323,7 +323,7 @@ def run_experiment(
     return Experiment(force_model, order, rate, motions, reviews, parts, samples)
 
 
-@dataclass(frozen=True)
+@record
 class ForceShares:
     """Figures 2 and 3: what the motors' forces are made of."""
 
@@ -376,7 +376,7 @@ def simulate_stand_in(
     return recordings, truth
 
 
-@dataclass(frozen=True)
+@record
 class SimulatedFit:
     """Table IV and figure 4: fits to the nine trajectories, in the order of Table II."""
 
@@ -420,7 +420,7 @@ def _conditions(samples: FitSamples) -> tuple[float, float]:
     return float(np.linalg.cond(W)), float(np.linalg.cond(W[:, EIGHT]))
 
 
-@dataclass(frozen=True)
+@record
 class TwoSteps:
     """The paper's indirect way: base parameters as in Table II, then friction by limb."""
 
@@ -442,7 +442,7 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 
 
-@dataclass(frozen=True)
+@record
 class ActualFit:
     """Table V, figures 5 and 6: what logs of the robot say, friction fitted too."""
 
@@ -524,7 +524,7 @@ def fit_actual(
     )
 
 
-@dataclass(frozen=True)
+@record
 class PaperReproduction:
     """Everything that the paper's tables and figures show."""
 

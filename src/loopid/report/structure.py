@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from loopid.base_parameters.base import BaseParameters
-from loopid.base_parameters.naming import (
-    CoefficientName,
-    equations,
+from loopid.base_parameters.base import (
+    BaseParameters,
     expression,
-    name_coefficients,
 )
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
@@ -39,7 +36,6 @@ from loopid.robot.closures import (
     JointCoupling,
     LoopClosure,
 )
-from loopid.robot.lengths import named_lengths
 from loopid.robot.mechanism import (
     Mechanism,
     inertia_defects,
@@ -262,45 +258,25 @@ def base_record(
     model: str,
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
-    with_lengths: bool = True,
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON, with records of the assembly modes.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
-    no choice has less than that over ``gap``, null where nothing was proven.
-    Coefficients that are made of the robot's lengths are named, and those lengths listed, unless
-    ``with_lengths`` is false. Where coordinates are free, ``motors_alone`` is what is felt without
-    their rows "= 0".
+    no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
+    free, ``motors_alone`` is what is felt without their rows "= 0".
     """
-    lengths = named_lengths(mechanism) if with_lengths else ()
-    found = [base] if motors_alone is None else [base, motors_alone]
-    named = [name_coefficients(one, lengths) for one in found]
-    used = {x for names in named for own in names for name in own.values() for x in name.lengths}
-    records = [_choice(one, names) for one, names in zip(found, named, strict=True)]
     return {
         "mechanism": mechanism.name,
         "model": model,
         "standard_parameters": len(base.parameters),
-        **records[0],
+        **_choice(base),
         "assembly_modes": _mode_records(mechanism),
         "undetermined": list(mechanism.free),
-        "motors_alone": None if motors_alone is None else records[1],
-        "lengths": [
-            {
-                "symbol": length.symbol,
-                "value": length.value,
-                "meaning": length.meaning,
-                # how many others are as long
-                "equally_long": sum(math.isclose(abs(x.value), abs(length.value)) for x in lengths)
-                - 1,
-            }
-            for length in lengths
-            if length in used
-        ],
+        "motors_alone": None if motors_alone is None else _choice(motors_alone),
     }
 
 
-def _choice(base: BaseParameters, names: Sequence[Mapping[str, CoefficientName]]) -> dict[str, Any]:
+def _choice(base: BaseParameters) -> dict[str, Any]:
     """Rank, search and parameters."""
     return {
         "nonzero_parameters": len(base.structure.columns),
@@ -311,38 +287,23 @@ def _choice(base: BaseParameters, names: Sequence[Mapping[str, CoefficientName]]
         **json_fields(base, "condition_number", "nullspace_condition_number"),
         "search": json_fields(base.search, *SEARCH),
         "base_parameters": [
-            {
-                "name": name,
-                "terms": dict(terms),
-                "coefficients": {
-                    label: found[label].text if label in found else None for label in terms
-                },
-                "expression": expression(terms, names=found),
-                "where": equations(terms, found),
-            }
-            for name, terms, found in zip(base.names, base.terms, names, strict=True)
+            {"name": name, "terms": dict(terms), "expression": expression(terms)}
+            for name, terms in zip(base.names, base.terms, strict=True)
         ],
     }
 
 
 def base_tables(record: dict[str, Any]) -> list[Table]:
-    """The record as tables: the parameters, the lengths in them, then the findings."""
+    """The record as tables: the parameters, then the findings."""
     title = f"{record['mechanism']}: base parameters, {record['model']} model"
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
-    lengths = [(x["symbol"], f"{x['value']:.4g} m", x["meaning"]) for x in record["lengths"]]
-    tables += [plain_table("lengths", ("", ">", ""), lengths)] if lengths else []
     return [*tables, facts("findings", _findings(record))]
 
 
 def _parameters(title: str, choice: dict[str, Any]) -> Table:
-    rows = []
-    for number, parameter in enumerate(choice["base_parameters"], start=1):
-        # The sum, and below it what its coefficients are, each on a line of its own.
-        where = "\n        ".join(parameter["where"])
-        text = expression(parameter["terms"]) + (f"\n  where {where}" if where else "")
-        rows.append((number, text))
+    rows = enumerate((parameter["expression"] for parameter in choice["base_parameters"]), 1)
     return plain_table(title, (">", "base parameter"), rows)
 
 

@@ -7,9 +7,6 @@ from .closures import (
     SymbolicPose as SymbolicPose,
     relative_quaternion as relative_quaternion,
 )
-from .lengths import (
-    named_lengths as named_lengths,
-)
 from .mechanism import (
     RANK_TOLERANCE as RANK_TOLERANCE,
     ROTATIONS as ROTATIONS,

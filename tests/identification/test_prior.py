@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from oracles import bodies_of
 
-from loopid.diagnosis import (
+from loopid.errors import (
+    DataError,
+)
+from loopid.identification import (
     consistent_fit,
     consistent_parameters,
     repaired_prior,
 )
-from loopid.diagnosis.consistent_prior import (
+from loopid.identification.consistent_prior import (
     THICKNESS,
     sound_prior,
 )
-from loopid.diagnosis.consistent_program import (
+from loopid.identification.consistent_program import (
     matrix,
     minimise,
-)
-from loopid.errors import (
-    DataError,
 )
 from loopid.inertia import FLAT
 from loopid.parameters import (

@@ -34,12 +34,12 @@ from loopid.arguments import (
     IntArray,
 )
 from loopid.base_parameters.base import BaseParameters
-from loopid.diagnosis.consistent_prior import Prior
 from loopid.errors import (
     DataError,
     MissingExtraError,
     OptionError,
 )
+from loopid.identification.consistent_prior import Prior
 from loopid.inertia import parameters_of
 
 REGULARISATIONS = ("entropic", "euclidean", "riemannian")

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from oracles import bodies_of, body_columns, fitted as independent_fit, least_relative, shaken
 
-from loopid.diagnosis import (
-    REGULARISATIONS,
-    consistent_fit,
-    consistent_parameters,
-    consistent_program as program,
-)
 from loopid.errors import (
     DataError,
     MissingExtraError,
     OptionError,
 )
-from loopid.identification import OrdinaryLeastSquares
+from loopid.identification import (
+    REGULARISATIONS,
+    OrdinaryLeastSquares,
+    consistent_fit,
+    consistent_parameters,
+    consistent_program as program,
+)
 from loopid.inertia import (
     parameters_of,
     pseudo_inertia,
