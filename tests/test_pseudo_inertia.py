@@ -4,11 +4,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, strategies as st
+
 from loopid.identification.consistent_program import (
     matrix,
     vector,
 )
-
 from loopid.inertia import (
     parameters_of,
     pseudo_inertia,

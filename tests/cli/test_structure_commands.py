@@ -355,7 +355,7 @@ def test_a_level_robot_has_no_parameters_at_rest(run, shared):
 def test_check_prints_the_reference_that_chooses_another_mode(run, run_json, write_files):
     file = write_files(*files(*folded_row()))
     done = run("check", file)
-    assert "DIFFER (full model): 3 in mode 1, 8 in mode 2" in " ".join(done.err.split())
+    assert "differ (full model): 3 in mode 1, 8 in mode 2" in " ".join(done.err.split())
     printed = done.out.partition("to choose mode 2, put this into the YAML")[2]
     text = printed[printed.index("reference:") : printed.index("}") + 1]
     other = file.with_name("other.yaml")

@@ -62,10 +62,10 @@ def test_base_parameters_are_those_of_the_summed_columns(case):
     name, untied, tied, _ = case
     kind, samples = CASES[name][0], 100
     loose, shared = (
-        structural_observation(model.mechanism, kind, samples) for model in (untied, tied)
+        structural_observation(model.mechanism, kind, samples=samples) for model in (untied, tied)
     )
     T = summed(untied.mechanism, shared.parameters.labels, kind)
-    by_hand = Observation.from_matrix(loose.factor @ T, shared.parameters, loose.length)
+    by_hand = Observation.from_matrix(loose.factor @ T, shared.parameters, length=loose.length)
     expected, found = (find_base_parameters(each) for each in (by_hand, shared))
     np.testing.assert_array_equal(found.base, expected.base)
     np.testing.assert_allclose(found.matrix, expected.matrix, atol=1e-9)

@@ -409,7 +409,7 @@ def _payload_base(force_model: ForceModel, link: str) -> tuple[BaseParameters, l
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {link}")
     names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])
-    observation = Observation.from_matrix(regressor, names, force_model.mechanism.length)
+    observation = Observation.from_matrix(regressor, names, length=force_model.mechanism.length)
     return find_base_parameters(observation), columns
 
 
