@@ -143,7 +143,7 @@ def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
         zero = step * rng.uniform(size=len(robot.actuated))
         x = found.motors.position
         x = step * np.round((x - zero) / step) + zero if step else x
-        return Log("run", robot.actuated, motion.time, x, exact + errors, np.zeros(len(x), int))
+        return Log.from_arrays(motion.time, x, exact + errors, robot.actuated)
 
     # Errors of the forces change nothing but the filtered forces: what follows is the same.
     run = loopid.prepare_recording(robot, log(0.0, 0.0 * exact))

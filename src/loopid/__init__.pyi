@@ -58,6 +58,9 @@ from .loading import (
     load_mechanism as load_mechanism,
 )
 from .logs import (
+    FilterOptions as FilterOptions,
+    Log as Log,
+    MaskOptions as MaskOptions,
     prepare_recording as prepare_recording,
     read_log as read_log,
 )

@@ -62,8 +62,7 @@ def log_of(design, noise=0.0, seed=0, **options):
     """A simulated log of the motion."""
     robot, motion = design.force_model.mechanism, design.joint_motion
     run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed)
-    stretches = np.zeros(len(run.time), dtype=int)
-    return Log("run", robot.actuated, run.time, run.position, run.force, stretches, **options)
+    return Log.from_arrays(run.time, run.position, run.force, robot.actuated, **options)
 
 
 def fit_of(design, log):

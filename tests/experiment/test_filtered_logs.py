@@ -1,14 +1,15 @@
 """Filters chosen from the log: what they keep, and whether intervals from noisy logs hold."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from loopid import (
+    FilterOptions,
     FourierSeries,
     JointTerms,
-    LowPass,
     find_force_model,
     joint_motion,
     load_mechanism,
@@ -59,8 +60,7 @@ def log_of(model, run, step=0.0, noise=0.0, seed=0):
     zero = step * rng.uniform(size=2)
     position = step * np.round((run.position - zero) / step) + zero if step else run.position
     force = run.force + noise * rng.normal(size=run.force.shape)
-    stretches = np.zeros(len(run.time), dtype=int)
-    return Log("run", model.mechanism.actuated, run.time, position, force, stretches)
+    return Log.from_arrays(run.time, position, force, model.mechanism.actuated, name="run")
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -88,17 +88,16 @@ def test_the_noise_of_the_encoders_is_what_their_steps_make():
 def test_a_log_that_stands_has_no_band():
     model, _, run = simulated("fourier", 100.0)
     still = log_of(model, run)
-    still = Log("s", still.joints, still.time, 0 * still.position, still.force, still.stretches)
-    assert motion_spectrum(still).band == 0
+    assert motion_spectrum(replace(still, position=0 * still.position)).band == 0
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 16, 60])
 def test_a_log_of_few_samples_is_too_short_to_filter(count):
     model, _, run = simulated("fourier", 100.0)
     whole = log_of(model, run)
-    arrays = (getattr(whole, name)[:count] for name in ("time", "position", "force", "stretches"))
+    few = whole.select(np.arange(len(whole)) < count)
     with pytest.raises(LogError, match=f"too short to filter, the longest has {count} samples"):
-        prepare_recording(model.mechanism, Log("short", whole.joints, *arrays))
+        prepare_recording(model.mechanism, few)
 
 
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])
@@ -106,7 +105,8 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
 @pytest.mark.parametrize("choice", ["Fc,Fv", "Fc,Fv; left_coupler_joint: Fc,Fv"])
 def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice):
     model, truth, run = simulated(motion, 100.0, choice)
-    recording = prepare_recording(model.mechanism, log_of(model, run), LowPass(cutoff))
+    options = FilterOptions(cutoff=cutoff)
+    recording = prepare_recording(model.mechanism, log_of(model, run), filter=options)
     samples = model.samples(recording)
     left = np.where(samples.used, samples.residual(truth), 0.0)
     # What a joint without motor does is known where the loops are closed, not at the ends.
@@ -146,18 +146,20 @@ def test_a_cutoff_that_lets_noise_bias_the_estimates_is_told():
     model, _, run = simulated("fourier", 1000.0)
     log = log_of(model, run, STEP, NOISE)
 
-    def swept(lowpass):
-        recording = quietly(prepare_recording, model.mechanism, log, lowpass)
+    def swept(**options):
+        recording = quietly(
+            prepare_recording, model.mechanism, log, filter=FilterOptions(**options)
+        )
         samples = model.samples(recording)
         return band_sweep(samples, [recording], quiet_fit(samples))
 
-    assert swept("default").moved == ()
-    wide = swept(LowPass(50.0))
+    assert swept().moved == ()
+    wide = swept(cutoff=50.0)
     assert "left_crank.mx" in wide.moved
     with pytest.warns(DataWarning, match=r"left_crank.mx.* standard errors when .*--cutoff"):
         wide.warn()
     # Unfiltered, there is no band to narrow.
-    plain = quietly(prepare_recording, model.mechanism, log, None, decimate=False)
+    plain = quietly(prepare_recording, model.mechanism, log, filter=FilterOptions(cutoff=None))
     assert band_sweep(model.samples(plain), [plain], None) is None
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from loopid import JointTerms, Noise, prepare_recording, simulate_measurement
 from loopid.diagnosis import suspicions
-from loopid.logs import Log
-from loopid.motion import LowPass
+from loopid.logs import FilterOptions, Log
 from made_runs import friction, quietly, record, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
@@ -38,8 +37,9 @@ def runs(load_once):
         robot, found = run(name, seed)
         position, force = found.position.copy(), found.force.copy()
         spoil(position, force)
-        log = Log("run", robot.actuated, found.time, position, force, np.zeros(len(force), int))
-        return suspicions(robot, [quietly(prepare_recording, robot, log, LowPass(2.5))])
+        log = Log.from_arrays(found.time, position, force, robot.actuated, name="run")
+        options = FilterOptions(cutoff=2.5)
+        return suspicions(robot, [quietly(prepare_recording, robot, log, filter=options)])
 
     return suspected
 

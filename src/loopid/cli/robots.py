@@ -50,7 +50,7 @@ def loaded(
     with progress_bar("robot"):
         return load_mechanism(
             file,
-            lock or (),
+            lock=lock or (),
             floating_base=floating_base,
             free_mimics=free_mimics,
             tied=tied,
@@ -328,11 +328,13 @@ def recordings(
     rows: str | None = None,
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
-    from loopid.logs.recording import read_recordings
+    from loopid.logs.options import FilterOptions
+    from loopid.logs.preparing import read_recordings
 
+    options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:
         return read_recordings(
-            robot, paths or (), mapping, rows=row_range(rows), cutoff=cutoff, progress=report
+            robot, paths or (), mapping, rows=row_range(rows), filter=options, progress=report
         )
 
 

@@ -16,6 +16,10 @@ from .log_mistakes import (
     suspicions as suspicions,
     warn_of_suspicions as warn_of_suspicions,
 )
+from .modes import (
+    ModeComparison as ModeComparison,
+    compare_modes as compare_modes,
+)
 from .payload import (
     GainFit as GainFit,
     PayloadFit as PayloadFit,

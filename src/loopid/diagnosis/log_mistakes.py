@@ -39,10 +39,8 @@ from loopid.kinematics.projection import (
     closed_motion,
     singularity_measure,
 )
-from loopid.logs.recording import (
-    SINGULARITY_MARGIN,
-    Recording,
-)
+from loopid.logs.options import MaskOptions
+from loopid.logs.recording import Recording
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
@@ -375,7 +373,7 @@ class _Model:
         mechanism, q = self.mechanism, signals.start.copy()
         found = try_assemble(mechanism, signals.position, start=q, shortest_step=COARSE)
         q[found.assembled] = found.configurations[found.assembled]
-        closed = found.assembled & (singularity_measure(mechanism, q) >= SINGULARITY_MARGIN)
+        closed = found.assembled & (singularity_measure(mechanism, q) >= MaskOptions().singularity)
         q[~closed] = signals.start[~closed]
         return self._columns(signals, q, closed) if closed.mean() >= CLOSING else None
 

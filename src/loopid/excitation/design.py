@@ -76,10 +76,8 @@ from loopid.kinematics.sampling import (
     random_configurations,
 )
 from loopid.logs.log import Log
-from loopid.logs.recording import (
-    Recording,
-    prepare_recording,
-)
+from loopid.logs.preparing import prepare_recording
+from loopid.logs.recording import Recording
 from loopid.motion import joint_motion
 from loopid.motion.joints import JointMotion
 from loopid.motion.trajectories import (
@@ -631,13 +629,11 @@ def expected_fit(
     """
     model, before = problem.force_model, root(problem.prior)
     mechanism, count = model.mechanism, len(motors)
-    log = Log(
-        "run",
-        mechanism.actuated,
+    log = Log.from_arrays(
         motors.time,
         motors.position,
         forces,
-        np.zeros(count, dtype=np.int64),
+        mechanism.actuated,
         idle_speed=0.0 if standing else None,
     )
     run: Recording = prepare_recording(mechanism, log)

@@ -26,12 +26,10 @@ from loopid.kinematics.projection import (
     partition,
     project,
 )
-from loopid.loading.description import find_files
+from loopid.loading.files import find_files
 from loopid.loading.urdf import unread_mesh
-from loopid.robot.mechanism import (
-    ROTATIONS,
-    Mechanism,
-)
+from loopid.robot.mechanism import Mechanism
+from loopid.robot.platform import ROTATIONS
 
 # Turns, characteristic lengths or weights beyond which a limit of the robot file is none.
 UNLIMITED = 1e3
@@ -415,7 +413,7 @@ class Collisions:
 def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     """Collision geometry of the URDF, as convex hulls; none where there is none, or no mesh."""
     files = find_files(mechanism.path)
-    if files.is_mjcf:
+    if files.tree.suffix != ".urdf":
         return pin.GeometryModel()
     folders = [str(folder) for folder in files.tree.absolute().parents]
     try:

@@ -44,10 +44,7 @@ from loopid.inertia import (
     inertia_tensor,
     pseudo_inertia,
 )
-from loopid.loading.description import (
-    MJCF,
-    find_files,
-)
+from loopid.loading.files import find_files
 from loopid.loading.urdf import MOMENTS, read_urdf_file
 from loopid.parameters import (
     KINDS,
@@ -62,6 +59,7 @@ from loopid.robot.mechanism import (
 if TYPE_CHECKING:
     from loopid.formats.mjcf import Scene  # which needs MuJoCo
 
+MJCF = (".xml", ".mjcf")
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
 # Relative difference up to which the parameters of a body are as they were.

@@ -1,1 +1,22 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
+
+from loopid import loading as loading, logs as logs  # whose formats are registered before
+from loopid.registry import log_formats, robot_formats, urdf_dialects
+
+log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
+log_formats.register("bag", "loopid.formats.bags:BagFormat")
+
+robot_formats.register(".xml", "loopid.formats.mjcf:read_mjcf")
+robot_formats.register(".mjcf", "loopid.formats.mjcf:read_mjcf")
+
+for sign, reader in {
+    "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
+    "loop | coupling | joint[@independent] | loop_constraint | joint_constraint": (
+        "urdf_plus:read_urdf_plus"
+    ),
+    "constraint": "urdf_constraint:read_constraints",
+    "loop_joint": "isaac_sim:read_loop_joints",
+    "gazebo": "gazebo:read_gazebo",
+    "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "drake:read_drake",
+}.items():
+    urdf_dialects.register(sign, f"loopid.formats.{reader}")

@@ -68,7 +68,7 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.description import bundled_robots, find_files
+from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
 from loopid.parameters import (
     Parameter,
@@ -126,7 +126,6 @@ class SavedOptions(_Record):
     free_mimics: bool = False
     tied: bool = False
     rounding: float | None = None
-    snap: bool = False
 
 
 class SavedRobot(_Record):

@@ -54,17 +54,13 @@ from loopid.identification.result import (
     fit_quality,
 )
 from loopid.loading.load import load_mechanism
-from loopid.logs.log import (
-    Log,
-    read_log,
-)
-from loopid.logs.recording import (
-    Recording,
-    prepare_recording,
-)
+from loopid.logs.log import Log
+from loopid.logs.options import FilterOptions
+from loopid.logs.preparing import prepare_recording
+from loopid.logs.reading import read_log
+from loopid.logs.recording import Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
-from loopid.motion.filtering import LowPass
 from loopid.motion.joints import (
     JointMotion,
     MotionReview,
@@ -370,9 +366,9 @@ def simulate_stand_in(
         errors = derived_seed(seed, STAND_IN, k)
         measured = simulate_measurement(mechanism, motion, noise, errors, truth, terms, FRICTION)
         signals = measured.time, measured.position, measured.force
-        whole = np.zeros(len(motion.time), dtype=np.int64)
-        log = Log(name, mechanism.actuated, *signals, stretches=whole)
-        recordings.append(prepare_recording(mechanism, log, LowPass(CUTOFF * experiment.rate)))
+        log = Log.from_arrays(*signals, mechanism.actuated, name=name)
+        filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
+        recordings.append(prepare_recording(mechanism, log, filter=filtered))
         if progress is not None:
             progress(k + 1, len(experiment.motions))
     return recordings, truth

@@ -14,6 +14,7 @@ from loopid.base_parameters.base import (
     BaseParameters,
     expression,
 )
+from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import (
@@ -32,16 +33,16 @@ from loopid.report.look import (
     json_value,
     plain_table,
 )
-from loopid.robot.closures import (
-    JointCoupling,
-    LoopClosure,
-)
-from loopid.robot.mechanism import (
-    Mechanism,
+from loopid.robot.checks import (
     inertia_defects,
     odd_masses,
     unequal_links,
 )
+from loopid.robot.closures import (
+    JointCoupling,
+    LoopClosure,
+)
+from loopid.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from loopid.motion.joints import MotionReview
@@ -122,17 +123,18 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
 
 def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
+    compared = compare_modes(mechanism)
     return [
         {
             "mode": k,
             "used": k == 1,
-            "rank": mode.rank,
+            "rank": rank,
             "distance": mode.distance,
             "meets_drawn_pose": mode.continues,
             "parallel_pairs": mode.parallel,
             "reference": mechanism.reference_values(mode.reference),
         }
-        for k, mode in enumerate(mechanism.modes, start=1)
+        for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1)
     ]
 
 
@@ -259,7 +261,7 @@ def base_record(
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
 ) -> dict[str, Any]:
-    """Base parameters and their search, ready for JSON, with records of the assembly modes.
+    """Base parameters and their search, ready for JSON.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
@@ -270,7 +272,6 @@ def base_record(
         "model": model,
         "standard_parameters": len(base.parameters),
         **_choice(base),
-        "assembly_modes": _mode_records(mechanism),
         "undetermined": list(mechanism.free),
         "motors_alone": None if motors_alone is None else _choice(motors_alone),
     }
