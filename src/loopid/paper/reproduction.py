@@ -35,24 +35,22 @@ from loopid.errors import (
     SearchError,
 )
 from loopid.identification.bayes import BayesianRidge
+from loopid.identification.candidate import prediction_reach
 from loopid.identification.fitting import (
     fit_in_steps,
     quiet_fit,
 )
 from loopid.identification.force_model import (
     ForceModel,
-    cad_prior,
     find_force_model,
-)
-from loopid.identification.pipeline import (
-    prediction_reach,
-    split_recordings,
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
+from loopid.identification.robot_prior import cad_prior
+from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.options import FilterOptions
@@ -314,7 +312,7 @@ def run_experiment(
         state = motion.configurations, motion.velocities, motion.accelerations
         motions[name], reviews[name] = motion, review_motion(mechanism, motion)
         parts[name] = force_parts(mechanism, *state)
-        recording = Recording.of_motion(name, mechanism.actuated, motion, parts[name].total)
+        recording = Recording.of_motion(motion, parts[name].total, mechanism.actuated, name=name)
         samples[name] = force_model.samples(recording).select(order)
         if progress is not None:
             progress(done, len(names))
@@ -364,7 +362,15 @@ def simulate_stand_in(
     recordings = []
     for k, (name, motion) in enumerate(experiment.motions.items()):
         errors = derived_seed(seed, STAND_IN, k)
-        measured = simulate_measurement(mechanism, motion, noise, errors, truth, terms, FRICTION)
+        measured = simulate_measurement(
+            mechanism,
+            motion,
+            noise,
+            seed=errors,
+            standard_parameters=truth,
+            joint_terms=terms,
+            joint_values=FRICTION,
+        )
         signals = measured.time, measured.position, measured.force
         log = Log.from_arrays(*signals, mechanism.actuated, name=name)
         filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
@@ -436,7 +442,7 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
         warnings.simplefilter("ignore", DataWarning)
         warnings.simplefilter("ignore", DataWarning)
-        in_steps = fit_in_steps(warm_up, main, friction, "ols")
+        in_steps = fit_in_steps(warm_up, main, friction, estimator="ols")
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 
 

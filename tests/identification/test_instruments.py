@@ -1,0 +1,86 @@
+"""Instruments from a reference."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms
+from loopid.errors import DataError
+from loopid.identification import (
+    find_force_model,
+    quiet_fit,
+    reference_instruments,
+)
+from loopid.logs import Recording
+from loopid.motion import (
+    FourierSeries,
+    Motion,
+    differentiate,
+    joint_motion,
+)
+
+RATE, NOISE, DRAWS = 100.0, 1e-4, 25
+
+
+@pytest.fixture(scope="module")
+def arm_model(arm):
+    return find_force_model(arm, "full", JointTerms(arm.actuated, ("Fv",)))
+
+
+@pytest.fixture(scope="module")
+def truth(arm_model):
+    values = arm_model.prior.copy()
+    values[arm_model.joint_columns] = 2.0
+    return values
+
+
+@pytest.fixture(scope="module")
+def reference(arm):
+    sine, cosine = 0.4 * np.random.default_rng(0).normal(size=(2, 2, 3)) / np.arange(1, 4)
+    return FourierSeries(arm.actuated, 0.25, np.array([0.5, -0.3]), sine, cosine).motion(6.0, RATE)
+
+
+def measured(model, motion, truth, seed):
+    """A recording whose positions have noise, and velocities and accelerations made of them."""
+    robot, rng = model.mechanism, np.random.default_rng(seed)
+    force = model.regressor(joint_motion(robot, motion)) @ truth
+    position = motion.position + NOISE * rng.normal(size=motion.position.shape)
+    velocity = differentiate(position, RATE)
+    noisy = Motion(motion.names, motion.time, position, velocity, differentiate(velocity, RATE))
+    errors = 0.1 * rng.normal(size=force.shape)
+    return Recording.of_motion(joint_motion(robot, noisy), force + errors, robot.actuated)
+
+
+def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):
+    commanded, found = joint_motion(arm, reference), {"wls": [], "iv": []}
+    for seed in range(DRAWS):
+        recording = measured(arm_model, reference, truth, seed)
+        instruments = reference_instruments(arm_model, recording, commanded)
+        samples = arm_model.samples(recording).with_instruments(instruments)
+        for name, fits in found.items():
+            fits.append(quiet_fit(samples, name).values - truth)
+    doubt = {name: np.std(errors, axis=0) / np.sqrt(DRAWS) for name, errors in found.items()}
+    bias = {name: np.abs(np.mean(errors, axis=0)) / doubt[name] for name, errors in found.items()}
+    assert (bias["iv"] < 4).all()
+    assert (bias["wls"] > 6).any()
+
+
+def test_the_nearest_sample_of_the_reference_is_taken(arm, arm_model, truth, reference):
+    recording = measured(arm_model, reference, truth, 0)
+    commanded = joint_motion(arm, reference)
+    rows = np.arange(10, 500, 7)
+    part = recording.select(np.isin(np.arange(len(recording)), rows))
+    expected = arm_model.regressor(commanded)[rows]
+    np.testing.assert_allclose(reference_instruments(arm_model, part, commanded), expected)
+    coarse = commanded.select(np.arange(0, 601, 2))
+    found = reference_instruments(arm_model, recording, coarse)
+    assert found.shape == (601, 2, len(truth))
+    np.testing.assert_allclose(found[::2], arm_model.regressor(coarse))
+
+
+def test_references_that_do_not_fit_are_refused(arm, arm_model, truth, reference, knee):
+    recording, commanded = measured(arm_model, reference, truth, 0), joint_motion(arm, reference)
+    early = commanded.select(np.arange(100))
+    with pytest.raises(DataError, match=r"the reference lasts from 0 to 0\.99 s"):
+        reference_instruments(arm_model, recording, early)
+    with pytest.raises(DataError, match="at least two samples"):
+        reference_instruments(arm_model, recording, commanded.select(np.arange(1)))
