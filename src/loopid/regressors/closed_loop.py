@@ -87,7 +87,7 @@ class ClosedLoop:
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
     >>> loop = loopid.ClosedLoop(robot)
-    >>> q = loop.assemble([0.65, 0.66, 0.67, 0.68], start=robot.reference)
+    >>> q = loop.assemble([0.72, 0.75, 0.76, 0.72], start=robot.reference)
     >>> q.shape, loop.forces(q).shape, loop.mass_matrix(q).shape
     ((13,), (4,), (4, 4))
 
