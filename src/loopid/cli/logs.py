@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING
+from shlex import quote
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
@@ -26,6 +27,7 @@ from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
 
 if TYPE_CHECKING:
+    from loopid.identification.pipeline import Identification
     from loopid.robot.mechanism import Mechanism
 
 LOGS = Argument(
@@ -65,9 +67,6 @@ def identify(
     repair: bool = REPAIR,
     reference: list[str] | None = Option(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
-    ),
-    reference_mapping: str | None = Option(
-        None, metavar="YAML", help="As --mapping, of the --reference logs."
     ),
     cutoff: float | None = CUTOFF,
     fraction: float = Option(
@@ -119,7 +118,7 @@ def identify(
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
-    commanded = recordings(robot, reference, reference_mapping, cutoff)
+    commanded = recordings(robot, reference, mapping, cutoff)
     friction = recordings(robot, friction_log, mapping, cutoff)
     with progress_bar("poses") as report:
         found = study_logs(
@@ -131,8 +130,27 @@ def identify(
             options=options,
             progress=report,
         )
-    save(out, partial(identification_files, found))
-    show(identification_record(found), identification_tables(found), as_json)
+    command = excite_command(found.identification)
+    save(out, partial(identification_files, found, command))
+    show(identification_record(found, command), identification_tables(found, command), as_json)
+
+
+def excite_command(found: Identification) -> str:
+    """``loopid excite`` for a robot as it was loaded, its model and what the data tell little of.
+
+    To be typed after the log LOG.
+    """
+    model = found.force_model
+    robot, terms = model.mechanism, model.joint_terms
+    options: dict[str, Any] = {"out": "DIR", "model": model.model}
+    options |= {"terms": terms and terms.choice(robot), **robot.options}
+    options |= {"after": "LOG", "for": found.identifiability.leads}
+    words = ["loopid excite", quote(str(robot.path))]
+    for name, value in options.items():
+        option = f"--{name.replace('_', '-')}"
+        each = value if isinstance(value, list | tuple) else [value]
+        words += [option if one is True else f"{option} {quote(str(one))}" for one in each if one]
+    return " ".join(words)
 
 
 def predict(
