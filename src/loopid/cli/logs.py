@@ -38,7 +38,6 @@ LOGS = Argument(
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
-FRICTION = "Fc,Fv,file"  # terms of identify by default
 
 
 @of_robot
@@ -47,7 +46,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option(FRICTION, help=f"{TERMS[:-1]}; auto: what is enough on new data."),
+    terms: str = Option("Fc,Fv,file", help=f"{TERMS[:-1]}; auto: what is enough on new data."),
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
@@ -149,7 +148,8 @@ def excite_command(found: Identification) -> str:
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
         each = value if isinstance(value, list | tuple) else [value]
-        words += [option if one is True else f"{option} {quote(str(one))}" for one in each if one]
+        told = (one for one in each if one is not None and one is not False)
+        words += [option if one is True else f"{option} {quote(str(one))}" for one in told]
     return " ".join(words)
 
 

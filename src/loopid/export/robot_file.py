@@ -167,8 +167,8 @@ def export_robot_file(
         raise OptionError.unknown("ending", place.suffix or str(path), endings)
     if not overwrite and place.exists() and place.samefile(tree):
         raise FileError(
-            f"{path} is the robot's own file: name another, or replace it, overwrite=True "
-            "(--overwrite)"
+            f"{path} is the robot's own file: name another, or replace it, overwrite=True",
+            file=str(path),
         )
     write_file(place, updated_robot_file(mechanism, standard_parameters, parameters))
     return place
