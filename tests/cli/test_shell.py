@@ -89,7 +89,7 @@ BODIES = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_parses_calls_and_shows(name):
     command = BODIES[name]
-    inside = [node for statement in command.body for node in ast.walk(statement)]
+    inside = [node for statement in command.body[1:] for node in ast.walk(statement)]
     assert not [ast.unparse(node) for node in inside if isinstance(node, LOGIC)]
     statements = [node for node in inside if isinstance(node, ast.stmt)]
     assert len([s for s in statements if not isinstance(s, ast.ImportFrom)]) <= MOST

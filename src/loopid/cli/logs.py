@@ -95,8 +95,6 @@ def identify(
     )
     from loopid.report.look import require_report
 
-    if not start < end:
-        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     options = StudyOptions(
         model=model,
         terms=terms,
