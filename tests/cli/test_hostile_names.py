@@ -1,6 +1,5 @@
 """Names by anyone, in all that a command prints and writes."""
 
-import io
 import re
 from html import unescape
 from pathlib import Path
@@ -8,9 +7,8 @@ from xml.sax.saxutils import escape
 
 import pytest
 from matplotlib.figure import Figure
-from rich.console import Console
 
-from loopid import cli, read_fit
+from loopid import read_fit
 from made_runs import ARM
 
 NAMES = [
@@ -63,16 +61,6 @@ def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch
     assert names["elbow"] in str(read_fit(out / "parameters.yaml").record())
     done = run("check", tmp_path / "arm.urdf")
     assert names["upper"] in "".join(done.out.split()) or len(names["upper"]) > 9
-
-
-def test_progress_is_shown_for_logs_of_any_name(monkeypatch):
-    stream = io.StringIO()
-    terminal = Console(file=stream, force_terminal=True, width=100)
-    monkeypatch.setattr(cli, "Console", lambda **_: terminal)
-    with cli.progress_bar("assembling {0}[red]\x1b]0;") as report:
-        report(1, 2)
-        terminal.print("x")
-    assert "{0}[red]\\x1b]0;" in stream.getvalue()
 
 
 MJCF = """<mujoco model="{}"><worldbody><body name="{}"><joint name="{}" axis="0 1 0"/>

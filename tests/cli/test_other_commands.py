@@ -1,13 +1,11 @@
 """``loopid motions`` and ``loopid paper``, and what all commands have in common."""
 
 import importlib.metadata
-import json
 import os
 import re
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import typer
@@ -35,9 +33,6 @@ def options(command):
     return {option for option in declared if option.startswith("--")} - {"--help"}
 
 
-COMMAND = "loopid.paper"
-
-
 @pytest.fixture
 def small(monkeypatch, paper):
     """The paper's command with a small reproduction; gives what it was asked for."""
@@ -49,7 +44,7 @@ def small(monkeypatch, paper):
             report(9, 9)
         return paper
 
-    monkeypatch.setattr(f"{COMMAND}.reproduce_paper", reproduce)
+    monkeypatch.setattr("loopid.paper.reproduction.reproduce_paper", reproduce)
     return asked
 
 
@@ -145,8 +140,8 @@ def test_a_row_that_is_not_found_ends_with_an_error(run, paper, monkeypatch):
     found = paper
     base = replace(found.base, rows=(*found.base.rows[:8], None, *found.base.rows[9:]))
     lacking = replace(found, base=base)
-    monkeypatch.setattr(f"{COMMAND}.reproduce_paper", lambda *a, **b: lacking)
-    monkeypatch.setattr(f"{COMMAND}.paper_tables", lambda found: [])
+    monkeypatch.setattr("loopid.paper.reproduction.reproduce_paper", lambda *a, **b: lacking)
+    monkeypatch.setattr("loopid.paper.page.paper_tables", lambda found: [])
     done = run("paper")
     assert done.code == 2
     assert "not every row of the paper's Table II was found" in done.err
@@ -181,78 +176,6 @@ def test_shells_complete_options():
     done = subprocess.run(script, env=asked, capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) == {"--search", "--seed"}
     assert done.stderr == ""
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
-def test_a_result_that_does_not_fit_on_the_disk_is_told():
-    with Path("/dev/full").open("w") as full:
-        script = [sys.executable, "-m", "loopid", "check", "five_bar"]
-        done = subprocess.run(script, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("loopid: error: cannot write the result to the standard output: ")
-    assert done.stderr.count("\n") == 1
-
-
-@pytest.fixture
-def odd_robot(tmp_path, arm_files):
-    """File of a robot that is warned of: no body has such inertias."""
-    text = Path(arm_files[0]).read_text()
-    (tmp_path / "odd.urdf").write_text(text.replace('izz="0.025"', 'izz="0.9"'))
-    return str(tmp_path / "odd.urdf")
-
-
-def test_a_reader_that_has_seen_enough_ends_the_command_with_warnings_of_a_line_each(odd_robot):
-    script = [sys.executable, "-c", "from loopid.cli import main; main()", "check", odd_robot]
-    with subprocess.Popen(
-        [*script, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        process.stdout.close()
-        said = process.stderr.read().splitlines()
-        assert process.wait(timeout=60) in (0, 1, 141)
-    assert 1 <= len(said) <= 3
-    assert all(line.startswith("loopid: warning: ") for line in said)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
-@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full"])
-def test_a_result_is_printed_though_nobody_hears_warnings(stream, odd_robot):
-    words = [sys.executable, "-m", "loopid", "check", odd_robot, "--json"]
-    script = f"exec {' '.join(words)} {stream}"
-    done = subprocess.run(script, shell=True, stdout=subprocess.PIPE, text=True, check=True)
-    assert json.loads(done.stdout)["mechanism"] == "small"
-
-
-@pytest.mark.parametrize("when", ["imported", "working"])
-def test_ctrl_c_is_answered_by_one_line(when):
-    # Python's own start is not ours: the signal comes from inside. Tests in the background of a
-    # shell inherit that Ctrl-C is ignored.
-    stop = "import os, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    stop += "; kill = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)"
-    places = {
-        "imported": "sys.meta_path.insert(0, type('', (), {'find_spec': kill}))",
-        "working": "import loopid.loading; loopid.loading.load_mechanism = kill",
-    }
-    script = f"{stop}; from loopid.__main__ import main; {places[when]}; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", script, "check", "five_bar"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "loopid: interrupted\n")
-
-
-def test_no_room_for_temporary_files_is_told(tmp_path):
-    rows = "\n".join(f"{k / 1000},{k / 1e5},{k % 7}" for k in range(150_000))
-    (tmp_path / "run.csv").write_text(f"time,crank_joint.position,crank_joint.force\n{rows}\n")
-    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))"
-    script = [sys.executable, "-c", f"{limit}; from loopid.cli import main; main()"]
-    words = [*script, "identify", "four_bar", str(tmp_path / "run.csv")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith("loopid: error: cannot write temporary files to ")
-    assert last.endswith("set TMPDIR to a folder with more room")
 
 
 @pytest.mark.parametrize("command", [["paper"], ["identify", "3ups_rpu", "nowhere.csv"]])

@@ -1,9 +1,6 @@
 """``loopid check`` and ``loopid base``: counts, loading options, refusals, all bundled robots."""
 
 import re
-import signal
-import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -296,13 +293,11 @@ def test_mimics_follow_or_are_free(run_json, write_urdf):
     assert free["closures"] == []
 
 
-def test_a_search_out_of_time_is_not_certified(run, run_json, monkeypatch):
-    monkeypatch.setattr("loopid.cli.AFTERWARDS", 1e9)  # is kept for what comes after the search
-    monkeypatch.setattr("loopid.cli.LEAST_TIME", 1e-9)
+def test_a_search_out_of_time_is_not_certified(run, run_json):
     options = ("base", "3ups_rpu", "--model", "full", "--criterion", "regressor")
-    record = run_json(*options, "--time-limit", "600")
+    record = run_json(*options, "--time-limit", "1e-9")
     assert not record["search"]["certified"]
-    assert "not certified (time limit): " in run(*options, "--time-limit", "600").out
+    assert "not certified (time limit): " in run(*options, "--time-limit", "1e-9").out
     whole = run_json(*options)
     assert whole["search"]["certified"]
     assert whole["search"]["gap"] == pytest.approx(1, abs=whole["search"]["tolerance"])
@@ -312,48 +307,7 @@ def test_a_search_out_of_time_is_not_certified(run, run_json, monkeypatch):
     assert record["rank"] == whole["rank"]
     done = run(*options, "--time-limit", "0")
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
-    assert "--time-limit must be above 0 s and finite, not 0" in done.err
-
-
-@pytest.mark.parametrize(
-    "place",
-    [
-        "loopid.loading.load_mechanism",
-        "loopid.regressors.structural_observation",
-        "loopid.base_parameters.find_base_parameters",
-    ],
-)
-def test_the_time_limit_ends_every_step(run, monkeypatch, place):
-    monkeypatch.setattr(place, lambda *_, **__: signal.raise_signal(signal.SIGALRM))
-    before = signal.getsignal(signal.SIGALRM)
-    done = run("base", "five_bar", "--time-limit", "600")
-    assert (signal.getsignal(signal.SIGALRM), signal.getitimer(signal.ITIMER_REAL)[0]) == (
-        before,
-        0,
-    )
-    assert "the time limit of 600 s has passed" in done.err
-    assert done.err.count("\n") == 1
-    assert (done.code, done.out) == (2, "")
-
-
-def test_the_time_limit_is_enforced_until_it_is_felt(run, monkeypatch):
-    """An exception in a callback of a library may get lost."""
-
-    def deaf(*_, **__):
-        with suppress(BaseException):
-            time.sleep(60)
-        time.sleep(60)
-
-    monkeypatch.setattr("loopid.loading.load_mechanism", deaf)
-    monkeypatch.setattr("loopid.cli.AGAIN", 0.05)
-    began = time.perf_counter()
-    done = run("base", "five_bar", "--time-limit", "0.05")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
-        "loopid: error: the time limit of 0.05 s has passed before base parameters were chosen: "
-        "allow more\n"
-    )
-    assert time.perf_counter() - began < 30
+    assert "time_limit must be" in done.err
 
 
 # Every robot of docs/mechanisms.md

@@ -131,7 +131,7 @@ def compare_terms(
     A five-bar that has viscous friction only:
 
     >>> import loopid, numpy as np
-    >>> from loopid.experiment import compare_terms
+    >>> from loopid.diagnosis import compare_terms
     >>> robot = loopid.load_mechanism("five_bar")
     >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
     >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))

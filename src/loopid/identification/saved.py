@@ -68,7 +68,8 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.description import find_files
+from loopid.loading.description import bundled_robots, find_files
+from loopid.loading.load import load_mechanism
 from loopid.parameters import (
     Parameter,
     ParameterSet,
@@ -432,6 +433,28 @@ class SavedFit(_Record):
         """
         self.require(mechanism)
         return self._forces(mechanism, configurations, velocities, accelerations)
+
+    def load_robot(self, file: str | Path | None = None) -> Mechanism:
+        """The robot of the fit, loaded as it was then: from a file, or from where it was.
+
+        Raises
+        ------
+        FileError
+            When it is no longer there.
+        """
+        options, own = dict(self.robot.options), self.robot
+        if file is not None:
+            return load_mechanism(file, **options)
+        try:
+            return load_mechanism(own.path, **options)
+        except FileError:
+            if own.name in bundled_robots():
+                return load_mechanism(own.name, **options)
+            raise FileError(
+                f"the robot of the fit, {own.name}, is no longer at {own.path}: say where it is, "
+                'file="FILE"',
+                file=own.path,
+            ) from None
 
     @checked
     def require(self, mechanism: Mechanism) -> None:

@@ -12,6 +12,7 @@ from .recording import (
     RateHistory as RateHistory,
     Recording as Recording,
     prepare_recording as prepare_recording,
+    read_recordings as read_recordings,
 )
 from .spectrum import (
     MotionSpectrum as MotionSpectrum,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from itertools import combinations, pairwise
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -38,8 +39,10 @@ from loopid.kinematics.projection import (
 from loopid.logs.log import (
     Dropped,
     Log,
+    read_log,
     require_known_motion,
 )
+from loopid.logs.mapping import LogMapping
 from loopid.logs.spectrum import (
     MotionSpectrum,
     motion_spectrum,
@@ -388,6 +391,28 @@ def prepare_recording(
         history=history,
         spectrum=spectrum,
     )
+
+
+@checked
+def read_recordings(
+    mechanism: Mechanism,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    rows: tuple[int, int | None] | None = None,
+    cutoff: float | None = None,
+    progress: Progress | None = None,
+) -> tuple[Recording, ...]:
+    """Read logs and make them ready; see ``read_log`` and ``prepare_recording``.
+
+    Parameters
+    ----------
+    cutoff : float, optional
+        Of the low-pass filter in Hz; by default as the spectrum of each log says.
+    """
+    lowpass: LowPass | Literal["default"] = "default" if cutoff is None else LowPass(cutoff)
+    logs = (read_log(path, mechanism, mapping, rows) for path in paths)
+    return tuple(prepare_recording(mechanism, log, lowpass, progress=progress) for log in logs)
 
 
 # ---- signals that stay where they are ---------------------------------------------------------

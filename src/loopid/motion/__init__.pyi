@@ -14,6 +14,7 @@ from .joints import (
     MotionReview as MotionReview,
     joint_motion as joint_motion,
     review_motion as review_motion,
+    review_program as review_program,
 )
 from .simulation import (
     Noise as Noise,
@@ -21,6 +22,7 @@ from .simulation import (
     forward_dynamics as forward_dynamics,
     log_text as log_text,
     scaled_bodies as scaled_bodies,
+    simulate_log as simulate_log,
     simulate_measurement as simulate_measurement,
 )
 from .trajectories import (

@@ -212,12 +212,18 @@ class MotionProgram:
         names = f"{', '.join(self.motions):.500}"
         return f"<MotionProgram {self.path.name}: {names} of {', '.join(self.coordinates)}>"
 
+    @property
+    def seconds(self) -> dict[str, float]:
+        """How long each motion takes, by its name."""
+        return {name: plan.seconds for name, plan in self.motions.items()}
+
     @checked
-    def motion(self, name: str, rate: float | None = None) -> Motion:
+    def motion(self, name: str | None = None, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 
-        The rate is in Hz, by default that of the file.
+        By default the first one of the file, with the file's rate in Hz.
         """
+        name = next(iter(self.motions)) if name is None else name
         if name not in self.motions:
             raise OptionError.unknown("motion", name, self.motions)
         plan, rate = self.motions[name], self.rate if rate is None else rate

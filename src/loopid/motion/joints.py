@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from html import escape
 
@@ -29,6 +30,7 @@ from loopid.kinematics.projection import (
     singularity_measure,
 )
 from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
 from loopid.robot.mechanism import (
@@ -230,3 +232,35 @@ def review_motion(
         margin=margin,
         speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
     )
+
+
+@checked
+def review_program(
+    mechanism: Mechanism,
+    program: MotionProgram,
+    rate: float | None = None,
+    *,
+    margin: float = DEFAULT_MARGIN,
+    progress: Callable[[float, float], None] | None = None,
+) -> dict[str, MotionReview]:
+    """Review every motion of a file; see ``review_motion``.
+
+    Parameters
+    ----------
+    rate : float, optional
+        Samples per second; by default the file's.
+    progress : callable, optional
+        Called with how many motions are done, and with their number.
+
+    Returns
+    -------
+    dict
+        Of reviews, by the motions' names.
+    """
+    reviews: dict[str, MotionReview] = {}
+    for name in program.motions:
+        motion = joint_motion(mechanism, program.motion(name, rate))
+        reviews[name] = review_motion(mechanism, motion, margin)
+        if progress is not None:
+            progress(len(reviews), len(program.motions))
+    return reviews

@@ -36,7 +36,8 @@ from loopid.kinematics.projection import (
     Factorisation,
     closed_motion,
 )
-from loopid.motion.joints import JointMotion
+from loopid.motion.joints import JointMotion, joint_motion
+from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.regressors.closed_loop import (
     motion_regressor,
@@ -200,6 +201,31 @@ def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> Floa
     values = mechanism.standard_parameters("full")
     factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
     return frozen(values * np.repeat(factors, len(KINDS)))
+
+
+@checked
+def simulate_log(
+    mechanism: Mechanism,
+    motion: Motion,
+    noise: Noise | None = None,
+    *,
+    terms: str = "none",
+    cad_error: float = 0.0,
+    seed: int = 0,
+) -> str:
+    """The log that a robot would give while it follows a motion, as CSV.
+
+    Parameters
+    ----------
+    terms : str
+        Joint terms with their values, such as ``"Fc=60,Fv=900; elbow: Ks=12"``.
+    cad_error : float
+        How far its bodies are off the robot file's; see ``scaled_bodies``.
+    """
+    bodies = scaled_bodies(mechanism, cad_error, seed)
+    followed, chosen = joint_motion(mechanism, motion), JointTerms.with_values(mechanism, terms)
+    measured = simulate_measurement(mechanism, followed, noise or Noise(), seed, bodies, *chosen)
+    return log_text(mechanism, measured)
 
 
 def log_text(mechanism: Mechanism, measured: Measurement) -> str:

@@ -35,6 +35,7 @@ from loopid.report.look import (
     GREY,
     ORANGE,
     RED,
+    RESULTS,
     drawing,
     drawn,
     json_fields,
@@ -55,11 +56,6 @@ CAPTIONS = {
     "parameters": "Base parameters against the robot file.",
     "reduction": "Validation error by the number of parameters taken from the data.",
 }
-# Beside the figures; a fit only where there is one.
-RESULTS = (
-    *("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml"),
-    "standard_parameters.yaml",
-)
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
 LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn

@@ -13,6 +13,7 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -29,6 +30,7 @@ from loopid.errors import (
     MissingExtraError,
     one_line,
 )
+from loopid.files import require_folder, require_other_file
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
@@ -146,6 +148,25 @@ def json_value(value: Any) -> Any:
 
 
 # Figures.
+
+
+# Of identifications; a fit only where there is one.
+RESULTS = (
+    *("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml"),
+    "standard_parameters.yaml",
+)
+
+
+def require_report(folder: str | Path | None, *inputs: str | Path | None) -> None:
+    """Refuse, before the work is done, a report that could not be drawn or written safely.
+
+    No input may be one of the files that would be written to the folder.
+    """
+    if folder is not None:
+        require_folder(folder)
+        require_matplotlib()
+        for name in RESULTS:
+            require_other_file(Path(folder, name), *(given for given in inputs if given))
 
 
 def require_matplotlib() -> None:

@@ -1,0 +1,304 @@
+"""Commands on logs, and on what was found from them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from math import inf
+from typing import TYPE_CHECKING
+
+import typer
+from typer import Argument, Option
+
+from loopid.cli.robots import (
+    FILE,
+    JSON,
+    MAPPING,
+    MODEL,
+    OUT,
+    TERMS,
+    numbers,
+    of_robot,
+    recordings,
+    save,
+)
+from loopid.cli.shell import progress_bar, show
+from loopid.errors import LoopidError, OptionError
+from loopid.files import require_other_file
+
+if TYPE_CHECKING:
+    from loopid.logs.recording import Recording
+    from loopid.robot.mechanism import Mechanism
+
+LOGS = Argument(
+    ...,
+    metavar="LOG...",
+    help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
+)
+CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
+ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
+REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
+# Terms of identify by default, and the choice that a comparison decides, of these and springs too.
+FRICTION, AUTOMATIC, SPRINGS = "Fc,Fv,file", "auto", "Fc,Fv,Ks,file"
+
+
+@of_robot
+def identify(
+    robot: Mechanism,
+    logs: list[str] = LOGS,
+    mapping: str | None = MAPPING,
+    model: str = MODEL,
+    terms: str = Option(FRICTION, help=f"{TERMS[:-1]}; auto: what is enough on new data."),
+    compare_terms: list[str] | None = Option(
+        None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
+    ),
+    estimator: str = Option("wls", help="wls, ols, bisquare, iv (with --reference) or bayes."),
+    unidentifiable: str = Option(
+        "error",
+        help="Of combinations that LOG does not excite: an error, or the robot file as prior.",
+    ),
+    prior_deviation: float | None = Option(
+        None, help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."
+    ),
+    consistent: str | None = Option(
+        None,
+        metavar="KIND",
+        help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
+    ),
+    repair: bool = REPAIR,
+    reference: list[str] | None = Option(
+        None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
+    ),
+    reference_mapping: str | None = Option(
+        None, metavar="YAML", help="As --mapping, of the --reference logs."
+    ),
+    cutoff: float | None = CUTOFF,
+    train: float = Option(
+        0.6, help="Part of each log's moving samples that is fitted; the rest validates."
+    ),
+    validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
+    start: float = Option(0.0, "--from", metavar="S", help="Of each LOG, in s from its start."),
+    end: float = Option(inf, "--to", metavar="S", help="Of each LOG, in s from its start."),
+    rows: str | None = ROWS,
+    friction_log: list[str] | None = Option(
+        None, metavar="LOG", help="Identify the terms from this log first."
+    ),
+    n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
+    out: str | None = OUT,
+    as_json: bool = JSON,
+) -> None:
+    """Identify base parameters and friction from logs, with their uncertainty."""
+    from loopid import identification
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.report.identify import (
+        identification_files,
+        identification_record,
+        identification_tables,
+    )
+    from loopid.report.look import require_report
+
+    if not 0 < train < 1:
+        raise OptionError(f"--train must be between 0 and 1, not {train}")
+    if not start < end:
+        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
+    require_report(out, str(robot.path), mapping, *logs, *(validate or ()))
+    JointTerms.of(robot, FRICTION if terms == AUTOMATIC else terms)
+    if rows is not None and reference:
+        raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    runs = recordings(robot, logs, mapping, cutoff, rows)
+    training: Sequence[Recording] = [run.between(start, end) for run in runs]
+    validation: Sequence[Recording] = recordings(robot, validate, mapping, cutoff)
+    if not validation:
+        training, validation = identification.split_recordings(training, train)
+    commanded = recordings(robot, reference, reference_mapping, cutoff)
+    friction = recordings(robot, friction_log, mapping, cutoff)
+
+    def identified(choice: str, others: Sequence[str] | None) -> identification.Identification:
+        joint_terms = JointTerms.of(robot, choice)
+        with progress_bar("poses") as report:
+            force_model = identification.find_force_model(
+                robot, model, joint_terms, progress=report
+            )
+        return identification.identify(
+            force_model,
+            training,
+            validation,
+            estimator,
+            friction,
+            n_jobs,
+            unidentifiable,
+            [each.motion for each in commanded],
+            prior_deviation,
+            consistent,
+            repair,
+            others,
+        )
+
+    if terms == AUTOMATIC:
+        with warnings.catch_warnings():  # of terms that need not be the chosen ones
+            warnings.simplefilter("ignore")
+            compared = identified(FRICTION, [*(compare_terms or ()), SPRINGS]).term_sets
+        assert compared is not None
+        best = compared.enough[1]
+        found = identified(best.choice, None)
+        found = replace(found, term_sets=replace(compared, chosen=best))
+    else:
+        found = identified(terms, compare_terms or ())
+    save(out, partial(identification_files, found))
+    show(identification_record(found), identification_tables(found), as_json)
+
+
+def predict(
+    fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
+    logs: list[str] = LOGS,
+    file: str | None = Option(
+        None, "--robot", metavar="FILE", help="Of the fit; by default where it was then."
+    ),
+    mapping: str | None = MAPPING,
+    cutoff: float | None = CUTOFF,
+    rows: str | None = ROWS,
+    out: str | None = OUT,
+    as_json: bool = JSON,
+) -> None:
+    """Compare the forces of logs with those that a saved fit gives for their motion."""
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
+    from loopid.identification.prediction import predict as predicted
+    from loopid.identification.saved import read_fit
+    from loopid.report.forces import (
+        prediction_files,
+        prediction_record,
+        prediction_tables,
+    )
+    from loopid.report.look import require_report
+
+    require_report(out)
+    saved = read_fit(fit)
+    robot = saved.load_robot(file)
+    runs = recordings(robot, logs, mapping, cutoff, rows)
+    warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
+    found = [predicted(saved, robot, run) for run in runs]
+    save(out, partial(prediction_files, robot, found))
+    show(prediction_record(found), prediction_tables(found), as_json)
+
+
+@of_robot
+def payload(
+    robot: Mechanism,
+    link: str = Argument(..., metavar="LINK", help="That the payload is fixed to."),
+    unloaded: list[str] = Option(..., metavar="LOG", help="Without it; repeatable."),
+    loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="With it; repeatable."),
+    known_mass: float | None = Option(
+        None, metavar="KG", help="Of the payload: then find the gains of the drives."
+    ),
+    centre: str = Option(
+        "0,0,0", metavar="X,Y,Z", help="Of the known mass, in the link's frame in m."
+    ),
+    mapping: str | None = MAPPING,
+    model: str = MODEL,
+    terms: str = Option("Fc,Fv", help=TERMS),
+    estimator: str = Option("wls", help="wls, ols or bisquare."),
+    cutoff: float | None = CUTOFF,
+    rows: str | None = ROWS,
+    as_json: bool = JSON,
+) -> None:
+    """Identify a payload from logs without and with it, or drive gains from a known one."""
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
+    from loopid.diagnosis.payload import (
+        drive_gains,
+        identify_payload,
+    )
+    from loopid.identification.force_model import find_force_model
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.report.forces import (
+        gains_record,
+        gains_tables,
+        payload_record,
+        payload_tables,
+    )
+
+    force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
+    light = recordings(robot, unloaded, mapping, cutoff, rows)
+    heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
+    warn_of_suspicions(robot, light, force_model.joint_terms)
+    if known_mass is None:
+        found = identify_payload(force_model, link, light, heavy, estimator)
+        show(payload_record(found), payload_tables(found), as_json)
+    else:
+        place = numbers(centre, "--centre", 3)
+        gains = drive_gains(force_model, link, known_mass, place, light, heavy, estimator=estimator)
+        show(gains_record(gains), gains_tables(gains), as_json)
+
+
+def export(
+    file: str = FILE,
+    fit: str = Argument(
+        ...,
+        metavar="FIT",
+        help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
+    ),
+    robot: str | None = Option(
+        None, "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
+    ),
+    yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
+    c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),
+    name: str | None = Option(None, help="Of the C functions; the robot's by default."),
+    repair: bool = REPAIR,
+    any_mass: bool = Option(
+        False, "--any-mass", help="Bodies may be over three times as heavy as in the file."
+    ),
+    overwrite: bool = Option(
+        False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
+    ),
+    as_json: bool = JSON,
+) -> None:
+    """Write a robot file, base parameters or C source with what a fit has found.
+
+    The robot is loaded as it was for the fit, and refused where it is another one.
+    """
+    from loopid.export.everything import export_fit
+    from loopid.identification.saved import read_fit
+
+    saved = read_fit(fit)
+    if yaml is not None:
+        require_other_file(yaml, fit)
+    written = export_fit(
+        saved,
+        saved.load_robot(file),
+        robot=robot,
+        yaml=yaml,
+        c=c,
+        name=name,
+        repair=repair,
+        any_mass=any_mass,
+        overwrite=overwrite,
+    )
+    places = [str(place) for place in written]
+    if as_json:
+        show({"written": places}, (), as_json)
+    else:  # on lines of their own, whatever the width of the terminal
+        typer.echo("\n".join(places))
+
+
+def paper(
+    out: str | None = OUT,
+    log: list[str] | None = Option(
+        None, metavar="LOG", help="Of the real robot; a simulated stand-in without one."
+    ),
+    seed: int = Option(0, help="Of all noise."),
+) -> None:
+    """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
+    from loopid.paper.page import (
+        paper_files,
+        paper_tables,
+    )
+    from loopid.paper.reproduction import reproduce_paper
+    from loopid.report.look import require_report
+
+    require_report(out)
+    found = reproduce_paper(log or (), seed, progress_bar)
+    save(out, partial(paper_files, found))
+    show({}, paper_tables(found), as_json=False)
+    if not found.base.agrees:
+        raise LoopidError("not every row of the paper's Table II was found")

@@ -1,0 +1,346 @@
+"""Commands on a robot: what it is, its base parameters, its motions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from functools import partial, wraps
+from inspect import Parameter, Signature, signature
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer import Argument, Option
+
+from loopid.cli.shell import progress_bar, show
+from loopid.errors import OptionError
+from loopid.files import require_other_file, write_file, write_files
+
+if TYPE_CHECKING:
+    from loopid.logs.recording import Recording
+    from loopid.robot.mechanism import Mechanism
+
+FILE = Argument(..., metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
+MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
+MODEL = Option("gravity", help="gravity (slow motion) or full (all ten parameters a body).")
+TERMS = (
+    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of "
+    "motors and passive joints; after semicolons of some joints: "
+    '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
+)
+MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
+JSON = Option(False, "--json", help="Print JSON instead of tables.")
+OUT = Option(None, metavar="DIR", help="Write report, figures and results to a folder.")
+
+
+def loaded(
+    file: str = FILE,
+    lock: list[str] | None = Option(
+        None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
+    ),
+    rounding: float | None = Option(
+        None, help="Of the file's numbers, in m and rad: what closes within it is closed."
+    ),
+    floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
+    free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
+    tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
+) -> Any:
+    """The robot (``Mechanism``) that the options of a command ask for."""
+    from loopid.loading.load import load_mechanism
+
+    with progress_bar("robot"):
+        return load_mechanism(
+            file,
+            lock or (),
+            floating_base=floating_base,
+            free_mimics=free_mimics,
+            tied=tied,
+            rounding=rounding,
+        )
+
+
+def of_robot(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of ``loaded``, whose robot becomes its first argument."""
+    file, *options = signature(loaded, eval_str=True).parameters.values()
+    known = {"Mechanism": Any}  # which is imported when a robot is loaded
+    _, *own = signature(command, eval_str=True, locals=known).parameters.values()
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        robot = loaded(**{each.name: given.pop(each.name) for each in (file, *options)})
+        command(robot, **given)
+
+    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in (file, *own, *options)]
+    run.__dict__["__signature__"] = Signature(parameters)
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
+@of_robot
+def check(robot: Mechanism, as_json: bool = JSON) -> None:
+    """Report joints, closures, mobility and distance to singularity."""
+    from loopid.report.structure import check_record, check_tables
+
+    record = check_record(robot)
+    show(record, check_tables(record), as_json)
+
+
+@of_robot
+def base(
+    robot: Mechanism,
+    model: str = MODEL,
+    search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
+    terms: str = Option("none", help=TERMS),
+    criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
+    samples: int | None = Option(None, help="Random closed poses; enough by default."),
+    seed: int = Option(0, help="Of the random poses."),
+    time_limit: float | None = Option(
+        None, metavar="S", help="Of everything, in s, with the best so far; else 10 s of search."
+    ),
+    as_json: bool = JSON,
+) -> None:
+    """Find the base parameters and the best way of writing them."""
+    from loopid.base_parameters.base import find_base_parameters
+    from loopid.base_parameters.exact import ExactSearch
+    from loopid.base_parameters.structure import without_effect
+    from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
+    from loopid.regressors.structural import structural_observation
+    from loopid.report.structure import base_record, base_tables
+
+    joint_terms = JointTerms.of(robot, terms)
+    warn_of_omitted(robot, joint_terms)
+    with progress_bar("poses") as report:
+        observation = structural_observation(
+            robot, model, samples, seed, progress=report, joint_terms=joint_terms
+        )
+    strategy = search if time_limit is None else ExactSearch(time_limit)
+    found = [find_base_parameters(observation, strategy, criterion)]
+    alone = observation.motors_alone
+    if alone is not None and not without_effect(alone):
+        found.append(find_base_parameters(alone, strategy, criterion))
+    record = base_record(robot, model, *found)
+    show(record, base_tables(record), as_json)
+
+
+@of_robot
+def motions(
+    robot: Mechanism,
+    program: str | None = MOTIONS,
+    rate: float = Option(20.0, help="Samples per second."),
+    margin: float = Option(0.02, help="Least singularity measure."),
+    as_json: bool = JSON,
+) -> None:
+    """Check motions against strokes, joint angles and distance to singularity."""
+    from loopid.motion.files import read_motion_program
+    from loopid.motion.joints import review_program
+    from loopid.report.structure import motions_record, motions_tables
+
+    planned = read_motion_program(program or robot.name)
+    with progress_bar("motions") as report:
+        reviews = review_program(robot, planned, rate, margin=margin, progress=report)
+    record = motions_record(robot.name, reviews, planned.seconds)
+    show(record, motions_tables(record), as_json)
+
+
+@of_robot
+def simulate(
+    robot: Mechanism,
+    program: str | None = MOTIONS,
+    motion: str | None = Option(None, metavar="NAME", help="Of the file; its first by default."),
+    out: str | None = Option(None, metavar="CSV", help="The log; on the terminal without it."),
+    rate: float = Option(100.0, help="Samples per second."),
+    noise: float = Option(0.0, help="Standard deviation of the forces, in N or N m."),
+    encoder_step: float = Option(
+        0.0, help="Resolution of the positions, in m or rad; 0 for exact ones."
+    ),
+    terms: str = Option(
+        "none", help='As for identify with values: "Fc=60,Fv=900; elbow: Ks=12"; none at first.'
+    ),
+    cad_error: float = Option(
+        0.0, help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."
+    ),
+    seed: int = Option(0, help="Of the noise and of the bodies."),
+) -> None:
+    """Write the log that a robot would give while it follows a motion, for trying identify."""
+    from loopid.identification.saved import robot_files
+    from loopid.motion.files import read_motion_program
+    from loopid.motion.simulation import Noise, simulate_log
+
+    errors = Noise(gaussian=noise, encoder_step=encoder_step)
+    planned = read_motion_program(program or robot.name).motion(motion, rate)
+    text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        require_other_file(out, *robot_files(robot), program or "")
+        write_file(out, text)
+        typer.echo(out)
+
+
+@of_robot
+def excite(
+    robot: Mechanism,
+    out: str | None = OUT,
+    model: str = MODEL,
+    terms: str = Option("none", help=TERMS),
+    criterion: str = Option("D", help="D, A, E or condition."),
+    shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
+    size: int | None = Option(None, help="Harmonics, waypoints or poses; enough by default."),
+    duration: float | None = Option(None, help="In s; 20 for a gravity model, 10 for a full one."),
+    rate: float = Option(100.0, help="Samples per second of the run."),
+    coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
+    share: float = Option(1.0, help="Part of each limit that may be used."),
+    limit: list[str] | None = Option(
+        None, metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."
+    ),
+    max_speed: list[str] | None = Option(
+        None, metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."
+    ),
+    max_acceleration: list[str] | None = Option(None, metavar="[JOINT=]A", help="As --max-speed."),
+    max_force: list[str] | None = Option(None, metavar="[JOINT=]F", help="As --max-speed."),
+    workspace: list[str] | None = Option(
+        None, metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."
+    ),
+    margin: float | None = Option(
+        None, help="Least singularity measure; 0.02, or what is possible."
+    ),
+    collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
+    noise: list[str] | None = Option(
+        None, metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."
+    ),
+    after: list[str] | None = Option(None, metavar="LOG", help="Add to what this log tells."),
+    mapping: str | None = MAPPING,
+    wanted: list[str] | None = Option(
+        None, "--for", metavar="PARAMETER", help="Excite this one; repeatable."
+    ),
+    payload: str | None = Option(None, metavar="LINK", help="Only its parameters are unknown."),
+    time_limit: float = Option(60.0, help="Of the design, in s."),
+    starts: int = Option(4, help="Random motions to begin with."),
+    iterations: int | None = Option(
+        None, help="Evaluations of each start; as many as the time allows."
+    ),
+    seed: int = Option(0, help="Of the random motions."),
+    n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes, for several starts."),
+    solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
+    as_json: bool = JSON,
+) -> None:
+    """Design a motion that excites the parameters, within what the robot can do.
+
+    Ctrl-C keeps the best motion so far.
+    """
+    from loopid.excitation.design import design_excitation
+    from loopid.excitation.limits import MotionLimits
+    from loopid.regressors.joint_terms import JointTerms
+    from loopid.report.excitation import (
+        excitation_files,
+        excitation_record,
+        excitation_tables,
+    )
+    from loopid.report.look import require_report
+
+    require_report(out)
+    limits = MotionLimits(
+        share,
+        ranges(limit, "--limit"),
+        sizes(max_speed, "--max-speed"),
+        sizes(max_acceleration, "--max-acceleration"),
+        sizes(max_force, "--max-force"),
+        ranges(workspace, "--workspace"),
+        margin,
+        collisions,
+    )
+    logs = recordings(robot, after, mapping)
+    with progress_bar(criterion) as watch:
+        found = design_excitation(
+            robot,
+            model,
+            JointTerms.of(robot, terms),
+            limits,
+            criterion,
+            shape,
+            duration,
+            size,
+            coordinates,
+            sizes(noise, "--noise") or None,
+            logs,
+            wanted or (),
+            payload,
+            rate,
+            time_limit,
+            starts,
+            iterations,
+            seed,
+            n_jobs,
+            solver,
+            watch,
+        )
+    save(out, partial(excitation_files, found))
+    show(excitation_record(found), excitation_tables(found), as_json)
+
+
+def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH by name."""
+    found = {}
+    for text in given or ():
+        name, _, ends = text.rpartition("=")
+        low, colon, high = ends.partition(":")
+        if not name or not colon:
+            raise OptionError(f"{option} must be NAME=LOW:HIGH, not {text!r}", given=text)
+        found[name] = number(low, option), number(high, option)
+    return found
+
+
+def sizes(given: Sequence[str] | None, option: str) -> dict[str, float]:
+    """[NAME=]NUMBER by name, or by "all"."""
+    parts = [text.rpartition("=") for text in given or ()]
+    return {name or "all": number(value, option) for name, _, value in parts}
+
+
+def number(text: str, option: str) -> float:
+    """A number of an option."""
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(f"{option} must have numbers, not {text!r}", given=text) from None
+
+
+def numbers(text: str, option: str, count: int) -> Any:
+    """So many numbers with commas between."""
+    found = [number(part, option) for part in text.split(",")]
+    if len(found) != count:
+        raise OptionError(f"{option} must have {count} numbers, not {text!r}", given=text)
+    return found
+
+
+def row_range(text: str | None) -> tuple[int, int | None] | None:
+    """First and last row of M:N, M: or :N."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,9})?:(\d{1,9})?", text, re.ASCII)
+    if found is None:
+        raise OptionError(
+            f"--rows must be M:N, such as 1000:5000 or 1000:, not {text!r}", given=text
+        )
+    first, last = found.groups()
+    return int(first or 1), int(last) if last else None
+
+
+def recordings(
+    robot: Mechanism,
+    paths: Sequence[str] | None,
+    mapping: str | None = None,
+    cutoff: float | None = None,
+    rows: str | None = None,
+) -> tuple[Recording, ...]:
+    """Logs of an option, read and made ready."""
+    from loopid.logs.recording import read_recordings
+
+    with progress_bar("assembling") as report:
+        return read_recordings(
+            robot, paths or (), mapping, rows=row_range(rows), cutoff=cutoff, progress=report
+        )
+
+
+def save(folder: str | None, files: Callable[[], dict[str, bytes | str]]) -> None:
+    """Write files to a folder where one is asked for."""
+    if folder is not None:
+        write_files(folder, files())

@@ -1,0 +1,76 @@
+"""All files that a saved fit becomes: a robot file, the fit itself, C source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from loopid.arguments import checked
+from loopid.errors import ModelWarning, OptionError, warn
+from loopid.export.c_code import regressor_code
+from loopid.export.robot_file import export_robot_file
+from loopid.files import require_other_file
+from loopid.identification.saved import SavedFit, robot_files
+from loopid.parameters import KINDS
+from loopid.robot.mechanism import Mechanism, shortened
+
+
+@checked
+def export_fit(
+    saved: SavedFit,
+    mechanism: Mechanism,
+    *,
+    robot: str | Path | None = None,
+    yaml: str | Path | None = None,
+    c: str | Path | None = None,
+    name: str | None = None,
+    repair: bool = False,
+    any_mass: bool = False,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write what is asked for; all that may be refused is found out before the first file.
+
+    Parameters
+    ----------
+    saved : SavedFit
+    mechanism : Mechanism
+        Of the fit, as ``saved.load_robot`` gives it.
+    robot : path, optional
+        The robot's own file with new inertials; see ``export_robot_file``.
+    yaml : path, optional
+        The fit as YAML, or as JSON.
+    c : path, optional
+        Folder of the regressor as C source, and its values; see ``regressor_code``.
+    name : str, optional
+        Of the C functions.
+    repair, any_mass : bool
+        See ``SavedFit.find_standard_parameters``.
+    overwrite : bool
+        Whether the robot's own file may be replaced.
+
+    Raises
+    ------
+    OptionError
+        When nothing is asked for.
+
+    Warns
+    -----
+    ModelWarning
+        Of joint terms that a robot file cannot hold.
+    """
+    if robot is yaml is c is None:
+        raise OptionError('nothing to export: give robot="FILE", yaml="FILE" or c="DIR"')
+    if yaml is not None:
+        saved.content(yaml)
+        require_other_file(yaml, *robot_files(mechanism))
+    model, written = saved.find_force_model(mechanism), list[Path]()
+    standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
+    code = None if c is None else regressor_code(model, name, saved.values)
+    if robot is not None and standard is not None:
+        written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
+        if terms := [each.label for each in saved.standard if each.kind not in KINDS]:
+            warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
+    if yaml is not None:
+        written.append(saved.save(yaml))
+    if c is not None and code is not None:
+        written += code.save(c)
+    return written
