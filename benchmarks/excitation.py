@@ -52,7 +52,7 @@ def designed(
 def ur10() -> None:
     """36 base parameters, limits at 90 %, 12 s from rest to rest."""
     robot = loopid.load_mechanism(robots_folder() / UR10)
-    model = loopid.find_force_model(robot, "full")
+    model = loopid.find_force_model(robot, "full", None)
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
         options: dict[str, Any] = {"duration": 12.0, "size": 7, "starts": 2, "evaluations": 200}
@@ -68,7 +68,7 @@ def figaroh(seed: int = 0) -> None:
         return
     file = robots_folder() / UR10
     robot = loopid.load_mechanism(file)
-    model = loopid.find_force_model(robot, "full")
+    model = loopid.find_force_model(robot, "full", None)
     with TemporaryDirectory() as folder:
         out, start = Path(folder) / "motion.npz", perf_counter()
         script = Path(__file__).with_name("peers_figaroh_design.py")
@@ -97,21 +97,21 @@ def knee() -> None:
     options: dict[str, Any] = {"criterion": "condition", "starts": 2}
     slow = loopid.MotionLimits(singularity=0.05, speeds={"all": 0.3})
     for model, limits, duration in (("gravity", KNEE, 20.0), ("full", slow, 8.0)):
-        wanted = loopid.find_force_model(robot, model)
+        wanted = loopid.find_force_model(robot, model, None)
         designed(f"3UPS+RPU, {model}, {duration:g} s", wanted, limits, duration=duration, **options)
 
 
 def feasible() -> None:
     """A design for each robot."""
     for name in FEASIBLE:
-        model = loopid.find_force_model(loopid.load_mechanism(name), "full")
+        model = loopid.find_force_model(loopid.load_mechanism(name), "full", None)
         designed(name, model)
 
 
 def seeds() -> None:
     """100 seeds of the 3UPS+RPU: violations after the check, and how far motions were shrunk."""
     robot = loopid.load_mechanism("3ups_rpu")
-    model, kept = loopid.find_force_model(robot), 0
+    model, kept = loopid.find_force_model(robot, joint_terms=None), 0
     for seed in range(100):
         found = designed(f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, evaluations=25)
         kept += found.violations == 0
@@ -145,7 +145,7 @@ def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
         zero = step * rng.uniform(size=len(robot.actuated))
         x = found.motors.position
         x = step * np.round((x - zero) / step) + zero if step else x
-        return Log("run", robot.actuated, motion.time, x, exact + errors, np.zeros(len(x), int))
+        return Log.from_arrays(motion.time, x, exact + errors, robot.actuated)
 
     # Errors of the forces change nothing but the filtered forces: what follows is the same.
     run = loopid.prepare_recording(robot, log(0.0, 0.0 * exact))
@@ -198,7 +198,7 @@ def refusals() -> None:
     ur10_file = robots_folder() / UR10
     for name in ("3ups_rpu", "five_bar", "delta", ur10_file):
         robot = loopid.load_mechanism(name)
-        model, motor = loopid.find_force_model(robot), robot.actuated[0]
+        model, motor = loopid.find_force_model(robot, joint_terms=None), robot.actuated[0]
         asked: list[dict[str, Any]] = [
             {"positions": {motor: (0.2, 0.1)}},
             {"forces": {"all": 1e-3}},

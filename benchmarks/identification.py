@@ -22,8 +22,8 @@ import numpy as np
 import pinocchio as pin
 
 from loopid import (
+    FilterOptions,
     JointTerms,
-    LowPass,
     Mechanism,
     Noise,
     find_force_model,
@@ -34,14 +34,14 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.diagnosis import eliminate
+from loopid.diagnosis import eliminate_parameters
 from loopid.identification import (
     WeightedLeastSquares,
     quiet_fit,
 )
 from tables import show, write_json
 
-RUNS = 5
+RUNS, FILTER = 5, FilterOptions(cutoff=5.0)
 
 
 def main() -> None:
@@ -77,14 +77,16 @@ def simulated_log(mechanism: Mechanism, seconds: float, folder: Path) -> str:
 def phases(mechanism: Mechanism, path: str) -> list[dict[str, Any]]:
     """Seconds of each phase, and how often a bare regressor loop would fit into it."""
     log = read_log(path, mechanism)
-    recording = prepare_recording(mechanism, log, LowPass(5.0))
+    recording = prepare_recording(mechanism, log, filter=FILTER)
     model = find_force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
     samples = model.samples(recording)
     halves = [model.samples(part) for part in recording.split(0.5)]
     bare = timed(lambda: bare_loop(mechanism, recording.motion.configurations))
     todo: dict[str, Callable[[], object]] = {
         "read and align": lambda: read_log(path, mechanism),
-        "filter and assemble": lambda: prepare_recording(mechanism, log, LowPass(5.0)),
+        "filter and assemble": lambda: prepare_recording(
+            mechanism, log, filter=FilterOptions(cutoff=5.0)
+        ),
         "base parameters with friction": lambda: find_force_model(
             mechanism, "gravity", JointTerms(mechanism.actuated)
         ),
@@ -92,7 +94,7 @@ def phases(mechanism: Mechanism, path: str) -> list[dict[str, Any]]:
         "triangular factors": lambda: samples.with_force(samples.force).problem,
         "weighted least squares": lambda: WeightedLeastSquares().fit(samples.problem),
         "with correlated errors": lambda: quiet_fit(samples),
-        "elimination": lambda: eliminate(halves[0], halves[1]),
+        "elimination": lambda: eliminate_parameters(halves[0], halves[1]),
     }
     rows = [
         {"phase": "bare regressor loop", "samples": len(recording), "seconds": bare, "ratio": 1.0}

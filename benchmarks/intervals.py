@@ -89,8 +89,7 @@ class Case:
         zero = step * rng.uniform(size=exact.position.shape[1])
         position = step * np.round((exact.position - zero) / step) + zero
         force = exact.exact_force + self.noise * rng.normal(size=exact.force.shape)
-        stretches = np.zeros(len(exact.time), dtype=int)
-        return Log("run", self.robot.actuated, exact.time, position, force, stretches)
+        return Log.from_arrays(exact.time, position, force, self.robot.actuated)
 
 
 def coverage(case: Case, bits: int, runs: int) -> dict[str, Any]:

@@ -34,6 +34,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from loopid import (
+    FilterOptions,
     JointTerms,
     Mechanism,
     Noise,
@@ -97,7 +98,7 @@ def measured(path: str, jobs: int, every: bool) -> dict[str, Any]:
     if path:
         log = read_log(path, mechanism)
         starts.append(perf_counter())
-        recording = prepare_recording(mechanism, log, decimate=not every)
+        recording = prepare_recording(mechanism, log, filter=FilterOptions(decimate=not every))
         starts.append(perf_counter())
         samples = model.samples(recording, jobs)
         starts.append(perf_counter())

@@ -40,7 +40,9 @@ def main() -> None:
     loaded = peak_megabytes()
     with phases("triangular factor"):
         both = Observation.from_parts(
-            chunks(mechanism, states, phases), mechanism.parameters() + FORCE, mechanism.length
+            chunks(mechanism, states, phases),
+            mechanism.parameters() + FORCE,
+            length=mechanism.length,
         )
     with phases("base parameters"):
         observation = without_force(both, mechanism)

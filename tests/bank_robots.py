@@ -62,7 +62,7 @@ def observe(mechanism, model, q):
     """Observation of a mechanism at poses, and its structure."""
     W = motion_regressor(mechanism, moved(mechanism, model, q), model)
     parameters = mechanism.parameters(model)
-    observation = Observation.from_matrix(W, parameters, mechanism.length)
+    observation = Observation.from_matrix(W, parameters, length=mechanism.length)
     return observation, analyse(observation)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-import loopid.logs.formats
+import loopid.files
 import loopid.scratch
 
 
@@ -12,7 +12,6 @@ def set_block_rows(monkeypatch):
 
     def set_them(rows):
         monkeypatch.setattr(loopid.scratch, "BLOCK_ROWS", rows)
-        monkeypatch.setattr(loopid.logs.formats, "BATCH_ROWS", rows)
-        monkeypatch.setattr(loopid.logs.formats, "BATCH_BYTES", 100 * rows)
+        monkeypatch.setattr(loopid.files, "BLOCK_BYTES", 100 * rows)
 
     return set_them

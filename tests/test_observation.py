@@ -107,8 +107,8 @@ def random_matrix(seed, *shape):
 def test_parts_make_the_same_observation_as_the_whole(lengths, width, seed):
     W = random_matrix(seed, sum(lengths), width)
     parts = np.split(W, np.cumsum(lengths)[:-1])
-    whole = Observation.from_matrix(W, named(width), 2.0)
-    joined = Observation.from_parts(iter(parts), named(width), 2.0)
+    whole = Observation.from_matrix(W, named(width), length=2.0)
+    joined = Observation.from_parts(iter(parts), named(width), length=2.0)
     assert (joined.rows, joined.length) == (whole.rows, whole.length) == (len(W), 2.0)
     np.testing.assert_allclose(joined.factor.T @ joined.factor, W.T @ W, atol=1e-12)
 

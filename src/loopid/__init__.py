@@ -2,7 +2,7 @@
 
 import lazy_loader
 
-from loopid import formats as formats  # their names only, for the core to find
+from loopid import formats as formats  # a light table; each is imported when it is needed
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = "0.1.0"

@@ -31,11 +31,11 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    InstanceOf,
     SkipValidation,
     ValidationError,
     validate_call,
 )
+from pydantic_core.core_schema import is_instance_schema
 
 from loopid.errors import DataError, OptionError
 
@@ -242,11 +242,19 @@ def checked_fields(cls: Class) -> Class:
     return cls
 
 
+class _Instance:
+    """An annotation: instances alone; of ``pydantic.InstanceOf`` each builds an unused schema."""
+
+    @staticmethod
+    def __get_pydantic_core_schema__(source: Any, _: Any) -> Any:
+        return is_instance_schema(source)
+
+
 def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, type) and kind is None:
-        return Annotated[hint, InstanceOf()] if is_dataclass(hint) else hint  # type: ignore[type-arg]
+        return Annotated[hint, _Instance] if is_dataclass(hint) else hint
     if kind is Annotated:
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):

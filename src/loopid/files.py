@@ -13,17 +13,14 @@ from errno import EISDIR
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from loopid.errors import (
-    FileError,
-    LogError,
-)
+from loopid.errors import FileError, LogError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Bytes of text that are read at a time, and of its longest line.
-BLOCK_BYTES, LONGEST_LINE = 2**20, 2**20
-# Content of more bytes than so many, and so many times as many as its file has, is a bomb.
+BLOCK_BYTES = 2**20  # of text that are read at a time
+# The one limit of sizes. What stands for more bytes than so many, and for so many times as many as
+# its file has, is no measurement but a bomb.
 UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200
 
 
@@ -44,27 +41,26 @@ def why_no_file(path: Path) -> str:
 
 def text_blocks(path: Path) -> Generator[bytes]:
     """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end."""
-    reason, row, rest, unpacked = why_no_file(path), 1, b"", 0
+    reason = why_no_file(path)
     if reason:
-        raise LogError(f"{path} {reason}")
+        raise LogError(f"{path} {reason}", file=path)
     try:
         with path.open("rb") as file:
-            packed = file.peek(2).startswith(b"\x1f\x8b")
+            packed, stored, unpacked = file.peek(2).startswith(b"\x1f\x8b"), path.stat().st_size, 0
             content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
+            parts: list[bytes] = []
             while part := content.read(BLOCK_BYTES):
                 unpacked += len(part)
-                require_plausible(path, unpacked, path.stat().st_size)
+                require_plausible(path, unpacked, stored)
                 end = part.rfind(b"\n") + 1
-                block, rest = (rest + part[:end], part[end:]) if end else (b"", rest + part)
-                row += block.count(b"\n")
-                if len(rest) > LONGEST_LINE:
-                    raise LogError(f"{path}: row {row} has more than {LONGEST_LINE:,} bytes")
-                if block:
-                    yield block
-            if rest:
-                yield rest
+                if end:
+                    yield b"".join([*parts, part[:end]])
+                    parts.clear()
+                parts.append(part[end:])
+            if any(parts):
+                yield b"".join(parts)
     except (OSError, EOFError, zlib.error) as error:
-        raise LogError(f"{path} cannot be read: {error}") from error
+        raise LogError(f"{path} cannot be read: {error}", file=path) from error
 
 
 def require_plausible(path: Path, content: int, stored: int) -> None:
@@ -72,7 +68,10 @@ def require_plausible(path: Path, content: int, stored: int) -> None:
     if content > max(UNPACKED_BYTES, UNPACKED_RATIO * stored):
         raise LogError(
             f"{path} stores {stored:,} bytes, but they stand for {content:,} or more: no "
-            f"measurements can be packed more than {UNPACKED_RATIO} times"
+            f"measurements can be packed more than {UNPACKED_RATIO} times",
+            file=path,
+            stored=stored,
+            content=content,
         )
 
 
@@ -82,7 +81,7 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     Each is written beside its place and moved there once all are complete, so that a stop in the
     middle leaves the old files as they were.
 
-    Names are without folders. An FileError says why the folder or a file cannot be written.
+    Names are without folders. A FileError says why the folder or a file cannot be written.
     """
     directory, waiting = Path(folder), dict[Path, Path]()
     try:

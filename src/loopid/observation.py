@@ -8,8 +8,8 @@ factorisation of blocks. Columns of zeros cost nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import field
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -23,6 +23,7 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
+from loopid.records import record
 from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
@@ -32,22 +33,28 @@ ROWS = 400
 PANEL, PANEL_PART = 8, 16
 
 
-@dataclass(frozen=True)
-class RoundedGeometry:
-    """What rounded numbers of a robot file leave open in an observation."""
+@record
+class Rounding:
+    """What rounded numbers of a robot file leave open in an observation.
 
-    accuracy: float  # of lengths, in m; of angles, times the characteristic length
-    relative: float  # the same, to the characteristic length
-    source: str  # where it is known from
-    presumed: bool  # whether the numbers may as well be round by design
-    # Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
-    # as it is written, then of k others that the file would write alike
-    factors: Callable[[int], FloatArray]
-    places: Mapping[str, tuple[str, ...]]  # of some links, the loops that they are part of
-    alike: tuple[str, ...]  # lengths that are nearly but not quite equal
+    Attributes
+    ----------
+    accuracy : float
+        Of lengths, in m; of angles, times the characteristic length; 0 where they are exact.
+    source : str
+        Where it is known from.
+    factors : callable
+        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
+        as it is written, then of k others that the file would write alike. A second argument is
+        another accuracy than the file's, in m.
+    """
+
+    accuracy: float
+    source: str
+    factors: Callable[..., FloatArray] = field(compare=False, repr=False)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class Observation:
     """Stacked rows of a regressor W, reduced to R of W = Q R.
 
@@ -67,8 +74,8 @@ class Observation:
     order : tuple of str
         Links and joints in the order in which the first of equally good choices is taken, where
         it is not that of the columns.
-    geometry : RoundedGeometry or None
-        None where the geometry is exact, or not known.
+    rounding : Rounding or None
+        None where the geometry is not known.
     motors_alone : Observation or None
         Without the rows "= 0" of coordinates that the motors leave free, where there are any.
 
@@ -87,17 +94,17 @@ class Observation:
     length: float = 1.0
     natural_size: float = 0.0
     order: tuple[str, ...] = ()
-    geometry: RoundedGeometry | None = None
+    rounding: Rounding | None = None
     motors_alone: Observation | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.length < np.inf:
-            raise DataError(f"length must be above 0 m, not {self.length}")
+            raise DataError(f"length must be above 0 m, not {self.length}", given=self.length)
         if not 0 <= self.natural_size < np.inf:
-            raise DataError(f"natural_size must be a number from 0 on, not {self.natural_size}")
-
-    def __repr__(self) -> str:
-        return f"Observation of {len(self.parameters)} parameters, {self.rows} rows"
+            raise DataError(
+                f"natural_size must be a number from 0 on, not {self.natural_size}",
+                given=self.natural_size,
+            )
 
     @classmethod
     @checked
@@ -105,6 +112,7 @@ class Observation:
         cls,
         matrix: FloatArray,
         parameters: ParameterSet,
+        *,
         length: float = 1.0,
         natural_size: float = 0.0,
     ) -> Observation:
@@ -120,7 +128,7 @@ class Observation:
         natural_size : float
             See the attribute.
         """
-        return cls.from_parts([matrix], parameters, length, natural_size)
+        return cls.from_parts([matrix], parameters, length=length, natural_size=natural_size)
 
     @classmethod
     @checked
@@ -128,19 +136,20 @@ class Observation:
         cls,
         parts: Iterable[FloatArray],
         parameters: ParameterSet,
+        *,
         length: float = 1.0,
         natural_size: float = 0.0,
         driven: int | None = None,
     ) -> Observation:
         """Factor an observation matrix that comes in parts, with one in memory at a time.
 
-        As ``from_matrix``, for an iterable of matrices; the first ``driven`` rows of each sample
+        As ``from_matrix``, for an iterable of matrices. The first ``driven`` rows of each sample
         are those of motors.
         """
         n, rows, driven_rows = len(parameters), 0, 0
-        # The row of a joint has columns of those bodies only that move with it: in a tree, few of
-        # all. So each of the dof rows of a sample is reduced on its own, where there are more
-        # samples than columns, and all at the end.
+        # A joint's row has columns only of the bodies that move with it: in a tree, few of all.
+        # So each of the dof rows of a sample is reduced on its own, as long as there are more
+        # samples than columns, and all of them together at the end.
         factors, waiting = np.zeros((0, n, n)), list[FloatArray]()
         for part in parts:
             W = _samples(part, n)

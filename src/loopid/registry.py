@@ -67,3 +67,16 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         return len(self._entries)
+
+
+# Filled by whoever has a format: the core by its own, tools and users by theirs.
+log_formats: Registry[Any] = Registry("log format")
+# By the ending of the tree's file: a function of it, of whether its base floats and whether joints
+# that mimic others move on their own, that gives a ``TreeSource``.
+robot_formats: Registry[Any] = Registry("ending of a robot file")
+# By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
+# tree, to mount frames in, that gives a ``Dialect``.
+urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
+# By the ending of the tree's file: a function of it that gives an ``InertialFile``, in which
+# inertials can be replaced.
+inertial_files: Registry[Any] = Registry("ending of a robot file that can be edited")

@@ -139,7 +139,7 @@ def test_the_order_of_the_columns_does_not_change_the_optimum(knee_observation, 
     order = np.random.default_rng(5).permutation(36)
     labels = knee_observation.parameters
     shuffled = Observation.from_matrix(
-        knee_observation.factor[:, order], labels.select(order), knee_observation.length
+        knee_observation.factor[:, order], labels.select(order), length=knee_observation.length
     )
     found = find_base_parameters(shuffled)
     expected = knee_base.search

@@ -143,7 +143,7 @@ def test_the_rows_of_followers_merge_into_their_leaders(talos, leading, model):
 
     parameters = loose.parameters(model)
     merged, apart = (
-        analyse(Observation.from_matrix(K, parameters, held.length)) for K in (felt, each)
+        analyse(Observation.from_matrix(K, parameters, length=held.length)) for K in (felt, each)
     )
     assert (merged.rank, apart.rank) == tuple(known(opts, model) for opts in ("", "--free-mimics"))
     assert min(merged.rank_gap, apart.rank_gap) > GAP

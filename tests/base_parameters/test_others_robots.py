@@ -21,7 +21,7 @@ def test_base_parameters_are_as_many_as_documented_and_give_all_forces(name, mod
     robot, q = load(file)[0], poses(file)
     W = motion_regressor(robot, moved(robot, model, q[FRESH:]), model)
     parameters = robot.parameters(model)
-    base = find_base_parameters(Observation.from_matrix(W, parameters, robot.length), "qr")
+    base = find_base_parameters(Observation.from_matrix(W, parameters, length=robot.length), "qr")
     assert len(base) == int(ROWS[name][model])
     assert base.structure.rank_gap > GAP
 

@@ -26,12 +26,12 @@ FINE = replace(QUICK, rate=100.0)
 
 @pytest.fixture(scope="module")
 def gravity(five_bar):
-    return find_force_model(five_bar)
+    return find_force_model(five_bar, joint_terms=None)
 
 
 @pytest.fixture(scope="module")
 def full(five_bar):
-    return find_force_model(five_bar, "full")
+    return find_force_model(five_bar, "full", None)
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +64,7 @@ def log_of(design, noise=0.0, seed=0, **options):
     """A simulated log of the motion."""
     robot, motion = design.force_model.mechanism, design.joint_motion
     run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed)
-    stretches = np.zeros(len(run.time), dtype=int)
-    return Log("run", robot.actuated, run.time, run.position, run.force, stretches, **options)
+    return Log.from_arrays(run.time, run.position, run.force, robot.actuated, **options)
 
 
 def fit_of(design, log):
@@ -130,7 +129,9 @@ def test_platform_coordinates():
     robot = loopid.load_mechanism("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
     options = replace(QUICK, evaluations=1, coordinates="platform", size=2)
-    found = design_excitation(find_force_model(robot), limits=limits, options=options)
+    found = design_excitation(
+        find_force_model(robot, joint_terms=None), limits=limits, options=options
+    )
     assert found.violations == 0
     assert found.motion.names == robot.platform.names
     x = loopid.kinematics.platform_coordinates(robot, found.joint_motion.configurations)
@@ -141,7 +142,7 @@ def test_platform_coordinates():
 def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_crank):
     told = loopid.identifiability(full, [one_crank])
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
-    assert all(f"--for {lead}" in told.refusal for lead in leads)
+    assert set(leads) <= set(told.leads)
     found = design_excitation(full, after=[one_crank], parameters=leads, options=FINE)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
     assert (found.before.standard_errors[unknown] > 1e3).all()
@@ -311,7 +312,9 @@ def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
     file.write_text(
         urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
     )
-    found = design_excitation(find_force_model(loopid.load_mechanism(file)), options=QUICK)
+    found = design_excitation(
+        find_force_model(loopid.load_mechanism(file), joint_terms=None), options=QUICK
+    )
     assert found.violations == 0
     assert found.min_singularity_measure == 1.0
 
@@ -325,7 +328,7 @@ def wrist(tmp_path_factory):
     tree, described = files(parts, description)
     (folder / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
     (folder / "robot.yaml").write_text(described)
-    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"))
+    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"), joint_terms=None)
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):

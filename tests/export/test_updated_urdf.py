@@ -145,9 +145,11 @@ def merged(tmp_path):
 @pytest.mark.parametrize("model", ["full", "gravity"])
 @pytest.mark.parametrize("lock", [(), ("wrist",)])
 def test_merged_bodies_round_trip(merged, tmp_path, model, lock):
-    mechanism = load_mechanism(merged.path, lock)
+    mechanism = load_mechanism(merged.path, lock=lock)
     parameters = changed(mechanism, model)
-    again = load_mechanism(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"), lock)
+    again = load_mechanism(
+        export_robot_file(mechanism, parameters, tmp_path / "new.urdf"), lock=lock
+    )
     own, meant = again.standard_parameters(model), parameters
     np.testing.assert_allclose(own, meant, rtol=1e-11, atol=1e-12)
 

@@ -293,12 +293,12 @@ def test_an_unknown_kind_of_closure_is_refused_with_the_valid_ones(knee):
         replace(knee.closures[0], kind="slot")
 
 
-def test_a_new_kind_of_closure_is_one_entry(monkeypatch):
+def test_a_new_kind_of_closure_is_one_entry():
     # A ball that slides along an axis of one frame, and keeps its own axis across it.
     kind = ClosureKind(
         lambda closure: (*CLOSURE_KINDS["2d"].equations(closure), Square(*closure.axes))
     )
-    monkeypatch.setitem(CLOSURE_KINDS, "slot", kind)
+    CLOSURE_KINDS.register("slot", kind)
     pair, generator = free_pair("slot", AXES["skew"]), np.random.default_rng(4)
     q, v = at_random(pair, generator), generator.uniform(-1, 1, size=12)
     assert pair.rows == 3

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from closure_robots import body, joint, loop
+from closure_robots import body, files, joint, loop
 from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
@@ -113,13 +113,14 @@ def test_a_locked_leader_holds_its_follower(load_files):
     np.testing.assert_allclose(held, 0.1 + 0.05 * 0.8, atol=1e-12)
 
 
-def test_couplings_that_contradict_each_other_are_refused(load_files):
+def test_couplings_that_contradict_each_other_are_refused(write_files):
     parts, description = rack_and_pinion()
     gear = description["closures"][0]
     again = {"type": "coupling", "joints": {n: 2 * c for n, c in gear["joints"].items()}}
 
     def load(offset):
-        return load_files(parts, description | {"closures": [gear, again | {"offset": offset}]})
+        gears = {"closures": [gear, again | {"offset": offset}]}
+        return load_mechanism(write_files(*files(parts, description | gears)))
 
     with pytest.warns(ModelWarning, match="follows from the ones before it"):
         assert mobility(load(0.2)).rank == 1

@@ -30,7 +30,7 @@ from loopid.regressors import (
 )
 
 BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'
-# Everything that MuJoCo knows of one joint, with tendons and actuators that act along one.
+# Everything that MuJoCo knows of one joint, with actuators that act along one.
 LOADED = f"""<mujoco model="loaded"><worldbody>
 <body name="a">{BODY.format(2)}
   <joint name="j1" axis="0 1 0" armature="3" damping="0.2" stiffness="3" springref="20"/>
@@ -42,8 +42,7 @@ LOADED = f"""<mujoco model="loaded"><worldbody>
   </body>
 </body></worldbody>
 <tendon>
-  <fixed name="t" stiffness="5" damping="2" armature="0.3" springlength="0.2">
-    <joint joint="j2" coef="-2"/></fixed>
+  <fixed name="t"><joint joint="j2" coef="-2"/></fixed>
 REST
 </tendon>
 <actuator>
@@ -51,10 +50,8 @@ REST
   <motor name="m2" joint="j2"/>
   <damper name="open" joint="j2" kv="3" ctrlrange="0 1"/>
   <general name="idle" joint="j1" gainprm="0" gear="-3"/>
-  <general name="bent" tendon="t" gear="2" biastype="affine" gainprm="0" biasprm="1 -100 -5"/>
+  <motor name="pull" tendon="t" gear="2" armature="0.1" damping="3"/>
 </actuator></mujoco>"""
-TWO = """<fixed name="both" stiffness="4" damping="1"><joint joint="j1" coef="1"/>
-<joint joint="j2" coef="-3"/></fixed>"""
 
 
 @pytest.fixture
@@ -107,14 +104,14 @@ def test_bodies_and_terms_of_the_file_are_what_mujoco_feels(load, mujoco):
     assert robot.actuated == ("j1", "j2")
     named = {force.what for force in file_forces(robot) if not force.kind}
     assert {what.partition(":")[0] for what in named} == {
-        *("actuator open", "actuator idle", "actuator bent", "gears of actuators")
+        *("actuator open", "actuator idle", "gears of actuators")
     }
 
 
 def test_what_no_model_has_is_named_with_its_size(load, mujoco):
     plain = LOADED.replace("REST", "")
     compensated = plain.replace('<body name="b"', '<body name="b" gravcomp="0.7"')
-    for text in (compensated, LOADED.replace("REST", TWO)):
+    for text in (compensated,):
         robot = load(text)
         (left,) = [
             f
@@ -218,15 +215,26 @@ def test_the_yaml_has_the_last_word(load, tmp_path):
     robot = load(terms, "robot.yaml")
     assert robot.joint_values == {
         "shoulder": {"Fc": 0.3, "Ia": 1.5},
-        "elbow": {"Fo": 0.0, "Ks": 4.0},
+        "elbow": {"Ks": 4.0},
     }
+    assert {force.what for force in file_forces(robot)} >= {"spring of elbow"}
     for wrong, words in (
         ("joint_terms: {wrist: {Fv: 1}}", r"unknown joint 'wrist'.*shoulder, elbow"),
-        ("joint_terms: {elbow: {Fq: 1}}", r"unknown joint term 'Fq': choose one of Ia"),
         ("joint_terms: {elbow: {Fv: .nan}}", r"joint_terms\.elbow\.Fv"),
     ):
         with pytest.raises(RobotFileError, match=words):
             load(wrong, "robot.yaml")
+
+
+@pytest.mark.parametrize(("joint", "kind"), [("elbow", "Fq"), ("ball.wx", "Ks")])
+def test_a_term_that_a_joint_cannot_have_is_refused(load, tmp_path, joint, kind):
+    (tmp_path / "robot.urdf").write_text(ARM.replace("{}", "").replace("REST", ""))
+    ball = "joint_name: [shoulder], joint_type: [SPHERICAL], " if "." in joint else ""
+    joint = joint.replace("ball", "shoulder")
+    robot = load(f"{{{ball}joint_terms: {{{joint}: {{{kind}: 1}}}}}}", "robot.yaml")
+    with pytest.raises(RobotFileError) as refused:
+        JointTerms.of(robot, "file")
+    assert refused.value.facts["joint"] == joint
 
 
 def test_a_term_without_value_is_in_the_model_and_unknown(load, tmp_path):
@@ -254,7 +262,7 @@ def test_joints_that_are_locked_have_no_terms(tmp_path):
     (tmp_path / "robot.urdf").write_text(
         ARM.replace("{}", '<dynamics damping="2"/>').replace("REST", "")
     )
-    assert load_mechanism(tmp_path / "robot.urdf", ["shoulder"]).joint_values == {}
+    assert load_mechanism(tmp_path / "robot.urdf", lock=["shoulder"]).joint_values == {}
 
 
 def test_terms_of_a_joint_that_is_replaced_are_said_to_be_left_out(load, tmp_path):

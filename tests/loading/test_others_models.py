@@ -103,8 +103,8 @@ def test_all_poses_are_closed(name, shared):
 @pytest.mark.parametrize("name", each(FREE))
 def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
     file = path(shared, name)
-    options = lock_options(load(file)[0]).replace("--lock ", "").split()
-    robot = load_mechanism(file, lock=options)
+    words = lock_options(load(file)[0])
+    robot = load_mechanism(file, **eval(f"dict({words})"))
     assert robot.free == ()
     assert len(robot.independent) == len(robot.actuated)
 

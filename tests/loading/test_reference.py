@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from closure_robots import tie
+from closure_robots import files, tie
 from linkages import five_bar
 from loopid import load_mechanism, random_configurations
-from loopid.errors import (
-    ModelWarning,
-)
+from loopid.errors import ModelWarning
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     mobility,
@@ -73,9 +71,9 @@ def test_a_rounded_reference_closes_where_no_motors_are_known(tmp_path, urdf_fol
     assert mobility(robot).residual < 1e-10
 
 
-def test_limits_that_exclude_the_drawn_pose_are_named(load_files):
+def test_limits_that_exclude_the_drawn_pose_are_named(write_files):
     parts, description = five_bar()
     there = 'joint name="left_joint"'
     away = [p.replace('lower="-3"', 'lower="0.5"') if there in p else p for p in parts]
     with pytest.warns(ModelWarning, match=r"limits of left_joint exclude the drawn pose"):
-        load_files(away, description | {"reference": {}})
+        load_mechanism(write_files(*files(away, description | {"reference": {}})))

@@ -5,14 +5,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import LogError
-from loopid.logs import read_log
-from loopid.logs.log import (
-    GAP_PERIODS,
-    Stream,
-    align as align_joints,
-)
-from loopid.logs.mapping import Channel
+from loopid.logs import LogTolerances, read_log
+from loopid.logs.columns import Channel
+from loopid.logs.streams import Stream, align as align_joints
 
+GAP_PERIODS = LogTolerances().gap
 EPOCH = 1_608_291_576 * 10**9
 PERIOD = 10**7  # ns
 OMEGA = 3.0  # rad/s of all signals below, of amplitude 1
@@ -30,7 +27,7 @@ def stream(stamps, name="a"):
 
 
 def align(streams):
-    return align_joints(streams, tuple(c.joint for stream in streams for c in stream.channels))
+    return align_joints(streams, tuple(c.joint for s in streams for c in s.channels), GAP_PERIODS)
 
 
 def check(aligned, streams, longest=1):

@@ -336,4 +336,4 @@ def test_names_that_sqlite_takes_for_something_else(knee, copy, mark):
 )
 def test_the_wrong_format_in_a_mapping(knee, whole, kind, name):
     with pytest.raises(LogError, match="or is damaged: "):
-        read_log(whole[kind], knee, LogMapping(format=name))
+        read_log(whole[kind], knee, mapping=LogMapping(format=name))

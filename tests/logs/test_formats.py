@@ -20,7 +20,7 @@ from loopid.logs import (
     prepare_recording,
     read_log,
 )
-from loopid.logs.log import read_streams
+from loopid.logs.reading import read_streams
 from loopid.motion import JointMotion
 
 

@@ -13,14 +13,13 @@ import pytest
 from loopid import load_mechanism
 from loopid.errors import LogError
 from loopid.logs import read_log
-from loopid.logs.formats import MOST_COLUMNS
 
 h5py = pytest.importorskip("h5py")
 polars = pytest.importorskip("polars")
 NAMES = ("time", "crank_joint.position", "crank_joint.force")
 HEAD = ",".join(NAMES)
 ROWS = "".join(f"{k / 100},{k / 1000},{k % 7}\n" for k in range(300))
-WIDE, ZEROS = ",".join(f"c{k}" for k in range(10**5)), b"\n0,0,0" * 2**18
+ZEROS = b"\n0,0,0" * 2**18
 ARABIC = ROWS.replace("1", "\u0661")
 
 
@@ -100,64 +99,35 @@ def folder(make):
     return write
 
 
-def nested(path):
-    with h5py.File(path, "w") as file:
-        file.create_group("/g" * 500)
-
-
 def long_texts(path):
     text = ["1" * 10**6] * 50  # some KB, and as many rows as one likes
     polars.DataFrame(dict.fromkeys(NAMES, text)).write_parquet(path)
-
-
-def bag(description, make=None):
-    def write(path):
-        path.mkdir()
-        (path / "metadata.yaml").write_text(description)
-        if make is not None:
-            make(path / "log.db3")
-
-    return write
 
 
 def text(content):
     return lambda path: path.write_text(content)
 
 
-FILES = "rosbag2_bagfile_information:\n  relative_file_paths: [{}]\n"
 SMALL = {"time": npy((9,), bytes(72)), "position_0": npy((9,), bytes(72))}
 HOSTILE = {
     "a header of 1e7 rows": ("log.npz", npz(**SMALL, force_0=npy((10**7,))), "200 times"),
-    "a header of 1e10 rows": ("log.npz", npz(**SMALL, force_0=npy((10**10,))), "50,000,000 rows"),
-    "a header of 1e30 rows": ("log.npz", npz(**SMALL, force_0=npy((10**30,))), "50,000,000 rows"),
+    "a header of 1e10 rows": ("log.npz", npz(**SMALL, force_0=npy((10**10,))), "200 times"),
+    "a header of 1e30 rows": ("log.npz", npz(**SMALL, force_0=npy((10**30,))), "200 times"),
     "a matrix of 1e10 columns": ("log.npz", npz(**SMALL, force_0=npy((9, 10**10))), "no force"),
     "a bomb of 40 MB": ("log.npz", npz(**SMALL, force_0=bomb(5 * 2**20)), "more than 200 times"),
     "an array twice": ("log.npz", twice, "has column 'force' in force and force"),
     "objects": ("log.npz", npz(**SMALL, force_0=npy((9,), bytes(72), "|O")), "bject arrays"),
-    "1e12 rows that are not there": ("log.h5", hdf5(shape=(10**12,), chunks=(1024,)), "50,000,000"),
-    "4e7 rows that are not there": ("log.h5", hdf5(shape=(4 * 10**7,), chunks=(9,)), "200 times"),
-    "chunks of 1.6 GB": ("log.h5", hdf5(shape=(2 * 10**8,), chunks=(2 * 10**8,)), "50,000,000"),
-    "chunks of 320 MB": ("log.h5", hdf5(shape=(4 * 10**7,), chunks=(4 * 10**7,)), "smaller ones"),
+    "1e12 rows that are not there": ("log.h5", hdf5(shape=(10**12,), chunks=(1024,)), "200 times"),
+    "chunks of 1.6 GB": ("log.h5", hdf5(shape=(2 * 10**8,), chunks=(2 * 10**8,)), "200 times"),
     "numbers in a pipe": ("log.h5", external, "in another file"),
     "another file": ("log.h5", linked, "holds no arrays"),
     "a group of another file": ("log.h5", linked, "has no group 'run': it has no groups"),
-    "groups in groups": ("log.h5", nested, "50 in each other"),
     "one long text": ("log.parquet", long_texts, "holds String, not numbers"),
     "rows of one value": ("log.parquet", parquet, "more than 200 times"),
-    "a line of 40 MB": ("log.csv.gz", packed(HEAD.encode(), *[bytes(2**20)] * 40), "1,048,576"),
+    "a line of 40 MB": ("log.csv.gz", packed(HEAD.encode(), *[bytes(2**20)] * 40), "200 times"),
     "zeros of 18 MB": ("log.csv.gz", packed(HEAD.encode(), *[ZEROS] * 12), "200 times"),
-    "comments without end": ("log.csv", text("# no\n" * 20_000 + HEAD), "first 10,000 rows"),
-    "100,000 columns": ("log.csv", text(WIDE), "100,000 columns"),
     "a link to /dev/zero": ("log", folder(lambda p: p.symlink_to("/dev/zero")), "position.csv"),
     "a pipe": ("log", folder(os.mkfifo), "position.csv"),
-    "a bag of a pipe": (
-        "bag",
-        bag(FILES.format("log.db3"), os.mkfifo),
-        "log.db3 is no regular file",
-    ),
-    "a bag of /dev/zero": ("bag", bag(FILES.format("/dev/zero")), "is not in the folder"),
-    "a bag of anchors": ("bag", bag("x: &a [&b [], *a]"), "metadata.yaml"),
-    "a bag without files": ("bag", bag("version: 5"), "does not list the files"),
     "digits of another script": ("log.csv", text(f"{HEAD}\n{ARABIC}"), "no n"),
     "numbers of Python": ("log.csv", text(f"{HEAD}\n{ROWS.replace('.', '_0.')}"), "no number in"),
 }
@@ -173,21 +143,12 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
     robot = load_mechanism("four_bar")
     start, before = time.monotonic(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(LogError) as refusal:
-        read_log(tmp_path / name, robot, mapping)
+        read_log(tmp_path / name, robot, mapping=mapping)
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert time.monotonic() - start < 30
     assert more < 2e5  # kB
-
-
-def test_as_many_columns_as_there_may_be_are_read_at_once(tmp_path):
-    others = ",".join(f"position_{k}" for k in range(1, MOST_COLUMNS - 2))
-    rows = ROWS.replace("\n", ",0" * (MOST_COLUMNS - 3) + "\n")
-    (tmp_path / "log.csv").write_text(f"{HEAD},{others}\n{rows}")
-    start = time.monotonic()
-    assert len(read_log(tmp_path / "log.csv", load_mechanism("four_bar"))) == 300
-    assert time.monotonic() - start < 30
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
@@ -198,12 +159,14 @@ def test_arrays_in_any_order_are_read(order, tmp_path):
     np.savez_compressed(tmp_path / "log.npz", time=table[:, 0], state=columns, force_0=table[:, 2])
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: state_1}\n")
     robot = load_mechanism("four_bar")
-    given = read_log(tmp_path / "log.npz", robot, tmp_path / "mapping.yaml")
+    given = read_log(tmp_path / "log.npz", robot, mapping=tmp_path / "mapping.yaml")
     np.testing.assert_array_equal(given.position, read_log(tmp_path / "log.csv", robot).position)
 
 
 def test_a_time_that_is_also_a_position_is_refused(tmp_path):
     (tmp_path / "log.csv").write_text(f"{HEAD}\n{ROWS}")
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: time}\n")
-    with pytest.raises(LogError, match="column 'time' is the time, so that it cannot be the posit"):
-        read_log(tmp_path / "log.csv", load_mechanism("four_bar"), tmp_path / "mapping.yaml")
+    robot = load_mechanism("four_bar")
+    with pytest.raises(LogError) as refusal:
+        read_log(tmp_path / "log.csv", robot, mapping=tmp_path / "mapping.yaml")
+    assert refusal.value.facts["column"] == "time"

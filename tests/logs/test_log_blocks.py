@@ -19,12 +19,12 @@ from loopid.motion import JointMotion
 __all__ = ["set_block_rows"]
 
 
-def found(path, robot, mapping=None, **options):
+def found(path, robot):
     """Log, recording and what is said of them."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        log = read_log(path, robot, mapping)
-        recording = prepare_recording(robot, log, **options)
+        log = read_log(path, robot)
+        recording = prepare_recording(robot, log)
     return log, recording, [str(warning.message) for warning in said]
 
 

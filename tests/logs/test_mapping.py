@@ -53,7 +53,7 @@ def write_mapping(tmp_path):
 
 
 def test_a_mapping_says_it_all(knee, truth, foreign, write_mapping):
-    log = read_log(foreign, knee, write_mapping(MAPPING))
+    log = read_log(foreign, knee, mapping=write_mapping(MAPPING))
     np.testing.assert_allclose(log.time, truth.time, atol=1e-9)
     np.testing.assert_allclose(log.position, truth.position, atol=1e-10)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-4)
@@ -79,7 +79,7 @@ def test_streams_of_a_folder(knee, truth, write_folder, write_mapping, position)
         gravity=(stamps, truth.force),
     )
     mapping = write_mapping(f"position: {position}\nforce: {{stream: pull}}\n")
-    log = read_log(folder, knee, mapping)
+    log = read_log(folder, knee, mapping=mapping)
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
 
@@ -92,7 +92,8 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
     mapping = write_mapping(
         f"position: {{{columns}}}\ntime: {{seconds: time_sec, nanoseconds: time_nanosec}}\n"
     )
-    np.testing.assert_allclose(read_log(folder, knee, mapping).position, truth.position, atol=1e-12)
+    log = read_log(folder, knee, mapping=mapping)
+    np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +128,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "format: csv",
             "format: xls",
-            "format: Input should be 'csv', 'npz', 'parquet', 'hdf5', 'bag' or 'folder', not 'xls",
+            "format: must be one of folder, csv, npz, parquet, hdf5, bag, not 'xls'",
         ),
         ("format: csv", "1: 2", "unknown key 1: choose among format"),
         ("ticks", "tacks", "foreign has no column 'tacks' for the time: choose among ticks, enc1"),
@@ -146,7 +147,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
 def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, message):
     assert old in MAPPING
     with pytest.raises(LogError, match=message):
-        read_log(foreign, knee, write_mapping(MAPPING.replace(old, new, 1)))
+        read_log(foreign, knee, mapping=write_mapping(MAPPING.replace(old, new, 1)))
 
 
 def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):
@@ -174,7 +175,7 @@ def test_a_column_called_alike_in_two_streams_needs_its_stream(
     (folder / "b.txt").write_text((folder / "a.txt").read_text())
     mapping = write_mapping("position: {columns: [a_0, a_1, a_2, a_3]}\n")
     with pytest.raises(LogError, match="several columns 'a_0': write a:a_0, b:a_0"):
-        read_log(folder, knee, mapping)
+        read_log(folder, knee, mapping=mapping)
 
 
 MATRIX = np.array([[0.5, -0.5], [1.0, 1.5]])
@@ -210,7 +211,7 @@ def coupled(tmp_path, truth):
 
 
 def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
-    log = read_log(coupled, knee, write_mapping(COUPLED))
+    log = read_log(coupled, knee, mapping=write_mapping(COUPLED))
     assert log.joints == knee.actuated
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
@@ -234,7 +235,7 @@ def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
 def test_wrong_joint_maps_are_explained(knee, coupled, write_mapping, old, new, message):
     mapping = write_mapping(COUPLED.replace(old, new, 1))
     with pytest.raises(LogError, match=message):
-        read_log(coupled, knee, mapping)
+        read_log(coupled, knee, mapping=mapping)
 
 
 def test_motors_that_move_joints_together_share_their_stamps(
@@ -245,7 +246,7 @@ def test_motors_that_move_joints_together_share_their_stamps(
     folder = write_folder(force=(stamps, truth.force), **positions)
     given = "position: {columns: [enc0_0, enc1_0, enc2_0, enc3_0]}"
     with pytest.raises(LogError, match="of right, but not of all motors that move leg3_stroke, le"):
-        read_log(folder, knee, write_mapping(COUPLED.split("position_scale")[0] + given))
+        read_log(folder, knee, mapping=write_mapping(COUPLED.split("position_scale")[0] + given))
 
 
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"

@@ -17,7 +17,7 @@ from loopid.logs import (
     LogMapping,
     read_log,
 )
-from loopid.logs.log import read_streams
+from loopid.logs.reading import read_streams
 
 COUNT = 300
 
@@ -179,13 +179,13 @@ def test_groups_are_chosen_by_the_mapping(knee, truth, columns, hdf5):
     ):
         read_log(path, knee)
     for group in ("runs/second", "/runs/second", "/runs/second/"):
-        check(read_log(path, knee, LogMapping(group=group)), truth)
-    log = read_log(path, knee, LogMapping(group="runs/first"))
+        check(read_log(path, knee, mapping=LogMapping(group=group)), truth)
+    log = read_log(path, knee, mapping=LogMapping(group="runs/first"))
     np.testing.assert_allclose(log.position[:, 0], truth.position[:COUNT, 0] + 0.01)
     for group in ("third", "runs/first/time"):
         message = f"no group '{group}': choose among runs, runs/first, runs/second"
         with pytest.raises(LogError, match=message):
-            read_log(path, knee, LogMapping(group=group))
+            read_log(path, knee, mapping=LogMapping(group=group))
 
 
 def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5):

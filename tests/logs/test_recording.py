@@ -19,14 +19,15 @@ from loopid.kinematics import (
     platform_coordinates,
 )
 from loopid.logs import (
+    FilterOptions,
     Log,
     LogMapping,
+    MaskOptions,
     prepare_recording,
     read_log,
-    recording as preparation,
 )
+from loopid.logs.preparing import clipped_from, without_frozen
 from loopid.motion import (
-    LowPass,
     Motion,
     differentiate,
     joint_motion,
@@ -35,23 +36,21 @@ from loopid.motion import (
 from made_runs import quietly, wander
 from real_streams import read_stream
 
-FILTER = LowPass(5.0)
 
-
-def prepared(robot, log, lowpass=FILTER, *options, **named):
-    return prepare_recording(robot, log, lowpass, *options, **named)
+def prepared(robot, log, cutoff=5.0, decimate=True, **options):
+    chosen = FilterOptions(cutoff=cutoff, decimate=decimate)
+    return prepare_recording(robot, log, filter=chosen, **options)
 
 
 @pytest.fixture(scope="module")
 def log(knee, truth):
-    zeros = np.zeros(len(truth.time), dtype=int)
-    return Log("run", knee.actuated, truth.time, truth.position, truth.force, zeros)
+    return Log.from_arrays(truth.time, truth.position, truth.force, knee.actuated, name="run")
 
 
 def altered(log, rows=slice(None), **changes):
     fields = {name: getattr(log, name) for name in ("time", "position", "force", "stretches")}
     fields = {name: values[rows] for name, values in (fields | changes).items()}
-    return Log("run", log.joints, **fields)
+    return Log(name="run", joints=log.joints, **fields)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +76,7 @@ def test_the_motion_is_the_true_one(knee, truth, recording):
 
 
 def test_without_a_filter_nothing_is_smoothed(knee, truth, log):
-    recording = prepared(knee, log, lowpass=None)
+    recording = prepared(knee, log, cutoff=None)
     assert recording.cutoff is None
     np.testing.assert_array_equal(recording.force, truth.force)
     np.testing.assert_array_equal(recording.motion.time, truth.time)
@@ -97,7 +96,7 @@ def read_with(knee, truth, folder, quantities=(), **options):
     arrays = {"position": np.round(truth.position, 4), "v": velocities, "a": accelerations}
     np.savez(folder / "run.npz", time=truth.time, force=truth.force, **arrays)
     given = {"velocity_scale": 1e-3} | {quantity: RATES[quantity] for quantity in quantities}
-    return read_log(folder / "run.npz", knee, LogMapping(**(given | options)))
+    return read_log(folder / "run.npz", knee, mapping=LogMapping(**(given | options)))
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
@@ -105,7 +104,9 @@ def test_measured_rates_stand_for_derivatives_of_positions(knee, truth, tmp_path
     errors = []
     for quantities in ((), (quantity,)):
         recording = prepare_recording(
-            knee, read_with(knee, truth, tmp_path, quantities), LowPass(10.0)
+            knee,
+            read_with(knee, truth, tmp_path, quantities),
+            filter=FilterOptions(cutoff=10.0),
         )
         name = {"velocity": "velocities", "acceleration": "accelerations"}[quantity]
         exact = getattr(truth.motion, name)[at_times(truth, recording)]
@@ -148,7 +149,7 @@ def test_decimation_keeps_every_kth_sample_of_the_same(knee, log, recording):
 
 @pytest.mark.parametrize("cutoff", [0.7, 1.0, 3.0, 5.0, 9.0])
 def test_the_rate_stays_above_five_times_the_cutoff(knee, log, cutoff):
-    recording = quietly(prepared, knee, log, LowPass(cutoff))
+    recording = quietly(prepared, knee, log, cutoff)
     rate = 1 / np.diff(recording.motion.time).mean()
     assert 5 * cutoff * (1 - 1e-9) <= rate < 2 * 5 * cutoff
 
@@ -221,10 +222,10 @@ def test_forces_clipped_at_any_level_are_named_and_coarse_ones_are_not(log, bias
     limit = np.percentile(np.abs(force[:, 0]), 95)
     force[:, 0] = np.clip(force[:, 0], -limit, limit)
     with pytest.warns(DataWarning, match="force of leg1_stroke stays"):
-        limits = preparation.clipped_from(altered(log, force=force))
+        limits = clipped_from(altered(log, force=force), MaskOptions())
     np.testing.assert_array_equal(limits, [limit, np.inf, np.inf, np.inf])
     coarse = np.round(log.force / 5) * 5
-    assert np.isinf(preparation.clipped_from(altered(log, force=coarse))).all()
+    assert np.isinf(clipped_from(altered(log, force=coarse), MaskOptions())).all()
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.2])  # of the fastest
@@ -253,8 +254,8 @@ def test_motors_that_move_in_turns_are_not_frozen(rate, step):
             s = np.clip((time - start) / (end - start), 0, 1)
             position[:, k % 3] += random.uniform(-1, 1) * s**3 * (10 - 15 * s + 6 * s**2)
         position = np.round(position / step) * step if step else position
-        log = Log("run", joints, time, position, position, np.zeros(count, dtype=int))
-        assert preparation.without_frozen(log) is log
+        log = Log.from_arrays(time, position, position, joints)
+        assert without_frozen(log, MaskOptions()) is log
 
 
 def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):
@@ -302,12 +303,12 @@ def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
 def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
     motion = wander(knee, seed=1, seconds=30.0)
     position = JointCoordinates(knee, knee.actuated).read(motion.configurations.copy())
-    force, numbers = np.random.default_rng(0).normal(size=position.shape), np.zeros(300, int)
+    force = np.random.default_rng(0).normal(size=position.shape)
     swapped = position[:, [1, 0, 2, 3]]
-    log = Log("run", knee.actuated, motion.time[:300], swapped[:300], force[:300], numbers)
+    log = Log.from_arrays(motion.time[:300], swapped[:300], force[:300], knee.actuated, name="run")
     closing = "all close with the positions of leg1_stroke and leg2_stroke exchanged"
     with pytest.warns(DataWarning, match=rf"loops do not close in .*; {closing}: left out"):
-        prepare_recording(knee, log, lowpass=None)
+        prepared(knee, log, cutoff=None)
 
 
 def test_a_log_of_another_robot_does_not_assemble(knee, log):
@@ -316,22 +317,20 @@ def test_a_log_of_another_robot_does_not_assemble(knee, log):
         prepared(knee, altered(log, position=position))
 
 
-def test_near_a_singularity_samples_are_left_out(knee, log, truth, monkeypatch):
+def test_near_a_singularity_samples_are_left_out(knee, log, truth):
     margin = float(np.median(truth.motion.singularity))
-    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", margin)
     with pytest.warns(DataWarning, match="run: the robot is near a singularity in .* left out"):
-        recording = prepared(knee, log)
+        recording = prepared(knee, log, masks=MaskOptions(singularity=margin))
     assert (recording.motion.singularity >= margin).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.stretches) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
-    monkeypatch.setattr(preparation, "SINGULARITY_MARGIN", 1.0)
     with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
-        prepared(knee, log)
+        prepared(knee, log, masks=MaskOptions(singularity=1.0))
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):
-    monkeypatch.setattr("loopid.logs.recording.BLOCK", 512)
+    monkeypatch.setattr("loopid.logs.preparing.BLOCK", 512)
     told = []
     prepared(knee, log, decimate=False, progress=lambda done, all_: told.append((done, all_)))
     assert told == [(512, 1561), (1024, 1561), (1536, 1561), (1561, 1561)]
@@ -357,7 +356,7 @@ def test_what_cannot_be_prepared_is_refused(knee, log, four_bars):
     with pytest.raises(LogError, match="too short to filter, the longest has 50 samples"):
         prepared(knee, altered(log, slice(50)))
     with pytest.raises(OptionError, match="cut-off frequency must be below half"):
-        prepared(knee, log, LowPass(60.0))
+        prepared(knee, log, 60.0)
 
 
 def test_an_encoder_that_only_dithers_stands(knee, log):
@@ -384,8 +383,7 @@ def test_a_crank_that_turns_on_and_on(four_bars):
         ),
     )
     measured = simulate_measurement(robot, motion)
-    zeros = np.zeros(len(time), dtype=int)
-    log = Log("crank", robot.actuated, time, angle[:, None], measured.force, zeros)
+    log = Log.from_arrays(time, angle, measured.force, robot.actuated)
     recording = prepared(robot, log)
     rows = np.round(recording.motion.time * 100).astype(int)
     assert recording.used.all()
@@ -414,7 +412,7 @@ def test_nearly_all_rows_are_read(real, real_log):
 
 
 def test_strokes_give_the_logged_pose(mechanism, real, real_log):
-    real_recording = prepared(mechanism, real, lowpass=None, decimate=False)
+    real_recording = prepared(mechanism, real, cutoff=None)
     assert len(real_recording) == len(real)
     found = platform_coordinates(mechanism, real_recording.motion.configurations)
     read_at, _ = read_stream(real_log / "joint_position.txt.gz")

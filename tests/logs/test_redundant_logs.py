@@ -10,14 +10,16 @@ from loopid import load_mechanism, random_configurations
 from loopid.errors import OptionError
 from loopid.kinematics import closed_motion
 from loopid.logs import (
+    FilterOptions,
     Log,
     prepare_recording,
     read_log,
 )
-from loopid.logs.recording import on_independent
+from loopid.logs.preparing import on_independent
 from loopid.motion import JointMotion, simulate_measurement
 from made_runs import wander
 
+UNFILTERED = FilterOptions(cutoff=None)
 MOTORS = ("left_crank_joint", "right_crank_joint", "left_coupler_joint")
 
 
@@ -51,23 +53,22 @@ def run(pair):
 def logs(pair, run):
     """The same run as two motors log it, and as three do."""
     (two, three), (motion, alone, position, force) = pair, run
-    stretches = np.zeros(len(motion.time), dtype=np.int64)
     return (
-        Log("two", two.actuated, motion.time, alone.position, alone.force, stretches),
-        Log("three", three.actuated, motion.time, position, force, stretches),
+        Log.from_arrays(motion.time, alone.position, alone.force, two.actuated, name="two"),
+        Log.from_arrays(motion.time, position, force, three.actuated, name="three"),
     )
 
 
 def test_a_known_split_gives_the_forces_of_two_motors(pair, run):
     pairs = zip(pair, logs(pair, run), strict=True)
-    alone, shared = (prepare_recording(robot, log, None) for robot, log in pairs)
+    alone, shared = (prepare_recording(robot, log, filter=UNFILTERED) for robot, log in pairs)
     assert shared.actuators == alone.actuators == MOTORS[:2]
     np.testing.assert_allclose(shared.force, alone.force, atol=1e-8 * np.abs(run[3]).max())
     np.testing.assert_array_equal(shared.motion.velocities, alone.motion.velocities)
 
 
 def test_power_is_that_of_all_motors(pair, run):
-    recording = prepare_recording(pair[1], logs(pair, run)[1], None)
+    recording = prepare_recording(pair[1], logs(pair, run)[1], filter=UNFILTERED)
     _, _, position, force = run
     rates = np.gradient(position, run[0].time, axis=0)
     rows = np.isin(run[0].time, recording.motion.time)
@@ -80,7 +81,8 @@ def test_a_saturated_third_motor_spoils_both_coordinates(pair, run):
     _, three = pair
     log, limit = logs(pair, run)[1], 0.3
     limits = np.array([1e9, 1e9, limit])
-    recording = prepare_recording(three, replace(log, saturation=limits, idle_speed=1e-9), None)
+    log = replace(log, saturation=limits, idle_speed=1e-9)
+    recording = prepare_recording(three, log, filter=UNFILTERED)
     within = np.abs(log.force[:, 2]) < 0.99 * limit
     kept = within[np.isin(log.time, recording.motion.time)]
     np.testing.assert_array_equal(recording.used, np.stack([kept, kept], axis=1))
@@ -149,7 +151,7 @@ def test_where_free_coordinates_are_no_log_tells(free, tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time\n0\n")
     time, ones = np.arange(50) / 10, np.ones((50, len(robot.actuated)))
-    log = Log("made", robot.actuated, time, ones, ones, np.zeros(50, dtype=np.int64))
+    log = Log.from_arrays(time, ones, ones, robot.actuated)
     for refused in (lambda: read_log(path, robot), lambda: prepare_recording(robot, log)):
         with pytest.raises(OptionError) as failure:
             refused()

@@ -87,19 +87,18 @@ def test_files_of_mujoco(name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "bars"),
+    "name",
     [
-        ("folded_four_bar", {}),
-        ("folded_four_bar", {"coupler": folded_robots.LONG + 1e-6}),  # equal when the user says so
-        ("folded_leg", {}),
-        pytest.param("folded_branches", {}, marks=pytest.mark.validate),
+        "folded_four_bar",
+        "folded_leg",
+        pytest.param("folded_branches", marks=pytest.mark.validate),
     ],
 )
-def test_robots_that_are_drawn_folded(name, bars, write_files):
+def test_robots_that_are_drawn_folded(name, write_files):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        path = write_files(*files(*getattr(folded_robots, name)(**bars)))
-        assert_ranks_agree(load_mechanism(path, snap=bool(bars)))
+        path = write_files(*files(*getattr(folded_robots, name)()))
+        assert_ranks_agree(load_mechanism(path))
 
 
 def test_files_of_six_digits(linkage, write_files):

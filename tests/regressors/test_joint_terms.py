@@ -91,8 +91,9 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
     rigid = dynamic_regressor(knee, q, *random_motions(knee, 150, seed=3))
     both = np.concatenate([rigid, terms.columns(knee, motion)], axis=2)
     names = knee.parameters() + terms.parameters(knee)
-    alone = find_base_parameters(Observation.from_matrix(rigid, knee.parameters(), knee.length))
-    found = find_base_parameters(Observation.from_matrix(both, names, knee.length))
+    of_bodies = Observation.from_matrix(rigid, knee.parameters(), length=knee.length)
+    alone = find_base_parameters(of_bodies)
+    found = find_base_parameters(Observation.from_matrix(both, names, length=knee.length))
     assert len(found) == len(alone) + 12
     assert set(terms.parameters(knee).labels) <= set(found.names)
     assert found.reconstruction_error(both) < 1e-9

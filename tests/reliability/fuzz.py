@@ -417,7 +417,7 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
 def small_paper(stack: ExitStack) -> None:
     """Let the paper be reproduced from few samples."""
     few = partial(reproduce_paper, rate=0.5)
-    stack.enter_context(patch("loopid.paper.reproduce_paper", few))
+    stack.enter_context(patch("loopid.paper.reproduction.reproduce_paper", few))
 
 
 def fuzz(

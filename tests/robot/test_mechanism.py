@@ -1,11 +1,13 @@
 """What a mechanism says of its joints, bodies and standard parameters."""
 
+import pickle
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 from lxml import etree
 
+import loopid
 from loopid.errors import OptionError
 from loopid.parameters import (
     KINDS,
@@ -132,3 +134,23 @@ def test_the_length_is_the_widest_distance_between_joints(knee, generator):
     points = np.array([*feet, *tips, (x_m, 0, z_m)])
     distances = np.linalg.norm(points[:, None] - points[None], axis=2)
     assert knee.length == pytest.approx(distances.max(), rel=1e-12)
+
+
+def test_mechanisms_compare_pickle_and_print(knee):
+    again = loopid.load_mechanism("3ups_rpu")
+    assert again == knee
+    assert hash(again) == hash(knee)
+    assert {again: 1}[knee] == 1
+    assert replace(knee, tied=True) != knee
+    copy = pickle.loads(pickle.dumps(knee))
+    assert copy == knee
+    assert not copy.reference.flags.writeable
+    assert 1 < len(repr(knee).splitlines()) <= 10
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("closures", 3), ("actuated", 1.5), ("model", "knee"), ("bodies", [1])]
+)
+def test_a_mechanism_of_wrong_parts_is_refused(knee, field, value):
+    with pytest.raises(OptionError):
+        replace(knee, **{field: value})

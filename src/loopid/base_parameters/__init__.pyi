@@ -21,11 +21,16 @@ from .exact import (
 from .guess import (
     PivotedQR as PivotedQR,
 )
+from .rank import (
+    DoubtfulCombination as DoubtfulCombination,
+    RankTolerances as RankTolerances,
+    decide_rank as decide_rank,
+    without_effect as without_effect,
+)
 from .structure import (
     Structure as Structure,
     analyse as analyse,
     independent_blocks as independent_blocks,
-    without_effect as without_effect,
 )
 from .subgroup import (
     SubgroupSearch as SubgroupSearch,

@@ -25,12 +25,15 @@ from loopid.base_parameters.choice import (
 )
 from loopid.base_parameters.exact import ExactSearch
 from loopid.base_parameters.guess import PivotedQR
+from loopid.base_parameters.rank import (
+    DoubtfulCombination,
+    warn_of_doubts,
+)
 from loopid.base_parameters.structure import (
     Structure,
     analyse,
     base_columns,
     regrouping_matrix,
-    warn_of_faint,
 )
 from loopid.base_parameters.subgroup import SubgroupSearch
 from loopid.errors import (
@@ -95,6 +98,11 @@ class BaseParameters:
             f"<tr><td>{i}</td><td>{escape(x)}</td></tr>" for i, x in enumerate(self.expressions, 1)
         )
         return f"<table><tr><th></th><th>base parameter</th></tr>{''.join(rows)}</table>"
+
+    @property
+    def doubtful(self) -> tuple[DoubtfulCombination, ...]:
+        """Combinations that may have an effect or not; they do not count."""
+        return self.structure.doubtful
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -215,7 +223,7 @@ def find_base_parameters(
     """
     strategy = make_strategy(search)
     structure = analyse(observation)
-    warn_of_faint(observation, structure)
+    warn_of_doubts(structure.doubtful)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
     places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]

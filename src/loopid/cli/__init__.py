@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import sys
-from importlib.metadata import version
 
 import typer
 
@@ -34,6 +33,8 @@ for command in (
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"loopid {version('loopid')}")
         raise typer.Exit
 

@@ -50,7 +50,7 @@ def loaded(
     with progress_bar("robot"):
         return load_mechanism(
             file,
-            lock or (),
+            lock=lock or (),
             floating_base=floating_base,
             free_mimics=free_mimics,
             tied=tied,
@@ -101,7 +101,7 @@ def base(
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters.base import find_base_parameters
     from loopid.base_parameters.exact import ExactSearch
-    from loopid.base_parameters.structure import without_effect
+    from loopid.base_parameters.rank import without_effect
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
@@ -110,7 +110,7 @@ def base(
     warn_of_omitted(robot, joint_terms)
     with progress_bar("poses") as report:
         observation = structural_observation(
-            robot, model, samples, seed, progress=report, joint_terms=joint_terms
+            robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
     strategy = search if time_limit is None else ExactSearch(time_limit)
     found = [find_base_parameters(observation, strategy, criterion)]
@@ -330,11 +330,13 @@ def recordings(
     rows: str | None = None,
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
-    from loopid.logs.recording import read_recordings
+    from loopid.logs.options import FilterOptions
+    from loopid.logs.preparing import read_recordings
 
+    options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:
         return read_recordings(
-            robot, paths or (), mapping, rows=row_range(rows), cutoff=cutoff, progress=report
+            robot, paths or (), mapping, rows=row_range(rows), filter=options, progress=report
         )
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, warn
-from loopid.loading.description import find_files
+from loopid.loading.files import find_files
 from loopid.loading.urdf import unread_mesh
 from loopid.robot.mechanism import Mechanism
 

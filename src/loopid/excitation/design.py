@@ -180,7 +180,7 @@ def design_excitation(
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.find_force_model(loopid.load_mechanism("parallelogram"))
+    >>> model = loopid.find_force_model(loopid.load_mechanism("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=6.0, starts=1, evaluations=10)
     >>> loopid.design_excitation(model, options=options).violations
     0

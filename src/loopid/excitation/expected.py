@@ -17,7 +17,8 @@ from loopid.excitation.shapes import PosesShape
 from loopid.kinematics.assembly import JointCoordinates
 from loopid.kinematics.projection import project
 from loopid.logs.log import Log
-from loopid.logs.recording import Recording, prepare_recording
+from loopid.logs.preparing import prepare_recording
+from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.observation import triangular_factor
@@ -118,15 +119,10 @@ def expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expect
     """
     model, count, before = problem.force_model, len(motors), root(problem.prior)
     mechanism = model.mechanism
-    log = Log(
-        "run",
-        mechanism.actuated,
-        motors.time,
-        motors.position,
-        forces,
-        np.zeros(count, dtype=np.int64),
-        # In poses, forces of motors that stand are taken too.
-        idle_speed=0.0 if isinstance(problem.shape, PosesShape) else None,
+    # In poses, forces of motors that stand are taken too.
+    idle_speed = 0.0 if isinstance(problem.shape, PosesShape) else None
+    log = Log.from_arrays(
+        motors.time, motors.position, forces, mechanism.actuated, idle_speed=idle_speed
     )
     run: Recording = prepare_recording(mechanism, log)
     history = run.history

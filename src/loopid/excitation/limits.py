@@ -20,7 +20,8 @@ from loopid.kinematics.projection import (
     project,
 )
 from loopid.records import record
-from loopid.robot.mechanism import ROTATIONS, Mechanism
+from loopid.robot.mechanism import Mechanism
+from loopid.robot.platform import ROTATIONS
 
 # Turns, characteristic lengths or weights beyond which a limit of the robot file is none.
 UNLIMITED = 1e3

@@ -8,12 +8,12 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import FileError, OptionError
 from loopid.export.sharing import updated_inertials
 from loopid.files import write_file
-from loopid.loading.description import find_files
-from loopid.loading.formats import INERTIAL_FILES
+from loopid.loading.files import find_files
 from loopid.parameters import ParameterSet
+from loopid.registry import inertial_files
 from loopid.robot.mechanism import Mechanism
 
-INERTIAL_FILES.register(".urdf", "loopid.export.urdf:UrdfInertials")
+inertial_files.register(".urdf", "loopid.export.urdf:UrdfInertials")
 
 
 @checked
@@ -48,7 +48,7 @@ def updated_robot_file(
         When the parameters, or the file, are not those of the mechanism.
     """
     tree = find_files(mechanism.path).tree
-    file = INERTIAL_FILES[tree.suffix](tree)
+    file = inertial_files[tree.suffix](tree)
     old = {link: inertial.P for link, inertial in file.inertials.items()}
     new = updated_inertials(mechanism, old, standard_parameters, parameters)
     return file.replaced(new) if new else tree.read_bytes()

@@ -1,6 +1,23 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
 
-from loopid.loading.formats import INERTIAL_FILES
+from loopid import loading as loading, logs as logs  # whose formats are registered before
+from loopid.registry import inertial_files, log_formats, robot_formats, urdf_dialects
+
+log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
+log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
 for ending in (".xml", ".mjcf"):
-    INERTIAL_FILES.register(ending, "loopid.formats.mjcf_inertials:MjcfInertials")
+    robot_formats.register(ending, "loopid.formats.mjcf:read_mjcf")
+    inertial_files.register(ending, "loopid.formats.mjcf_inertials:MjcfInertials")
+
+for sign, reader in {
+    "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
+    "loop | coupling | joint[@independent] | loop_constraint | joint_constraint": (
+        "urdf_plus:read_urdf_plus"
+    ),
+    "constraint": "urdf_constraint:read_constraints",
+    "loop_joint": "isaac_sim:read_loop_joints",
+    "gazebo": "gazebo:read_gazebo",
+    "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "drake:read_drake",
+}.items():
+    urdf_dialects.register(sign, f"loopid.formats.{reader}")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sqlite3
 from array import array
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,25 +11,17 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import IntArray
-from loopid.errors import (
-    DataWarning,
-    LogError,
-    warn,
-)
-from loopid.files import why_no_file
+from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.formats import (
     LARGEST_STAMP,
-    MOST_COLUMNS,
     MOST_LISTED,
     NO_STAMP,
-    Batch,
     LogFormat,
-    array_batch,
+    Table,
+    array_table,
     optional,
     refusals,
-    require_few_rows,
 )
-from loopid.yaml_files import load_yaml
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -40,9 +30,6 @@ STAMP, RECEIVED = "time_ns", "received_ns"
 DESCRIPTION = "metadata.yaml"
 # What SQLite leaves beside a file that was not closed, with messages that are not yet in it.
 JOURNALS = ("-wal", "-journal")
-# Views and generated columns of SQLite, which can be without end.
-COMPUTED = """SELECT m.name FROM sqlite_master m LEFT JOIN pragma_table_xinfo(m.name) c
-WHERE m.type = 'view' OR c.hidden"""
 
 
 class Topic:
@@ -69,20 +56,19 @@ class Topic:
         if len(values) != len(names) or len(set(names)) < len(names):
             raise LogError(
                 f"{self.source}: message {number + 1} has {len(values)} values for "
-                f"{len(set(names))} columns, from {len(state.name)} joints"
+                f"{len(set(names))} columns, from {len(state.name)} joints",
+                source=self.source,
+                row=number + 1,
             )
         for name, value in zip(names, values, strict=True):
             messages, cells = self.columns.setdefault(name, (array("q"), array("d")))
             messages.append(number)
             cells.append(value)
-        if len(self.columns) > MOST_COLUMNS:
-            raise LogError(f"{self.source} has more than {MOST_COLUMNS:,} columns")
 
 
 class BagFormat(LogFormat):
     """Messages of type ``sensor_msgs/JointState``, of ROS 1 or 2."""
 
-    name = "bag"
     endings = (".bag", ".mcap", ".db3")
     choice = "topic"
     ordered = False
@@ -107,7 +93,6 @@ class BagFormat(LogFormat):
             usual = get_typestore(Stores.ROS2_HUMBLE)
             with AnyReader([self.path], default_typestore=usual) as bag:
                 counts = self._chosen(bag.topics)
-                require_few_rows(self.path, sum(counts.values()))
                 topics = {name: Topic(f"{self.path} {name}") for name in counts}
                 connections = [c for c in bag.connections if c.topic in topics]
                 for connection, received, data in bag.messages(connections):
@@ -117,11 +102,15 @@ class BagFormat(LogFormat):
             if len(topic.stamps) != counts[name]:
                 raise LogError(
                     f"{self.path} is damaged, or was not closed: {name} has {len(topic.stamps)} "
-                    f"messages, but its index says {counts[name]}"
+                    f"messages, but its index says {counts[name]}",
+                    file=self.path,
+                    topic=name,
                 )
         filled = {name: topic for name, topic in topics.items() if topic.columns}
         if not filled:
-            raise LogError(f"{self.path} has no joint states in {', '.join(topics)}")
+            raise LogError(
+                f"{self.path} has no joint states in {', '.join(topics)}", file=self.path
+            )
         return filled
 
     def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
@@ -130,13 +119,18 @@ class BagFormat(LogFormat):
         if not counts:
             listed = [f"{n} ({t.msgtype or 'several types'})" for n, t in topics.items()]
             there = ", ".join(listed[:MOST_LISTED]) or "no topics"
-            raise LogError(f"{self.path} has no topic of type {JOINT_STATE}: it has {there}")
+            raise LogError(
+                f"{self.path} has no topic of type {JOINT_STATE}: it has {there}", file=self.path
+            )
         if self.chosen is None:
             return counts
         if self.chosen not in counts:
             raise LogError(
                 f"{self.path} has no joint states in topic {self.chosen!r}: choose among "
-                f"{', '.join(counts)}"
+                f"{', '.join(counts)}",
+                file=self.path,
+                given=self.chosen,
+                valid=tuple(counts),
             )
         return {self.chosen: counts[self.chosen]}
 
@@ -146,68 +140,49 @@ class BagFormat(LogFormat):
     def source(self, stream: str) -> str:
         return self._topics[stream].source
 
-    def together(self, stream: str, names: Sequence[str]) -> list[tuple[str, ...]]:
-        groups: dict[bytes, list[str]] = {}
-        for name in names:
-            messages, _ = self._topics[stream].columns[name]
-            groups.setdefault(messages.tobytes(), []).append(name)
-        return [tuple(group) for group in groups.values()]
+    def tables(self, stream: str, names: Sequence[str]) -> Sequence[Table]:
+        topic, groups = self._topics[stream], dict[bytes, list[str]]()
+        times = [name for name in names if name in (STAMP, RECEIVED)]
+        for name in names:  # those in the same messages
+            if name not in times:
+                groups.setdefault(topic.columns[name][0].tobytes(), []).append(name)
+        return [self._table(topic, times, group) for group in groups.values()]
 
-    def batches(self, stream: str, names: Sequence[str]) -> Generator[Batch]:
-        topic = self._topics[stream]
-        values = [name for name in names if name not in (STAMP, RECEIVED)]
-        messages: IntArray = np.array(topic.columns[values[0]][0], dtype=np.int64)
+    def _table(self, topic: Topic, times: Sequence[str], names: Sequence[str]) -> Table:
+        """Columns that are in the same messages, with times of these."""
+        messages: IntArray = np.array(topic.columns[names[0]][0], dtype=np.int64)
         stamps, received = (np.array(t, dtype=np.int64) for t in (topic.stamps, topic.received))
-        if STAMP in names and not stamps[messages].any():
+        if STAMP in times and not stamps[messages].any():
             warn(
-                f"{topic.source}: no header of {', '.join(values)} has a time: the times of "
+                f"{topic.source}: no header of {', '.join(names)} has a time: the times of "
                 "recording stand in for them",
                 DataWarning,
             )
             stamps = received
-        columns = {STAMP: stamps[messages], RECEIVED: received[messages]}
-        columns |= {name: np.array(topic.columns[name][1]) for name in values}
-        yield array_batch(topic.source, columns, messages + 1)
+        at = {STAMP: stamps[messages], RECEIVED: received[messages]}
+        columns = {name: at[name] for name in times}
+        columns |= {name: np.array(topic.columns[name][1]) for name in names}
+        return array_table(topic.source, columns, messages + 1)
 
 
 def _refuse_unfinished(path: Path) -> None:
     """Refuse what rosbags would read in part, or fail to open with another reason than the true."""
-    if path.is_dir():
-        _refuse_elsewhere(path)
-        files = sorted(path.iterdir())
-    else:
-        files = [path, *(Path(f"{path}{end}") for end in JOURNALS)]
-    for file in files:
-        if file.name.endswith(JOURNALS) and file.exists() and file.stat().st_size:
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    if path.is_dir() and not (path / DESCRIPTION).exists():
+        raise LogError(
+            f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
+            "give one of the files in it",
+            file=path,
+        )
+    for journal in (Path(f"{file}{end}") for file in files for end in JOURNALS):
+        if journal.exists() and journal.stat().st_size:
             raise LogError(
-                f"{path} was not closed: {file.name} holds messages that are not in it "
-                "yet; open and close it with SQLite to bring them in"
+                f"{path} was not closed: {journal.name} holds messages that are not in it "
+                "yet; open and close it with SQLite to bring them in",
+                file=journal,
             )
     odd = [mark for mark in "#?%" if mark in str(path)]
     if odd and any(".db3" in file.suffixes for file in files):  # packed ones, too
-        raise LogError(f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it")
-    for file in files:
-        if file.suffix == ".db3":
-            with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
-                computed = database.execute(COMPUTED).fetchone()
-            if computed is not None:
-                raise LogError(f"{file}: {computed[0]!r} is computed, and no table of a bag")
-
-
-def _refuse_elsewhere(path: Path) -> None:
-    """Refuse a folder whose description is missing, no such thing, or names files elsewhere."""
-    description = path / DESCRIPTION
-    if not description.exists():
         raise LogError(
-            f"{path} has no {DESCRIPTION}: recording was not finished, so reindex the bag, or "
-            "give one of the files in it"
+            f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it", file=path
         )
-    content = load_yaml(description, LogError, any_text=True)  # rosbags reads any size
-    about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    names = about.get("relative_file_paths") if isinstance(about, dict) else None
-    if not isinstance(names, list):
-        raise LogError(f"{description} does not list the files of a bag")
-    for name in map(str, names):
-        reason = why_no_file(path / name) if Path(name).name == name else "is not in the folder"
-        if reason:
-            raise LogError(f"{description}: {name} {reason}")

@@ -6,45 +6,40 @@ Importing this needs MuJoCo.
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from warnings import catch_warnings
 
-import mujoco
 import numpy as np
 import pinocchio as pin
-from lxml import etree
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-)
+from loopid.arguments import BoolArray, FloatArray, number
 from loopid.errors import (
     FileError,
+    MissingExtraError,
+    OptionError,
     RobotFileError,
 )
-from loopid.files import why_no_file
 from loopid.loading.description import (
     ClosureDescription,
     Description,
 )
-from loopid.loading.tree import (
-    TreeSource,
-    add_frame,
-)
-from loopid.loading.urdf import (
-    naming,
-    refuse_entities,
-)
+from loopid.loading.files import naming
+from loopid.loading.tree import TreeSource, add_frame
+from loopid.loading.xml import Element, read_xml
 from loopid.robot.mechanism import (
     LeftOut,
     shortened,
 )
 from loopid.yaml_files import first_problem
+
+try:
+    import mujoco
+except ImportError as missing:
+    raise MissingExtraError.of("mujoco", "mjcf") from missing
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
@@ -67,40 +62,26 @@ DIRECT = (
     int(mujoco.mjtBias.mjBIAS_NONE),
     int(mujoco.mjtDyn.mjDYN_NONE),
 )
-NUSERS = [f"nuser_{what}" for what in
-          ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")]  # fmt: skip
-# Laws of actuators whose gain and bias are affine in length and rate.
+# Gains that are affine in length and rate.
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
-BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-# Far more than robots have: joints, bytes of a file, files, elements with all copies.
-MOST_JOINTS, MOST_BYTES, MOST_FILES, MOST_ELEMENTS = 2000, 20_000_000, 100, 20_000
-MOST_ATTRIBUTES = 1000  # of an element: MuJoCo's time grows with their square
 LARGEST = 1e100  # so that no product of a few numbers overflows
-FOLDERS = ("meshdir", "texturedir", "assetdir")
-# What the product of the numbers of some attributes may be at most, in all elements of a file:
-# MuJoCo makes so many entries.
-SIZES: dict[str, dict[tuple[str, ...], float]] = {
-    "hfield": {("nrow", "ncol"): 1e7},
-    "texture": {("width", "height"): 1e8},
-    "composite": {("count",): 1e4},
-    "flexcomp": {("count",): 1e5},
-    "numeric": {("size",): 1e6},
-    "mesh": {("params",): 1e5},
-    "size": {(key,): 1e5 for key in ("nuserdata", "nkey", *NUSERS)},
-}
+# Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
+COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
+MOST = 100_000
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
 MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
-ACTUATOR_ENDS = {"name", "joint", "jointinparent", "tendon", "site", "body", "cranksite"}
 ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
 
-def read_mjcf(path: Path) -> TreeSource:
+def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
     """Read tree, closures, motors, reference and joint forces of an MJCF file."""
+    if floating_base:
+        raise OptionError(f"{path}: an MJCF says itself whether its base floats: add a freejoint")
     compiled, warnings = compile_mjcf(path)
     with naming(path):
         scene = Scene(path, compiled)
@@ -114,14 +95,14 @@ def read_mjcf(path: Path) -> TreeSource:
     ]
     tight, slack = _limited_tendons(scene)
     closures += tight
-    forces = _joint_forces(scene)
+    terms, left_out = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     try:
         description = Description(
             closures=closures,
             name_mot=motors or None,
             reference=_reference(scene),
-            joint_terms={joint: values for joint, values in forces.terms.items() if values},
+            joint_terms=terms,
         )
     except ValidationError as error:
         raise RobotFileError(f"{path}: {first_problem(error)}") from error
@@ -134,7 +115,7 @@ def read_mjcf(path: Path) -> TreeSource:
         child_links=child_links,
         description=description,
         notes=(*_left_out(scene), *slack, *notes, *warnings),
-        left_out=tuple(forces.left_out),
+        left_out=tuple(left_out),
     )
 
 
@@ -181,185 +162,54 @@ def _named(names: Sequence[str], k: int) -> str:
 
 
 def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of or is kept from."""
+    """Compiled model of an MJCF file, and sentences on what MuJoCo warns of."""
     if not path.is_file():
-        raise FileError(f"{path} is missing")
-    _refuse_excess(path, path.parent, [])
-    # MuJoCo would print its warnings, and append them to a file where it runs.
-    heard: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(heard.append)
-    notes: list[str] = []
-    try:
-        compiled = mujoco.MjModel.from_xml_path(str(path))
-    except MUJOCO_ERRORS as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        raise FileError(f"{path} is missing", file=str(path))
+    with naming(path):
+        _refuse_excess(read_xml(path))
+        # MuJoCo would print its warnings, and append them to a file where it runs.
+        heard: list[str] = []
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(heard.append)
         try:
             with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
-                compiled, notes = _compile_without_assets(path)
-        except RobotFileError:
-            raise
-        except (*MUJOCO_ERRORS, etree.XMLSyntaxError, OSError):
-            raise RobotFileError(f"{path}: MuJoCo refuses it: {reason}") from error
-    finally:
-        mujoco.set_mju_user_warning(before)
+                compiled = mujoco.MjModel.from_xml_path(str(path))
+        except MUJOCO_ERRORS as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise RobotFileError(f"MuJoCo refuses it: {reason}") from error
+        finally:
+            mujoco.set_mju_user_warning(before)
+        _refuse_odd_numbers(compiled)
+    return compiled, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
+
+
+def _refuse_excess(root: Element) -> None:
+    """Refuse what MuJoCo would read other than it is meant, or hang on."""
+    # MuJoCo compiles URDFs too, but drops what it does not know in them.
+    if root.tag != "mujoco":
+        raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+    for tag in root.iter("*"):
+        for key in COUNTS if tag.tag != "geom" else ():
+            if any(number(word) > MOST for word in tag.get(key, "").split()):
+                what = f"{key} of <{tag.tag!s}>"
+                raise RobotFileError(f"{what} must be at most {MOST:,}, not {tag.get(key)!r:.60}")
+
+
+def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
+    """Refuse numbers that are not finite, and directions without length."""
     numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
     # Limits may be infinite.
     numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
     for name, values in numbers.items():
         if not (np.abs(values) <= LARGEST).all():
             raise RobotFileError(
-                f"{path}: {name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
+                f"{name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
             )
     for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():
             what = "an axis" if name == "jnt_axis" else "a quaternion"
-            raise RobotFileError(f"{path}: {name} of MuJoCo's model has {what} of length 0")
-    return compiled, [*notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(heard))]
-
-
-def _refuse_excess(path: Path, folder: Path, read: list[Path]) -> None:
-    """Refuse what MuJoCo would hang on, fill the memory with, or read other than it is meant.
-
-    ``folder`` is that of the main file; ``read`` are the files read before.
-    """
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise RobotFileError(f"{path} cannot be read: {error.strerror}") from error
-    if len(content) > MOST_BYTES:
-        raise RobotFileError(f"{path} is longer than the {MOST_BYTES / 1e6:g} MB that are read")
-    parser = etree.XMLParser(recover=True, resolve_entities=False, remove_comments=True)
-    try:
-        root = etree.fromstring(content, parser)
-    except etree.XMLSyntaxError:
-        root = None
-    if root is None:
-        raise RobotFileError(f"{path} is no XML that can be read")
-    # MuJoCo compiles URDFs too, but drops what it does not know in them.
-    if not read and root.tag != "mujoco":
-        raise RobotFileError(f"{path} is not MJCF: its root is <{root.tag!s}>, not <mujoco>")
-    with naming(path):
-        refuse_entities(root)
-    read.append(path)
-    for tags, most in ((("*",), MOST_ELEMENTS), (("joint", "freejoint"), MOST_JOINTS)):
-        made = sum(map(_copies, root.iter(*tags)))
-        if made > most:
-            what = "elements" if most == MOST_ELEMENTS else "joints"
-            raise RobotFileError(f"{path} makes {made:,} {what}, more than the {most:,} read")
-    folders = {""} | {
-        str(tag.get(key)) for tag in root.iter("compiler") for key in FOLDERS if tag.get(key)
-    }
-    entries = Counter[tuple[str, ...]]()
-    for tag in root.iter("*"):
-        if len(tag.attrib) > MOST_ATTRIBUTES:
-            raise RobotFileError(
-                f"{path}: <{tag.tag!s}> has more than {MOST_ATTRIBUTES} attributes"
-            )
-        for size, limit in SIZES.get(str(tag.tag), {}).items():
-            entries[size] += math.prod(
-                _size(word) for key in size for word in tag.get(key, "").split()
-            )
-            if entries[size] > limit:
-                what = " x ".join(f"{key} {tag.get(key)}" for key in size)
-                raise RobotFileError(f"{path}: {what} of <{tag.tag!s}> is too large")
-        for key in tag.attrib:
-            if not str(key).startswith("file"):
-                continue
-            name = tag.get(key, "")
-            ends = (name, Path(name).name)  # the second where the compiler strips paths
-            for place in dict.fromkeys(folder / f / end for f in sorted(folders) for end in ends):
-                problem = why_no_file(place)
-                if problem == "is no regular file":
-                    raise RobotFileError(f"{path}: {place} of <{tag.tag!s}> {problem}")
-                if not problem and tag.tag in ("include", "model") and place not in read:
-                    if len(read) > MOST_FILES:
-                        raise RobotFileError(f"{path} includes more than {MOST_FILES} files")
-                    _refuse_excess(place, folder, read)
-
-
-def _copies(tag: etree._Element) -> int:
-    """How many elements the ``<replicate>`` tags around one make of it."""
-    counts = (_size(around.get("count", "1")) for around in tag.iterancestors("replicate"))
-    return math.prod(counts)
-
-
-def _size(word: str) -> int:
-    """A count in a file; 1 where MuJoCo would not read it."""
-    try:
-        return max(1, int(float(word)))
-    except (ValueError, OverflowError):
-        return 1
-
-
-def _compile_without_assets(path: Path) -> tuple[mujoco.MjModel, list[str]]:
-    """Compile a file without plugins, then without meshes, where dynamics needs none of them."""
-    root = etree.parse(path).getroot()
-    _include(root, path.parent, [])
-    plugins = {str(tag.get("plugin")) for tag in root.iter("plugin")} - {"None"}
-    for tag in root.findall(".//actuator/plugin"):  # a motor, whatever its law
-        tag.tag, ends = "general", {key: tag.attrib[key] for key in ACTUATOR_ENDS & set(tag.attrib)}
-        tag.clear()
-        tag.attrib.update(ends)
-    etree.strip_elements(root, "plugin", "extension", with_tail=False)
-    for tag in root.iter("model"):  # to be attached
-        tag.set("file", str(path.parent.resolve() / tag.get("file", "")))
-    spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
-    spec.modelfiledir = str(path.parent)
-    notes = [f"plugins are left out: {', '.join(sorted(plugins))}"] if plugins else []
-    drawn = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]
-    needed = sorted({geom.parent.name for geom in drawn if _gives_inertia(spec, geom)})
-    try:
-        return spec.compile(), notes
-    except MUJOCO_ERRORS as error:
-        reason = " ".join(str(error).split())
-    unused = (spec.sensors, spec.pairs, spec.skins, spec.materials)
-    for group in (drawn, *unused, spec.meshes, spec.hfields, spec.textures):
-        for element in list(group):
-            spec.delete(element)
-    for geom in spec.geoms:
-        geom.material = ""  # of textures that may be missing
-    for body in spec.bodies if needed else ():
-        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
-    compiled = spec.compile()
-    if needed:
-        raise RobotFileError(
-            f"{path}: inertias of {shortened(needed)} come from geometry that MuJoCo cannot read "
-            f"({reason}): give these bodies an <inertial>, or restore the files"
-        )
-    return compiled, [*notes, f"geometry is left out, as inertias are given without it: {reason}"]
-
-
-def _include(root: etree._Element, folder: Path, read: list[str]) -> None:
-    """Put what ``<include>`` tags name in their places; MuJoCo takes each file once."""
-    for tag in root.findall(".//include"):
-        name, parent = tag.get("file", ""), tag.getparent()
-        if name in read:
-            raise OSError("a file is included twice")
-        read.append(name)
-        inner = etree.parse(folder / name).getroot()
-        _include(inner, folder, read)
-        if parent is not None:
-            at = parent.index(tag)
-            parent[at : at + 1] = list(inner)
-
-
-def _gives_inertia(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
-    """Whether the inertia of a body that moves comes from a geom."""
-    first, last = spec.compiler.inertiagrouprange
-    body = geom.parent
-    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-    explicit = body.explicitinertial and int(spec.compiler.inertiafromgeom) != always
-    light = geom.mass == 0 or (np.isnan(geom.mass) and geom.density == 0)
-    if explicit or light or not first <= geom.group <= last:
-        return False
-    while body.name != "world":
-        if len(body.joints):
-            return True
-        body = body.parent
-    return False
+            raise RobotFileError(f"{name} of MuJoCo's model has {what} of length 0")
 
 
 def _text(compiled: mujoco.MjModel, address: int) -> str:
@@ -533,10 +383,10 @@ def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescriptio
         places = [_placement(data[:3]), _placement(data[3:6])]
     name, what = scene.equalities[equality], "weld" if welded else "connect"
     frames = []
-    for number, body in enumerate(_bodies(compiled, equality)):
+    for k, body in enumerate(_bodies(compiled, equality)):
         link = scene.bodies[body]
-        frames.append(scene.fresh(f"{name}_{number + 1}" if name else f"{link}_{what}"))
-        add_frame(model, frames[-1], link, places[number])
+        frames.append(scene.fresh(f"{name}_{k + 1}" if name else f"{link}_{what}"))
+        add_frame(model, frames[-1], link, places[k])
     # A weld may leave rotation free.
     turned = welded and data[TORQUE_SCALE] != 0
     kind, ends = "6d" if turned else "3d", (frames[0], frames[1])
@@ -648,7 +498,7 @@ def _motors(
     joints: list[str] = []
     idle, shared = [], []
     for actuator in range(scene.compiled.nu):
-        if _passive_force(scene.compiled, actuator) is not None:
+        if not _is_motor(scene.compiled, actuator):
             continue
         driven, name = list(_transmission(scene, actuator)), _named(scene.actuators, actuator)
         if not driven:
@@ -733,43 +583,20 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
 
-Terms = dict[str, dict[str, float]]
 
-
-class _Forces:
-    """Values of joint terms by joint, and forces that no model has."""
-
-    def __init__(self, joints: Iterable[str]) -> None:
-        self.terms: Terms = {name: {} for name in joints}
-        self.left_out: list[LeftOut] = []
-
-    def act(self, what: str, tendon: Mapping[str, float], values: Mapping[str, float]) -> None:
-        """Add what acts along one joint to its terms; along several or none it is left out."""
-        values = {kind: float(value) for kind, value in values.items() if value}
-        if len(tendon) == 1:
-            ((joint, factor),) = tendon.items()
-            powers, terms = {"Fo": factor, "Fc": abs(factor)}, self.terms[joint]
-            for kind, value in values.items():
-                terms[kind] = terms.get(kind, 0.0) + value * powers.get(kind, factor**2)
-        elif values:
-            given = ", ".join(f"{kind} {value:g}" for kind, value in values.items())
-            known = values if tendon else {}
-            self.left_out.append(LeftOut(f"{given} of {what}", {}, tendon, known))
-
-
-def _joint_forces(scene: Scene) -> _Forces:
-    """What joints, tendons, actuators and gravity compensation do beside the rigid bodies."""
-    compiled, forces = scene.compiled, _Forces(scene.joints)
-    left_out = forces.left_out
+def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
+    """Terms of joints with their values, and forces that no model has."""
+    compiled, left_out = scene.compiled, list[LeftOut]()
+    terms: dict[str, dict[str, float]] = {}
     springs = not _disabled(compiled, "SPRING", "PASSIVE")
     dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
     friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
     for joint, name in enumerate(scene.joints):
         dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
         values = {
-            "Ia": compiled.dof_armature[dof],
-            "Fc": friction * compiled.dof_frictionloss[dof],
-            "Fv": dampers * compiled.dof_damping[dof],
+            "Ia": float(compiled.dof_armature[dof]),
+            "Fc": float(friction * compiled.dof_frictionloss[dof]),
+            "Fv": float(dampers * compiled.dof_damping[dof]),
         }
         stiffness = float(springs * compiled.jnt_stiffness[joint])
         if kind in ("hinge", "slide"):
@@ -777,31 +604,21 @@ def _joint_forces(scene: Scene) -> _Forces:
             values |= {"Ks": stiffness, "Fo": -stiffness * slack}
         elif stiffness:
             left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
-        forces.act(f"the free joint {name}", {} if kind == "free" else {name: 1.0}, values)
+        if kind == "free" and any(values.values()):
+            left_out.append(LeftOut(f"damping, friction or armature of the free joint {name}"))
+            values = {}
+        terms[name] = values
         for what, poly, index in (
             ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
             ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
         ):
             if index < len(poly) and poly[index].any():
                 left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
-    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
     for tendon, name in enumerate(scene.tendons):
-        stiffness = float(springs * compiled.tendon_stiffness[tendon])
-        low, high = map(float, compiled.tendon_lengthspring[tendon])
-        values = {
-            "Ia": armature[tendon],
-            "Fc": friction * compiled.tendon_frictionloss[tendon],
-            "Fv": dampers * compiled.tendon_damping[tendon],
-            "Ks": stiffness,
-            "Fo": -stiffness * low,
-        }
-        bent = any(
-            _poly(compiled, f"tendon_{what}poly")[tendon:][:1].any()
-            for what in ("stiffness", "damping")
-        )
-        simple = not bent and (low == high or not stiffness)
-        forces.act(f"tendon {name or tendon}", _driven(scene, tendon) if simple else {}, values)
-    _add_actuators(scene, forces)
+        laws = ("armature", "frictionloss", "damping", "stiffness")
+        if any(getattr(compiled, f"tendon_{law}", np.zeros(tendon + 1))[tendon] for law in laws):
+            left_out.append(LeftOut(f"forces of tendon {name or tendon}"))
+    left_out += _add_actuators(scene, terms)
     for body, part in enumerate(compiled.body_gravcomp):
         if part and compiled.body_mass[body]:
             link, mass = scene.bodies[body], float(part * compiled.body_mass[body])
@@ -809,7 +626,8 @@ def _joint_forces(scene: Scene) -> _Forces:
             left_out.append(LeftOut(f"gravity compensation of {link}", weight))
     if compiled.opt.density or compiled.opt.viscosity:
         left_out.append(LeftOut("the fluid around the robot"))
-    return forces
+    kept = {name: {k: v for k, v in values.items() if v} for name, values in terms.items()}
+    return {name: values for name, values in kept.items() if values}, left_out
 
 
 def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
@@ -826,28 +644,31 @@ def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
     return {scene.joints[j]: gear * factor for j, factor in terms.items() if factor}
 
 
-def _add_actuators(scene: Scene, forces: _Forces) -> None:
-    """Inertia and damping of actuators, the forces of those that are no motors, and gears."""
-    compiled, gears, left_out = scene.compiled, list[str](), forces.left_out
-    armature, damping = (
-        getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
-        for what in ("armature", "damping")
-    )
+def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[LeftOut]:
+    """Add inertia and damping of actuators to the terms of their joints; what is left out."""
+    compiled, gears, left_out = scene.compiled, list[str](), list[LeftOut]()
+    laws = {
+        kind: getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
+        for kind, what in (("Ia", "armature"), ("Fv", "damping"))
+    }
     for actuator in range(compiled.nu):
-        name, gear = _named(scene.actuators, actuator), float(compiled.actuator_gear[actuator, 0])
-        tendon, passive = _transmission(scene, actuator), _passive_force(compiled, actuator)
-        values = {"Ia": 0.0, "Fv": 0.0} | (passive or {})
-        values["Ia"] += float(armature[actuator])
-        values["Fv"] += float(damping[actuator])
-        forces.act(f"actuator {name}", tendon, values)
-        if passive is not None:
-            what = "a spring or damper" if any(passive.values()) else "without force, or a damper"
-            left_out.append(LeftOut(f"actuator {name}: {what}, no motor", is_force=False))
-        elif tendon and abs(gear) != 1:
+        name, driven = _named(scene.actuators, actuator), _transmission(scene, actuator)
+        values = {kind: float(law[actuator]) for kind, law in laws.items()}
+        if len(driven) == 1:
+            ((joint, factor),) = driven.items()
+            for kind, value in values.items():
+                terms[joint][kind] = terms[joint].get(kind, 0.0) + value * factor**2
+        elif any(values.values()):
+            left_out.append(LeftOut(f"armature or damping of actuator {name}"))
+        gear = float(compiled.actuator_gear[actuator, 0])
+        if not _is_motor(compiled, actuator):
+            left_out.append(LeftOut(f"actuator {name}: its control gives no force, no motor"))
+        elif driven and abs(gear) != 1:
             gears.append(f"{gear:g} of {name}")
     if gears:
         what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
         left_out.append(LeftOut(what, is_force=False))
+    return left_out
 
 
 def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
@@ -860,20 +681,7 @@ def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
     return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
 
 
-def _passive_force(compiled: mujoco.MjModel, actuator: int) -> dict[str, float] | None:
-    """Terms of an actuator that no control moves, as a spring or damper; None of a motor.
-
-    Its force is gain times control plus bias, each affine in length and rate. The control of a
-    damper only opens it: as long as it is zero there is no force.
-    """
+def _is_motor(compiled: mujoco.MjModel, actuator: int) -> bool:
+    """Whether the control of an actuator makes a force by itself, other than that of a damper."""
     view = compiled.actuator(actuator)
-    laws = view.gaintype[0], view.biastype[0]
-    if laws[0] not in GAINS or laws[1] not in BIASES:
-        return None
-    gain = view.gainprm[:3] * ([1, 0, 0] if laws[0] == GAINS[0] else [1, 1, 1])
-    bias = view.biasprm[:3] * (0 if laws[1] == BIASES[0] else 1)
-    damper = gain[2] and not gain[:2].any() and not bias.any()
-    if gain.any() and not damper:
-        return None
-    constant, length, rate = bias
-    return {"Fo": -float(constant), "Ks": -float(length), "Fv": -float(rate)}
+    return bool(view.gaintype[0] not in GAINS or view.gainprm[:2].any())

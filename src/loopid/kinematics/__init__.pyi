@@ -23,6 +23,7 @@ from .constraint import (
 )
 from .freedoms import (
     Mobility as Mobility,
+    closed_at as closed_at,
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
@@ -52,15 +53,12 @@ from .reactions import (
     bearing_forces as bearing_forces,
 )
 from .rounding import (
-    ROUND_OFF as ROUND_OFF,
     SIX_DIGITS as SIX_DIGITS,
     Accuracy as Accuracy,
     changes as changes,
     exact_geometry as exact_geometry,
     geometry_accuracy as geometry_accuracy,
     largest_gap as largest_gap,
-    nearly_equal_lengths as nearly_equal_lengths,
-    nearly_special as nearly_special,
     rounding_that_closes as rounding_that_closes,
     same_motion as same_motion,
     within_accuracy as within_accuracy,

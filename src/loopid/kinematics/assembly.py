@@ -54,10 +54,8 @@ from loopid.kinematics.projection import (
     partition,
 )
 from loopid.robot.closures import relative_quaternion
-from loopid.robot.mechanism import (
-    Mechanism,
-    Platform,
-)
+from loopid.robot.mechanism import Mechanism
+from loopid.robot.platform import Platform
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach

@@ -6,7 +6,7 @@ them where the rows Z_u are independent, and G = Z Z_u⁻¹ is the larger the le
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,12 +20,18 @@ from loopid.errors import (
     DataError,
     MobilityError,
 )
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import nearby_configurations
-from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.constraint import (
+    Constraint,
+    largest_residual,
+)
 from loopid.kinematics.projection import (
     Factorisation,
     null_space,
 )
+from loopid.kinematics.rounding import rounding_that_closes
+from loopid.records import record
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
     Mechanism,
@@ -34,9 +40,11 @@ from loopid.robot.mechanism import (
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 # Motors are taken in their order as long as this much of each is its own.
 WELL_APART = (0.05, 1e-2, 1e-4)
+# Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
+TILT, LARGEST_TILT = 30.0, 0.1
 
 
-@dataclass(frozen=True)
+@record
 class Mobility:
     """Mobility at a configuration."""
 
@@ -122,6 +130,37 @@ def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]
     motions = null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)
     moving = passive[(np.abs(motions) > MOVES).any(axis=1)]
     return tuple(mechanism.coordinates[k] for k in moving)
+
+
+def closed_at(mechanism: Mechanism, q: FloatArray) -> tuple[Mechanism, FloatArray]:
+    """The mechanism with a closed configuration (nq,) as reference, and others (n, nq) around it.
+
+    Which coordinates are independent is chosen there. A MobilityError says that nothing can move,
+    and by which rounding of the file's numbers it could.
+    """
+    residual = max(float(largest_residual(mechanism, q[None])[0]), mechanism.closure_residual)
+    left = residual if residual > CLOSURE_TOLERANCE else 0.0
+    mechanism = replace(mechanism, closure_residual=left)
+    around = nearby_configurations(mechanism, q)
+    try:
+        chosen = independent_coordinates(mechanism, around)
+    except MobilityError as error:
+        hint, facts = "leave a closure out, or choose a kind with fewer rows", {}
+        tilt = TILT * mobility(mechanism, around=around).least
+        if tilt < LARGEST_TILT:
+            facts = {"rounding": rounding_that_closes(tilt, 1.0)}
+            hint += f"; if axes are meant to be parallel, rounding={facts['rounding']:g} says so"
+        raise MobilityError(
+            f"{mechanism.path}: {error}: {hint}", file=str(mechanism.path), **facts
+        ) from error
+    driven = mechanism.coordinates_of(mechanism.actuated)
+    closed = replace(
+        mechanism,
+        reference=q,
+        free=tuple(name for name in chosen if name not in driven),
+        redundant=tuple(name for name in driven if name not in chosen),
+    )
+    return closed, around
 
 
 def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:

@@ -4,23 +4,21 @@ Numbers of a file that end after so many decimals are known to half a unit of th
 drawn special (parallel, in a plane) stays so: zeros and right angles are not rounded numbers.
 
 Where closures miss, places are corrected in the world at a configuration that is as closed as it
-can be: frames of closures until these close and, where the user agrees, axes that are nearly
-parallel or square, and lengths that are nearly equal. The robot is then drawn anew from where its
-joints are.
+can be: axes that are nearly parallel or square, and frames of closures until these close. The robot
+is then drawn anew from where its joints are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise, product
+from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray
-from loopid.errors import RobotFileError
 from loopid.kinematics.constraint import (
     Constraint,
     scaled_residual,
@@ -48,13 +46,11 @@ DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few dec
 SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
 CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
 SIX_DIGITS = 1e-6  # m or rad: what a file is taken to be rounded to where it must be
-# Numbers of a loop that add up, and lengths that are meant to be equal, in units of the rounding.
+# Numbers of a loop that add up, in units of the rounding.
 NEARLY = 20.0
 NEWTON_STEPS = 8
 EXACT = 1e-13  # of the characteristic length
-ROUND_OFF = 1e-14  # of the characteristic length, in geometry that is as it is meant to be
 APART = 0.1  # rad, between directions that span a plane
-REGULAR = 1e-4  # of singular values: what hardly changes lengths is left as it is
 
 
 # How accurate it is.
@@ -98,24 +94,6 @@ def _placements(model: pin.Model) -> list[pin.SE3]:
             place = model.jointPlacements[frame.parentJoint]
         found.append(model.frames[frame.parentFrame].placement.actInv(place))
     return found
-
-
-def nearly_equal_lengths(mechanism: Mechanism, accuracy: Accuracy) -> tuple[str, ...]:
-    """Pairs of distances between joints that differ, but hardly: ``elbow 0.2 m, wrist 0.200001 m``.
-
-    In a linkage such as a parallelogram equal lengths decide what can be known.
-    """
-    model, found = mechanism.model, dict[str, float]()
-    for frame, place in zip(list(model.frames)[1:], _placements(model), strict=True):
-        if length := float(np.linalg.norm(place.translation)):
-            found[frame.name] = length
-    found |= {closure.name: closure.length for closure in mechanism.closures if closure.length}
-    by_length = sorted(found.items(), key=lambda item: item[1])
-    return tuple(
-        f"{one} {a:.9g} m, {other} {b:.9g} m"
-        for (one, a), (other, b) in pairwise(by_length)
-        if accuracy.length / 2 < b - a <= NEARLY * accuracy.length
-    )
 
 
 def _square(angle: float) -> bool:
@@ -200,45 +178,15 @@ def largest_gap(rounding: float, length: float) -> float:
     return NEARLY * rounding * max(1.0, length)
 
 
-def nearly_special(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
-    """The robot with nearly special geometry made so, and by how much; None where there is none."""
-    rounding = SIX_DIGITS if mechanism.rounding is None else mechanism.rounding
-    try:
-        exact = exact_geometry(mechanism, mechanism.reference, rounding, lengths=True)
-    except RobotFileError:
-        return None
-    if exact is mechanism:
-        return None
-    shift, turn = changes(mechanism, exact)
-    left = ROUND_OFF * mechanism.length
-    return replace(exact, rounding=left), f"moved by up to {shift:.1e} m and {turn:.1e} rad"
-
-
-def exact_geometry(
-    mechanism: Mechanism, q: FloatArray, rounding: float, lengths: bool
-) -> Mechanism:
+def exact_geometry(mechanism: Mechanism, q: FloatArray, rounding: float) -> Mechanism:
     """The mechanism with its loops closed at a configuration (nq,), and with exact directions.
 
     Directions that are parallel, or square to each other or to gravity, but for the rounding are
-    made so; with ``lengths`` also lengths that are equal or zero but for the rounding, and axes
-    that meet in one point but for it. A RobotFileError says that these contradict each other.
+    made so.
     """
     world = _World.of(mechanism, q)
     _align(mechanism, world, NEARLY * rounding)
     redrawn = _redrawn(mechanism, q, world)
-    if lengths:
-        world = _World.of(redrawn, q)
-        rods = _fit_lengths(redrawn, world, NEARLY * rounding)
-        fitted = None if rods is None else _redrawn(redrawn, q, world, rods)
-        if fitted is None or changes(redrawn, fitted)[0] >= 2.0 * largest_gap(
-            rounding, mechanism.length
-        ):
-            raise RobotFileError(
-                f"{mechanism.path}: lengths that differ by less than {NEARLY * rounding:g} m, "
-                f"{NEARLY:g} times the rounding, cannot all be made equal: leave --snap out, or "
-                "write alike what is meant to be equal"
-            )
-        redrawn = fitted
     shift, turn = changes(mechanism, redrawn)
     return mechanism if max(shift / mechanism.length, turn) < 10 * EXACT else redrawn
 
@@ -258,9 +206,7 @@ class _World:
         return cls([place.copy() for place in data.oMi], [data.oMf[k].copy() for k in ids])
 
 
-def _redrawn(
-    mechanism: Mechanism, q: FloatArray, world: _World, rods: Mapping[int, float] | None = None
-) -> Mechanism:
+def _redrawn(mechanism: Mechanism, q: FloatArray, world: _World) -> Mechanism:
     """The mechanism that at a configuration has its joints and closures at given places."""
     model = mechanism.model.copy()
     data = model.createData()
@@ -271,8 +217,8 @@ def _redrawn(
         model.jointPlacements[k] = place * motion.inverse()
     closures, taken = [], {frame.name for frame in model.frames}
     ends = zip(world.frames[::2], world.frames[1::2], strict=True)
-    for k, (closure, (a, b)) in enumerate(zip(mechanism.closures, ends, strict=True)):
-        closure, ids = replace(closure, length=(rods or {}).get(k, closure.length)), []
+    for closure, (a, b) in zip(mechanism.closures, ends, strict=True):
+        ids = []
         for frame_id, place in zip(
             closure.frame_ids, (a, _closed(mechanism, closure, a, b)), strict=True
         ):
@@ -407,134 +353,6 @@ def _squared(direction: FloatArray, others: Sequence[FloatArray]) -> FloatArray:
 def _angle(one: FloatArray, other: FloatArray) -> float:
     """Angle between two lines, in rad."""
     return float(np.linalg.norm(np.cross(one, other)))
-
-
-# Lengths.
-
-
-@dataclass(frozen=True)
-class _Node:
-    """Where two bodies meet: a point or, with a direction, a line; their indices of joints."""
-
-    bodies: tuple[int, int]
-    places: tuple[tuple[str, int], ...]
-    direction: FloatArray | None
-
-
-def _nodes(mechanism: Mechanism, world: _World) -> list[_Node]:
-    """Hinges, balls and closures that hold two points together."""
-    model, nodes, neutral = mechanism.model, [], pin.neutral(mechanism.model)
-    for k in range(1, model.njoints):
-        axis, name = _axis(model.joints[k], neutral), model.joints[k].shortname()
-        line = None if axis is None else world.joints[k].rotation @ axis
-        if axis is not None and model.joints[k].idx_v in mechanism.prismatic:
-            continue
-        if axis is not None or name == "JointModelSpherical":
-            nodes.append(_Node((model.parents[k], k), (("joints", k),), line))
-    for k, closure in enumerate(mechanism.closures):
-        one, other = (model.frames[frame].parentJoint for frame in closure.frame_ids)
-        ends = ("frames", 2 * k), ("frames", 2 * k + 1)
-        line = None
-        if closure.kind == "hinge":
-            line = world.frames[2 * k].rotation @ np.array(closure.axes[0])
-        if any(part.count == 3 and not part.turns for part in closure.equations):
-            nodes.append(_Node((one, other), ends, line))
-        elif closure.kind == "distance":
-            nodes += [_Node((one, -1 - k), ends[:1], None), _Node((other, -1 - k), ends[1:], None)]
-    return nodes
-
-
-def _fit_lengths(mechanism: Mechanism, world: _World, tolerance: float) -> dict[int, float] | None:
-    """Move points so that lengths in bodies that are nearly equal or zero are so.
-
-    Gives the lengths of rods; None where that is not possible for all.
-    """
-    nodes = _nodes(mechanism, world)
-    points = [getattr(world, n.places[0][0])[n.places[0][1]].translation for n in nodes]
-    x = np.reshape(points, (-1, 3))  # none of a robot that only slides
-    start, pairs = x, list[FloatArray]()
-    for (i, one), (j, other) in combinations(enumerate(nodes), 2):
-        if set(one.bodies) & set(other.bodies):
-            between = np.zeros((3, *x.shape))  # of the points (n, 3), what makes their distance
-            between[:, i] = _across(one.direction, other.direction)
-            between[:, j] = -between[:, i]
-            pairs.append(between)
-    for k in range(len(nodes)):
-        pairs += [d for d in _offsets(nodes, k, x.shape) if abs((d * x).sum()) < tolerance]
-    difference = np.reshape(pairs, (len(pairs), 3, *x.shape))
-    lengths = np.linalg.norm(np.einsum("kanb,nb->ka", difference, x), axis=1)
-    groups: list[list[int]] = []
-    for k in np.argsort(lengths, kind="stable"):
-        if groups and lengths[k] - lengths[groups[-1][0]] < tolerance:
-            groups[-1].append(int(k))
-        else:
-            groups.append([int(k)])
-    none = [k for group in groups if lengths[group[0]] < tolerance for k in group]
-    alike = [both for group in groups if group[0] not in none for both in pairwise(group)]
-    before, after = np.array(alike, dtype=np.int64).reshape(-1, 2).T
-    for _ in range(NEWTON_STEPS):
-        d = np.einsum("kanb,nb->ka", difference, x)
-        size = np.linalg.norm(d, axis=1)
-        slope = np.einsum("ka,kanb->knb", d / np.maximum(size, 1e-300)[:, None], difference)
-        values = np.concatenate([d[none].ravel(), size[after] - size[before]])
-        if np.abs(values).max(initial=0.0) < 1e-3 * EXACT * mechanism.length:
-            break
-        rows = np.concatenate(
-            [difference[none].reshape(-1, *x.shape), slope[after] - slope[before]]
-        )
-        step = np.linalg.lstsq(rows.reshape(len(rows), -1), values, rcond=REGULAR)[0]
-        x = x - step.reshape(x.shape)
-    if np.abs(values).max(initial=0.0) > EXACT * mechanism.length:
-        return None
-    for node, move in zip(nodes, x - start, strict=True):
-        for kind, k in node.places:
-            places = getattr(world, kind)
-            places[k] = pin.SE3(places[k].rotation, places[k].translation + move)
-    ends = [place.translation for place in world.frames]
-    return {
-        k: float(np.linalg.norm(ends[2 * k + 1] - ends[2 * k]))
-        for k, closure in enumerate(mechanism.closures)
-        if closure.kind == "distance"
-    }
-
-
-def _offsets(nodes: Sequence[_Node], k: int, shape: tuple[int, ...]) -> Iterator[FloatArray]:
-    """Distances along a hinge: what makes them of the points (n, 3), as (3, n, 3).
-
-    They are between its origin and where axes and points of its two bodies meet it or come near.
-    """
-    axis, origin = nodes[k].direction, np.zeros((3, *shape))
-    if axis is None:
-        return
-    feet = [origin], [origin]
-    for own, body in zip(feet, nodes[k].bodies, strict=True):
-        for j, node in enumerate(nodes):
-            meets = j != k and body in node.bodies
-            if meets and (along := _along(axis, node.direction)) is not None:
-                foot = origin.copy()
-                foot[0, j], foot[0, k] = along, -along
-                own.append(foot)
-    yield from (one - other for one, other in product(*feet) if one is not other)
-
-
-def _along(axis: FloatArray, other: FloatArray | None) -> FloatArray | None:
-    """Times a point, or one of a line: where on an axis is next to it; None of a parallel line."""
-    if other is None:
-        return axis
-    plane = np.cross(other, np.cross(axis, other))
-    return plane / (plane @ axis) if np.linalg.norm(plane) > APART else None
-
-
-def _across(one: FloatArray | None, other: FloatArray | None) -> FloatArray:
-    """Projector (3, 3) on what of a distance between points or lines of a body is a length."""
-    lines = [line for line in (one, other) if line is not None]
-    if len(lines) < 2:
-        return np.eye(3) - sum((np.outer(line, line) for line in lines), np.zeros((3, 3)))
-    normal = np.cross(lines[0], lines[1])
-    if np.linalg.norm(normal) < EXACT:
-        return np.eye(3) - np.outer(lines[0], lines[0])
-    normal /= np.linalg.norm(normal)
-    return np.outer(normal, normal)
 
 
 def changes(before: Mechanism, after: Mechanism) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-from .description import (
+from .files import (
     bundled_directory as bundled_directory,
     bundled_robots as bundled_robots,
     find_files as find_files,
@@ -7,8 +7,15 @@ from .description import (
 from .load import (
     load_mechanism as load_mechanism,
 )
+from .tree import (
+    TreeSource as TreeSource,
+    add_frame as add_frame,
+)
 from .urdf import (
-    parse_xml as parse_xml,
+    Dialect as Dialect,
+    UrdfFile as UrdfFile,
+    closure_of as closure_of,
+    linked as linked,
     read_urdf_file as read_urdf_file,
     unread_mesh as unread_mesh,
 )

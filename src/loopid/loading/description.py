@@ -1,4 +1,4 @@
-"""The files of a robot, and what its YAML says beside the tree: closures, motors, reference, ...
+"""What a YAML says of a robot beside its tree: closures, motors, reference, ...
 
 The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
 (``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
@@ -9,37 +9,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from importlib.resources import files
-from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from loopid.errors import (
-    FileError,
     ModelWarning,
     RobotFileError,
     warn,
 )
-from loopid.files import why_no_file
-from loopid.regressors.joint_terms import joint_term
 from loopid.robot.closures import (
     CLOSURE_KINDS,
     JointCoupling,
 )
-from loopid.yaml_files import (
-    Section,
-    read_yaml,
-)
+from loopid.yaml_files import Section
 
 COUPLING = JointCoupling.kind
-ALIASES = {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
-ALIASES |= dict.fromkeys(JointCoupling.aliases, COUPLING)
 Vector = tuple[float, float, float]
-MJCF = (".xml", ".mjcf")
-DESCRIPTIONS = (".yaml", ".yml")
-SUFFIXES = (*DESCRIPTIONS, ".urdf", *MJCF)
-MOTIONS = "_motions.yaml"
 Component = Annotated[float, Field(gt=-1e30, lt=1e30)]
 JointType = Annotated[
     Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ", "UJOINT_ZX",
@@ -49,36 +35,28 @@ JointType = Annotated[
 ]  # fmt: skip
 
 
-def _known_term(kind: object) -> object:
-    joint_term(str(kind))
-    return kind
-
-
-JointKind = Annotated[str, BeforeValidator(_known_term)]
 LARGEST_ROUNDING = 1e-2  # m and rad
 
 
-def _among(*kinds: str) -> BeforeValidator:
-    """Check for one of some kinds, and give it its own name."""
-
-    def known(value: Any) -> str:
-        kind = value.lower() if isinstance(value, str) else ""
-        kind = ALIASES.get(kind, kind)
-        if kind not in kinds:
-            valid = ", ".join(map(repr, kinds))
-            raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
-        return kind
-
-    return BeforeValidator(known)
+def _known_kind(value: Any) -> str:
+    """The own name of a kind of closure, or of the coupling of joints."""
+    own = {name: name for name in (*CLOSURE_KINDS, COUPLING)}
+    own |= {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
+    own |= dict.fromkeys(JointCoupling.aliases, COUPLING)
+    kind = own.get(value.lower() if isinstance(value, str) else "")
+    if kind is None:
+        valid = ", ".join(map(repr, (*CLOSURE_KINDS, COUPLING)))
+        raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
+    return kind
 
 
-FrameKind = Annotated[str, _among(*CLOSURE_KINDS)]
+Kind = Annotated[str, BeforeValidator(_known_kind)]
 
 
 class ClosureDescription(Section):
     """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
 
-    type: Annotated[str, _among(*CLOSURE_KINDS, COUPLING)]
+    type: Kind
     name: str | None = None
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
@@ -161,7 +139,7 @@ class Description(Section):
     floating_base: bool = False
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[FrameKind] = Field(default=[])
+    type: list[Kind] = Field(default=[])
     couplings: list[Annotated[ClosureDescription, BeforeValidator(_is_coupling)]] = Field(
         default=[]
     )
@@ -173,10 +151,9 @@ class Description(Section):
     limits: dict[str, tuple[float, float] | None] = Field(default={})
     gravity: tuple[Component, Component, Component] | None = None
     rounding: float | None = Field(default=None, ge=0, le=LARGEST_ROUNDING)
-    snap: bool = False
     margin: float | None = Field(default=None, ge=0, lt=1)
     closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
-    joint_terms: Mapping[str, Mapping[JointKind, float | None]] = Field(default={})
+    joint_terms: Mapping[str, Mapping[str, float | None]] = Field(default={})
     platform: PlatformDescription | None = None
     identical: dict[str, list[str]] = Field(default={})
 
@@ -226,7 +203,7 @@ def _repeated(names: Iterable[str]) -> list[str]:
     return sorted({name for name in names if names.count(name) > 1})
 
 
-def merged(file: Path, own: Description, given: Description) -> Description:
+def merged(own: Description, given: Description) -> Description:
     """What was given, with closures, motors, reference and terms of a tree's own file added.
 
     Of two frames that are closed in both, and of motors and values of joints, the given ones count.
@@ -236,8 +213,10 @@ def merged(file: Path, own: Description, given: Description) -> Description:
         if name not in labels:
             listed = ", ".join(labels) or "none"
             raise RobotFileError(
-                f"{file}: remove_closures: unknown closure {name!r}: choose among those of the "
-                f"tree's own file: {listed}"
+                f"remove_closures: unknown closure {name!r}: choose among those of the tree's own "
+                f"file: {listed}",
+                given=name,
+                valid=tuple(labels),
             )
     again = [set(closure.frames or ()) for closure in given.all_closures]
     kept = [
@@ -264,80 +243,3 @@ def warn_of_size(where: str, axis: Iterable[float]) -> None:
     if not 0.9 < math.hypot(*numbers) < 1.1:
         text = ", ".join(f"{number:g}" for number in numbers)
         warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
-
-
-# Which files describe a robot.
-
-
-class RobotFiles(NamedTuple):
-    """The file that was named, what it says if it is a YAML, and the file of the tree."""
-
-    named: Path
-    given: Description
-    tree: Path
-
-    @property
-    def is_mjcf(self) -> bool:
-        """Whether the tree is an MJCF; otherwise it is a URDF."""
-        return self.tree.suffix in MJCF
-
-
-def bundled_directory() -> Path:
-    """Folder of the bundled robots: in the installed package, or in the checkout."""
-    installed = Path(str(files("loopid"))) / "urdf"
-    return installed if installed.is_dir() else Path(__file__).parents[3] / "urdf"
-
-
-def bundled_robots() -> tuple[str, ...]:
-    """Names of the bundled robots, to be given to ``load_mechanism``.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> "3ups_rpu" in loopid.bundled_robots()
-    True
-    """
-    directory = bundled_directory()
-    urdfs = sorted(file.stem for file in directory.glob("*.urdf"))
-    return tuple(name for name in urdfs if (directory / f"{name}.yaml").is_file())
-
-
-def find_files(path: str | Path) -> RobotFiles:
-    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML."""
-    file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
-    if file.suffix == ".sdf":  # which says why not
-        return RobotFiles(file, Description(), file)
-    if file.suffix not in SUFFIXES:
-        raise RobotFileError(f"{file}: a robot file ends in {', '.join(SUFFIXES)}")
-    if file.suffix not in DESCRIPTIONS:
-        return RobotFiles(file, Description(), file)
-    given = read_yaml(file, Description)
-    named = given.urdf or given.mjcf
-    trees = [file.parent / named] if named else map(file.with_suffix, (".urdf", *MJCF))
-    missing = ""
-    for tree in trees:
-        problem = why_no_file(tree)
-        if not problem:
-            return RobotFiles(file, given, tree)
-        kind, place = "MJCF" if given.mjcf is not None else "URDF", " ".join(str(tree).split())
-        missing = missing or f"{file}: its {kind} {place} is missing: it {problem}"
-    raise FileError(missing)
-
-
-def find_motion_file(path: str | Path) -> Path:
-    """An existing motion file: the path itself, or the bundled one of a robot's name."""
-    bundled = sorted(
-        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
-    )
-    return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
-
-
-def _existing(
-    path: str | Path, ending: str, bundled: Iterable[str], what: str, listing: str
-) -> Path:
-    problem = why_no_file(Path(path))
-    if not problem:
-        return Path(path)
-    if str(path) in bundled:
-        return bundled_directory() / f"{path}{ending}"
-    raise FileError(f"{what}{Path(path)} {problem}, and {listing}: {', '.join(bundled)}")

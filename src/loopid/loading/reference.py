@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +11,8 @@ from loopid.arguments import (
     FloatArray,
     random_generator,
 )
-from loopid.base_parameters.structure import analyse
 from loopid.errors import (
     AccuracyWarning,
-    LoopidError,
     MobilityError,
     ModelWarning,
     RobotFileError,
@@ -32,7 +29,7 @@ from loopid.kinematics.constraint import (
     Constraint,
     largest_residual,
 )
-from loopid.kinematics.freedoms import independent_coordinates
+from loopid.kinematics.freedoms import closed_at
 from loopid.kinematics.modes import (
     FOLDED,
     assembly_modes,
@@ -47,7 +44,6 @@ from loopid.kinematics.projection import (
     singularity_measure,
 )
 from loopid.kinematics.rounding import (
-    ROUND_OFF,
     SIX_DIGITS,
     changes,
     exact_geometry,
@@ -56,11 +52,7 @@ from loopid.kinematics.rounding import (
     rounding_that_closes,
 )
 from loopid.loading.tree import write_joint
-from loopid.regressors.structural import structural_observation
-from loopid.robot.mechanism import (
-    AssemblyMode,
-    Mechanism,
-)
+from loopid.robot.mechanism import Mechanism
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
@@ -73,25 +65,18 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # leaves no choice.
 NEAR = 0.2
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
-ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
-# Parts of the limits that their poses are from: near by they take a step or two, farther away more
-# shows.
-SPREADS = (0.05, 1.0)
-# Angle between axes, in rad, that may make a singular value of the closures; and what is no tilt.
-TILT, LARGEST_TILT = 30.0, 0.1
-LARGEST = 600  # parameters of a robot whose modes are compared
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
 
 
 def close_reference(
-    mechanism: Mechanism, given: Collection[str], rounding: float | None = None, snap: bool = False
+    mechanism: Mechanism, given: Collection[str], rounding: float | None
 ) -> ClosedReference:
     """Close the loops of a mechanism at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
     motors that it leaves out; then several seeded starts of all joints left out are tried. Where
-    that pose is singular or far from the written one, its assembly modes are compared.
+    that pose is singular or far from the written one, the best of its assembly modes is taken.
 
     Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
     has rounded: to the rounding that is given, else to six digits. Whatever of this was needed is
@@ -100,7 +85,7 @@ def close_reference(
     """
     near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
     chosen, reason = None, None
-    if rounding is None and not snap:
+    if rounding is None:
         try:
             chosen = _closed_reference(mechanism, given, CLOSURE_TOLERANCE, near)
         except MobilityError as error:
@@ -113,8 +98,8 @@ def close_reference(
         except MobilityError as error:
             raise reason or error from None
         if found is None:
-            raise RobotFileError(_open_loops(loose, loose.reference, given))
-        chosen = _exact(mechanism, found[0], rounding, snap)
+            raise _open_loops(loose, loose.reference, given)
+        chosen = _exact(mechanism, found[0], SIX_DIGITS if rounding is None else rounding)
     if not given and (excluded := _excluded(mechanism)):
         warn(
             f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
@@ -139,29 +124,22 @@ def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
     return bool(ranks[1] < ranks[0])
 
 
-def _exact(
-    file: Mechanism, loose: Mechanism, rounding: float | None, snap: bool
-) -> ClosedReference:
+def _exact(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReference:
     """The mechanism with places corrected within the rounding, so that its loops close."""
-    presumed = SIX_DIGITS if rounding is None else rounding
-    moved = exact_geometry(loose, loose.reference, presumed, snap)
-    near = replace(moved, closure_residual=largest_gap(presumed, moved.length))
+    moved = exact_geometry(loose, loose.reference, rounding)
+    near = replace(moved, closure_residual=largest_gap(rounding, moved.length))
     open_by = float(largest_residual(moved, nearby_configurations(near, near.reference)).max())
     if open_by <= CLOSURE_TOLERANCE:
         moved = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
         open_by = 0.0
-    closed, around = _closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
+    closed, around = closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
     shift, turn = changes(loose, closed)
     if closed.model is not loose.model or open_by:
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
-            advice = "; --snap makes nearly equal lengths equal, and axes meet that nearly do"
-            text += advice * (not snap)
         warn(f"{file.path}: its numbers are rounded: {text}", AccuracyWarning)
-    # What is as it is meant to be is no longer rounded, but to floating-point numbers.
-    left = presumed if open_by or not snap else ROUND_OFF * closed.length
-    return replace(closed, rounding=left), around
+    return replace(closed, rounding=rounding), around
 
 
 def _closed_reference(
@@ -176,7 +154,7 @@ def _closed_reference(
             if gap <= near:
                 return None
             continue
-        found, first = _closed_at(mechanism, q), not closed
+        found, first = closed_at(mechanism, q), not closed
         closed.append(found)
         suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
         moved = _moved(found[0], mechanism.reference)
@@ -187,7 +165,7 @@ def _closed_reference(
         if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
-        raise RobotFileError(_open_loops(mechanism, best[0], given))
+        raise _open_loops(mechanism, best[0], given)
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     return chosen or (max(inside, key=_measure) if inside else closed[0])
@@ -241,56 +219,27 @@ def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
 def _in_a_mode(
     closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
 ) -> ClosedReference | None:
-    """The mechanism in the best of its assembly modes, warned of where it matters.
+    """The mechanism in the best of its assembly modes, warned of where the drawn pose is singular.
 
     None where none is inside the limits.
     """
     modes = assembly_modes(closed[0], drawn)
     if not modes:
         return None
-    mechanism, around = _closed_at(closed[0], modes[0].reference)
+    mechanism, around = closed_at(closed[0], modes[0].reference)
     if _outside(mechanism):
         return None
-    singular = why_singular(*closed) if drawn_is_closed else ""
-    if len(modes) > 1:
-        modes = tuple(replace(mode, rank=_rank(mechanism, mode)) for mode in modes)
-    ranks = {mode.rank for mode in modes}
-    text = f"the drawn pose is singular {singular}" if singular else "the drawn pose is open"
-    if singular:
-        text += "; the reference is a regular pose a step of the motors away"
-    if len(modes) > 1:
-        text += f"; {len(modes)} assembly modes were found, mode 1 is used"
-    if len(ranks) > 1:
-        listed = ", ".join(f"{mode.rank or '?'} in mode {k}" for k, mode in enumerate(modes, 1))
-        differ = "MAY DIFFER" if None in ranks else "DIFFER"
-        text += f", and THEIR NUMBERS OF BASE PARAMETERS {differ} (full model): {listed}"
-    if len(modes) > 1:
-        text += (
-            "; to choose another, put its 'reference' into the YAML, as 'loopid check "
-            f"{mechanism.path}' prints it"
-        )
-    if len(ranks) > 1:
-        warn(f"{mechanism.path}: {text}", ModelWarning)
-    elif singular:
+    if drawn_is_closed and (singular := why_singular(*closed)):
+        text = f"the drawn pose is singular {singular}; the reference is a regular pose a step of "
+        text += "the motors away"
+        if len(modes) > 1:
+            text += (
+                f"; {len(modes)} assembly modes were found, mode 1 is used: compare_modes(robot) "
+                "counts what can be known in each, and another is chosen by its 'reference' in the "
+                "YAML"
+            )
         warn(f"{mechanism.path}: {text}", AccuracyWarning)
     return replace(mechanism, modes=modes), around
-
-
-def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
-    """Number of base parameters of the full model in a mode; None where it is not clear."""
-    if len(mechanism.parameters()) > LARGEST:
-        return None
-    try:
-        # Coordinates that are independent in one mode may hardly be so in another.
-        robot, _ = _closed_at(mechanism, mode.reference)
-    except LoopidError:
-        return None
-    samples = int(np.ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent)))
-    for spread in SPREADS:
-        with suppress(LoopidError):
-            observed = structural_observation(robot, "full", samples, spread=spread)
-            return analyse(replace(observed, geometry=None)).rank
-    return None
 
 
 def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
@@ -337,40 +286,6 @@ def _scattered(
     return q
 
 
-def _closed_at(mechanism: Mechanism, q: FloatArray) -> ClosedReference:
-    """The mechanism with a closed reference and the coordinates that are independent around it."""
-    residual = float(largest_residual(mechanism, q[None])[0])
-    residual = max(residual, mechanism.closure_residual)
-    mechanism = replace(
-        mechanism, closure_residual=residual if residual > CLOSURE_TOLERANCE else 0.0
-    )
-    around = nearby_configurations(mechanism, q)
-    try:
-        chosen = independent_coordinates(mechanism, around)
-    except MobilityError as error:
-        raise MobilityError(
-            f"{mechanism.path}: {error}{_how_to_move(mechanism, around)}"
-        ) from error
-    driven = mechanism.coordinates_of(mechanism.actuated)
-    closed = replace(
-        mechanism,
-        reference=q,
-        free=tuple(name for name in chosen if name not in driven),
-        redundant=tuple(name for name in driven if name not in chosen),
-    )
-    return closed, around
-
-
-def _how_to_move(mechanism: Mechanism, around: FloatArray) -> str:
-    """What to do about a robot that its closures hold, in words."""
-    hint = ": leave a closure out, or choose a kind with fewer rows"
-    angle = TILT * mobility(mechanism, around=around).least
-    if angle < LARGEST_TILT:
-        rounding = rounding_that_closes(angle, 1.0)
-        hint += f"; if axes are meant to be parallel, say so by --rounding {rounding:g}"
-    return hint
-
-
 def _measure(closed: ClosedReference) -> float:
     return float(singularity_measure(closed[0], closed[0].reference[None])[0])
 
@@ -386,20 +301,21 @@ def _outside(mechanism: Mechanism) -> str:
     return ""
 
 
-def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> str:
+def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> RobotFileError:
+    """Which closure stays open most, by how much, and by which rounding it would close."""
     residual = np.abs(Constraint(mechanism, q[None]).scaled()[0][0])
-    name = mechanism.row_names[int(residual.argmax())]
+    gap, name = float(residual.max()), mechanism.row_names[int(residual.argmax())]
+    facts = {"file": str(mechanism.path), "closure": name, "gap": gap}
+    facts["tolerance"] = CLOSURE_TOLERANCE
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     if any(closure.kind == "6d" for closure in mechanism.closures):
         hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
-    if residual.max() < LIKELY_ROUNDING * mechanism.length:
-        needed = rounding_that_closes(float(residual.max()), mechanism.length)
-        hint = (
-            f": if its numbers are rounded, say so by --rounding {needed:g}, or by "
-            f"'rounding: {needed:g}' in a YAML, and joints and closures are moved within that"
-        )
-    return (
-        f"{mechanism.path}: {origin}: closure {name} stays open by "
-        f"{residual.max():.1e} m (tolerance {CLOSURE_TOLERANCE:g} m){hint}"
+    if gap < LIKELY_ROUNDING * mechanism.length:
+        facts["rounding"] = needed = rounding_that_closes(gap, mechanism.length)
+        hint = f": it closes with rounding={needed:g}, if the numbers of the file are rounded so"
+    return RobotFileError(
+        f"{mechanism.path}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
+        f"{CLOSURE_TOLERANCE:g} m){hint}",
+        **facts,
     )

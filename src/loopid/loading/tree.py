@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,11 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray
-from loopid.errors import (
-    LoopidError,
-    OptionError,
-    RobotFileError,
-)
+from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.robot.mechanism import LeftOut
 
@@ -47,6 +43,8 @@ class TreeSource:
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
     # Forces of the file that no model has: warned of on loading, too
     left_out: tuple[LeftOut, ...] = ()
+    # Joints, and turns of joints, that are locked; those with one coordinate with its value
+    locked: dict[str, float | None] = field(default_factory=dict)
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:
@@ -58,52 +56,71 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
     model.addFrame(frame, False)
 
 
-def build_tree(
-    file: Path, source: TreeSource, description: Description, locked: Sequence[str]
-) -> TreeSource:
+def build_tree(source: TreeSource, description: Description, locked: Sequence[str]) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
     Locked are joints, or single turns of spherical joints such as ``ball.wz``. The reference of the
     description comes back with the values of the joints that are left.
     """
     for name in description.joint_name:
-        joint_named(name, source.model, f"{file}: unknown joint {name!r} in joint_name")
+        joint_named(source.model, name, "in joint_name")
     source = replace(source, description=description)
     if description.gravity is not None:
         source.model.gravity.linear = np.array(description.gravity)
-    source = _replaced(file, source, _replacements(source.model, description), turned=False)
+    source = _replaced(source, _replacements(source.model, description), turned=False)
     for name, limits in description.limits.items():
-        joint = joint_named(name, source.model, f"{file}: unknown joint {name!r} in limits")
+        joint = joint_named(source.model, name, "in limits")
         if joint.nq != 1:
-            raise RobotFileError(f"{file}: limits: joint {name} has {joint.nv} coordinates")
+            raise RobotFileError(f"limits: joint {name} has {joint.nv} coordinates", joint=name)
         low, high = limits or (-np.inf, np.inf)
         source.model.lowerPositionLimit[joint.idx_q] = low
         source.model.upperPositionLimit[joint.idx_q] = high
-    whole = list(description.fixed)
+    chains = _locks(source, (*description.fixed, *locked))
+    at = _locked_values(source, dict.fromkeys((*description.fixed, *locked)))
+    source = replace(_replaced(source, chains, turned=True), locked=at)
+    if source.model.nv == 0:
+        raise RobotFileError("no joint can move, unless its base floats (floating_base: true)")
+    return source
+
+
+def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
+    """What is left of joints that are locked: nothing, or hinges of a ball with locked turns."""
+    whole: list[str] = []
     left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
-    for name in locked:
+    model = source.model
+    joints = list(model.names)[1:]  # of texts that Pinocchio could not take, too
+    for name in names:
         joint, _, turn = name.rpartition(".")
-        model = source.model
-        names = list(model.names)  # of texts that Pinocchio could not take, too
-        if name in names or joint not in names:
+        if name in joints or joint not in joints:
             # What has taken the place of a joint is locked with it.
             whole += source.replaced.get(name, (name,))
             continue
         spherical = model.joints[model.getJointId(joint)].shortname() == "JointModelSpherical"
         if turn not in TURNS or not spherical:
             raise OptionError(
-                f"{name} cannot be locked alone: lock {joint}, or a turn of a ball joint"
+                f"{name} cannot be locked alone: lock {joint}, or a turn of a ball joint",
+                given=name,
             )
         left[joint] = left.get(joint, "XYZ").replace(TURNS[turn], "")
     for name in whole:
-        joint_named(name, source.model, f"{file}: unknown joint {name!r} to lock", OptionError)
-    chains = {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
-    source = _replaced(file, source, chains, turned=True)
-    if source.model.nv == 0:
-        raise RobotFileError(
-            f"{source.file}: no joint can move, unless its base floats (floating_base: true)"
-        )
-    return source
+        if name not in joints:
+            raise OptionError.unknown("joint to lock", name, joints)
+    return {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
+
+
+def _locked_values(source: TreeSource, names: Mapping[str, None]) -> dict[str, float | None]:
+    """What is locked; joints with one coordinate with the value that they are locked at."""
+    model = source.model
+    joints = {
+        name: model.joints[model.getJointId(name)]
+        for name in names
+        if name in list(model.names)[1:] and model.joints[model.getJointId(name)].nv == 1
+    }
+    reference = source.description.reference
+    # A list is for what has taken the place of the joint.
+    at = {k: v for k, v in reference.items() if k in joints and not isinstance(v, list)}
+    q = written_reference(model, at)
+    return {**names, **{name: read_joint(joint, q) for name, joint in joints.items()}}
 
 
 def _hinges(axes: str) -> Chain:
@@ -136,9 +153,7 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
     return chains
 
 
-def _replaced(
-    file: Path, source: TreeSource, chains: Mapping[str, Chain], turned: bool
-) -> TreeSource:
+def _replaced(source: TreeSource, chains: Mapping[str, Chain], turned: bool) -> TreeSource:
     """The tree with other joints in the places of some; bodies hang on the last of each chain.
 
     Where a joint is ``turned``, its reference becomes the zero of what takes its place; else the
@@ -157,7 +172,7 @@ def _replaced(
         name, joint = old.names[index], old.joints[index]
         if name in chains:
             taken[name] = tuple(name + ending for ending, _ in chains[name])
-            start = _start(file, old, name, reference, chains[name])
+            start = _start(old, name, reference, chains[name])
             if start is not None and turned:
                 placement = placement * start
             elif start is not None:
@@ -199,7 +214,7 @@ def _replaced(
 
 
 def _start(
-    file: Path, model: pin.Model, name: str, reference: dict[str, Reference], chain: Chain
+    model: pin.Model, name: str, reference: dict[str, Reference], chain: Chain
 ) -> pin.SE3 | None:
     """Take a joint's motion from the reference; None where that is of what takes its place."""
     parts = [name + ending for ending, _ in chain]
@@ -209,7 +224,7 @@ def _start(
     if chain and (given is None or any(part in reference for part in parts if part != name)):
         reference.pop(name, None)
         return None
-    q = written_reference(file, model, {name: reference.pop(name)} if given is not None else {})
+    q = written_reference(model, {name: reference.pop(name)} if given is not None else {})
     data = joint.createData()
     joint.calc(data, q)
     return data.M
@@ -234,17 +249,19 @@ def _angle(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
 # Values of joints.
 
 
-def joint_named(
-    name: str, model: pin.Model, problem: str, failure: type[LoopidError] = RobotFileError
-) -> pin.JointModel:
+def joint_named(model: pin.Model, name: str, where: str) -> pin.JointModel:
     """Joint of a name; where there is none, an error that lists the joints."""
-    names = list(model.names)[1:]
+    names = tuple(model.names)[1:]
     if name not in names:
-        raise failure(f"{problem}: choose among {', '.join(names)}")
+        raise RobotFileError(
+            f"unknown joint {name!r} {where}: choose among {', '.join(names)}",
+            given=name,
+            valid=names,
+        )
     return model.joints[model.getJointId(name)]
 
 
-def written_reference(file: Path, model: pin.Model, values: Mapping[str, Reference]) -> FloatArray:
+def written_reference(model: pin.Model, values: Mapping[str, Reference]) -> FloatArray:
     """Configuration (nq,) with the given joint values; others in the middle of their limits."""
     q = pin.neutral(model)
     for joint in list(model.joints)[1:]:
@@ -254,27 +271,31 @@ def written_reference(file: Path, model: pin.Model, values: Mapping[str, Referen
             if not low <= q[k] <= high:
                 q[k] = 0.5 * (low + high)
     for name, value in values.items():
-        joint = joint_named(name, model, f"{file}: unknown joint {name!r} in reference")
-        what, given = f"{file}: joint {name} in reference", np.array(value, float, ndmin=1)
-        if not (np.abs(given) < LARGEST).all():
-            raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
-        wanted = 1 if joint.nv == 1 else joint.nq
-        if len(given) != wanted:
-            count = "one number" if wanted == 1 else f"a list of {wanted} numbers"
-            raise RobotFileError(f"{what} must be {count}, not {value}")
+        joint = joint_named(model, name, "in reference")
+        given = _joint_value(joint, name, value)
         if joint.nv == 1:
             write_joint(joint, q, float(given[0]))
-            continue
-        turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :]
-        if len(turn):
-            size = float(np.linalg.norm(turn))
-            if not 0.9 < size < 1.1:
-                raise RobotFileError(
-                    f"{what} must end in a unit vector, not one of length {size:.3g}"
-                )
-            turn /= size
-        q[joint.idx_q : joint.idx_q + joint.nq] = given
+        else:
+            q[joint.idx_q : joint.idx_q + joint.nq] = given
     return np.asarray(q, dtype=np.float64)
+
+
+def _joint_value(joint: pin.JointModel, name: str, value: Reference) -> FloatArray:
+    """The numbers of a joint in a reference, as many as it needs; quaternions are normalised."""
+    what, given = f"joint {name} in reference", np.array(value, float, ndmin=1)
+    if not (np.abs(given) < LARGEST).all():
+        raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
+    wanted = 1 if joint.nv == 1 else joint.nq
+    if len(given) != wanted:
+        count = "one number" if wanted == 1 else f"a list of {wanted} numbers"
+        raise RobotFileError(f"{what} must be {count}, not {value}")
+    turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :] if joint.nv > 1 else given[:0]
+    if len(turn):
+        size = float(np.linalg.norm(turn))
+        if not 0.9 < size < 1.1:
+            raise RobotFileError(f"{what} must end in a unit vector, not one of length {size:.3g}")
+        turn /= size
+    return given
 
 
 def read_joint(joint: pin.JointModel, q: FloatArray) -> float:

@@ -7,15 +7,11 @@ of the frequencies, where robots do not move, tells its level.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    frozen,
-)
+from loopid.arguments import FloatArray
 from loopid.logs.log import Log
+from loopid.records import record
 
 # Part of the power of the velocities that is within the band of a motion.
 BAND_POWER = 0.999
@@ -35,7 +31,7 @@ LEAST_COUNT, SHORT_CUTOFF = 62, 0.05
 PASSED = np.pi / (8 * np.sqrt(2))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MotionSpectrum:
     """Spectrum of accelerations, each motor's in units of its power, on average of those that move.
 
@@ -68,7 +64,7 @@ def motion_spectrum(log: Log) -> MotionSpectrum:
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, count = log.rate(part), part.stop - part.start - 2
     if count < LEAST_COUNT:
-        nothing = frozen(np.zeros(0))
+        nothing = np.zeros(0)
         return MotionSpectrum(nothing, nothing, nothing, 0.0, SHORT_CUTOFF * rate or 1.0)
     frequencies = np.fft.rfftfreq(count, 1 / rate).astype(np.float64)
     edges = [0]
@@ -99,9 +95,9 @@ def motion_spectrum(log: Log) -> MotionSpectrum:
     motion = np.where(total > ABOVE_NOISE * noise, total - noise, 0.0)
     velocity = np.cumsum(motion * widths / frequency**2)
     if not velocity[-1] > 0:
-        return MotionSpectrum(frozen(frequency), frozen(total), frozen(noise), 0.0, limit)
+        return MotionSpectrum(frequency, total, noise, 0.0, limit)
     band = float(frequency[np.searchsorted(velocity, BAND_POWER * velocity[-1])])
     passed = PASSED * (2 * np.pi) ** 4 * level / (motion @ widths)
     quiet = (NOISE_POWER / passed) ** 0.2 if passed > 0 else np.inf
     cutoff = min(max(min(WIDTH * band, quiet), LEAST_WIDTH * band), limit)
-    return MotionSpectrum(frozen(frequency), frozen(total), frozen(noise), band, float(cutoff))
+    return MotionSpectrum(frequency, total, noise, band, float(cutoff))

@@ -31,7 +31,7 @@ from loopid.files import (
     text_blocks,
     why_no_file,
 )
-from loopid.loading.description import find_motion_file
+from loopid.loading.files import find_motion_file
 from loopid.motion.filtering import (
     LowPass,
     differentiate,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from html import escape
 
 import numpy as np
@@ -13,9 +13,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     checked,
-    checked_fields,
     finite,
-    frozen,
 )
 from loopid.errors import (
     DataError,
@@ -33,14 +31,14 @@ from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
+from loopid.records import record
 from loopid.robot.mechanism import (
     Mechanism,
     lock_options,
 )
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class JointMotion:
     """Configurations of a mechanism over time, and the motion of its independent coordinates.
 
@@ -64,7 +62,7 @@ class JointMotion:
                     f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
                     f"of time, not {values.shape}"
                 )
-            object.__setattr__(self, name, frozen(values))
+            object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -139,7 +137,7 @@ def joint_motion(
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
 
 
-@dataclass(frozen=True)
+@record
 class JointRange:
     """What a joint with one coordinate passes through, in m or rad."""
 
@@ -155,7 +153,7 @@ class JointRange:
         return min(self.lowest - self.lower, self.upper - self.highest)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class MotionReview:
     """Findings about a motion."""
 

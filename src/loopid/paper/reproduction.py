@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -36,36 +35,30 @@ from loopid.errors import (
     SearchError,
 )
 from loopid.identification.bayes import BayesianRidge
+from loopid.identification.candidate import prediction_reach
 from loopid.identification.fitting import (
     fit_in_steps,
     quiet_fit,
 )
 from loopid.identification.force_model import (
     ForceModel,
-    cad_prior,
     find_force_model,
-)
-from loopid.identification.pipeline import (
-    prediction_reach,
-    split_recordings,
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
+from loopid.identification.robot_prior import cad_prior
+from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
-from loopid.logs.log import (
-    Log,
-    read_log,
-)
-from loopid.logs.recording import (
-    Recording,
-    prepare_recording,
-)
+from loopid.logs.log import Log
+from loopid.logs.options import FilterOptions
+from loopid.logs.preparing import prepare_recording
+from loopid.logs.reading import read_log
+from loopid.logs.recording import Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
-from loopid.motion.filtering import LowPass
 from loopid.motion.joints import (
     JointMotion,
     MotionReview,
@@ -75,6 +68,7 @@ from loopid.motion.simulation import (
     Noise,
     simulate_measurement,
 )
+from loopid.records import record
 from loopid.regressors.closed_loop import (
     ForceParts,
     force_parts,
@@ -183,7 +177,7 @@ def measured_geometry(mechanism: Mechanism) -> dict[str, float]:
     return found | {"d_s": float(revolute[0])}
 
 
-@dataclass(frozen=True)
+@record
 class BaseComparison:
     """Base parameters of the 3UPS+RPU beside Table II."""
 
@@ -245,7 +239,7 @@ def rows_of_table_ii(base: BaseParameters) -> IntArray:
 # The nine trajectories.
 
 
-@dataclass(frozen=True)
+@record
 class Experiment:
     """The nine identification trajectories, each with what it asks of the motors, by name."""
 
@@ -325,7 +319,7 @@ def run_experiment(
     return Experiment(force_model, order, rate, motions, reviews, parts, samples)
 
 
-@dataclass(frozen=True)
+@record
 class ForceShares:
     """Figures 2 and 3: what the motors' forces are made of."""
 
@@ -370,15 +364,15 @@ def simulate_stand_in(
         errors = derived_seed(seed, STAND_IN, k)
         measured = simulate_measurement(mechanism, motion, noise, errors, truth, terms, FRICTION)
         signals = measured.time, measured.position, measured.force
-        whole = np.zeros(len(motion.time), dtype=np.int64)
-        log = Log(name, mechanism.actuated, *signals, stretches=whole)
-        recordings.append(prepare_recording(mechanism, log, LowPass(CUTOFF * experiment.rate)))
+        log = Log.from_arrays(*signals, mechanism.actuated, name=name)
+        filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
+        recordings.append(prepare_recording(mechanism, log, filter=filtered))
         if progress is not None:
             progress(k + 1, len(experiment.motions))
     return recordings, truth
 
 
-@dataclass(frozen=True)
+@record
 class SimulatedFit:
     """Table IV and figure 4: fits to the nine trajectories, in the order of Table II."""
 
@@ -422,7 +416,7 @@ def _conditions(samples: FitSamples) -> tuple[float, float]:
     return float(np.linalg.cond(W)), float(np.linalg.cond(W[:, EIGHT]))
 
 
-@dataclass(frozen=True)
+@record
 class TwoSteps:
     """The paper's indirect way: base parameters as in Table II, then friction by limb."""
 
@@ -440,11 +434,11 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
         warnings.simplefilter("ignore", DataWarning)
         warnings.simplefilter("ignore", DataWarning)
-        in_steps = fit_in_steps(warm_up, main, friction, "ols")
+        in_steps = fit_in_steps(warm_up, main, friction, estimator="ols")
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 
 
-@dataclass(frozen=True)
+@record
 class ActualFit:
     """Table V, figures 5 and 6: what logs of the robot say, friction fitted too."""
 
@@ -526,7 +520,7 @@ def fit_actual(
     )
 
 
-@dataclass(frozen=True)
+@record
 class PaperReproduction:
     """Everything that the paper's tables and figures show."""
 

@@ -29,6 +29,7 @@ from loopid.errors import (
     AssemblyError,
     ModelWarning,
     OptionError,
+    RobotFileError,
     SingularityError,
     warn,
 )
@@ -249,7 +250,7 @@ class JointTerms:
         for joints, words in _clauses(mechanism, choice):
             for word in words:
                 if word == OF_FILE:
-                    given = mechanism.joint_values
+                    given = terms_of_file(mechanism)
                     for joint in given if joints is None else joints:
                         found.setdefault(joint, {}).update(dict.fromkeys(given.get(joint, ())))
                     continue
@@ -358,7 +359,7 @@ class JointTerms:
 
     def values(self, mechanism: Mechanism) -> FloatArray:
         """Values (k,) of ``parameters`` by the robot file; NaN where it gives none."""
-        given = mechanism.joint_values
+        given = terms_of_file(mechanism)
         return np.array(
             [given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(mechanism)]
         )
@@ -452,6 +453,30 @@ def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointS
 # What the robot file gives beyond rigid bodies.
 
 
+def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
+    """Values of joint terms that the robot file gives, by coordinate and kind; NaN where unknown.
+
+    A spring without ``Fo`` is slack at zero. A RobotFileError names the joint of a term that is
+    none, or that the joint cannot have.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for joint, values in mechanism.joint_values.items():
+        found[joint] = dict(values)
+        for kind, value in values.items():
+            place = f"{mechanism.path}: joint_terms: {joint}"
+            try:
+                term = joint_term(kind)
+            except OptionError as error:
+                raise RobotFileError(f"{place}: {error}", joint=joint, **error.facts) from error
+            if term.needs_position and joint not in mechanism.joints:
+                raise RobotFileError(
+                    f"{place}: {kind} needs a joint with one coordinate", joint=joint, given=kind
+                )
+            for part in term.beside:
+                found[joint].setdefault(part, nan if np.isnan(value) else 0.0)
+    return found
+
+
 @dataclass(frozen=True)
 class FileForce:
     """A force that the robot file gives and that rigid bodies do not have."""
@@ -535,41 +560,24 @@ def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
 
 def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
     """Force (N, dof) of what is left out; None where it is not known."""
-    if motion is None or not (left.weights or left.tendon):
+    if motion is None or not left.weights:
         return None
-    q, G = motion.configurations, motion.projection.G
-    force = np.zeros(G.shape[::2])
-    if left.weights:
-        untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
-        carriers = [body.joint_id for body in mechanism.bodies]
-        for link, (mass, *centre) in left.weights.items():
-            frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
-            if frame.parentJoint in carriers:
-                point = frame.placement.act(np.array(centre))
-                pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
-        force -= torque_regressors(untied, q, model="gravity", G=G) @ pi.ravel()
-    if left.tendon:
-        along = np.zeros(mechanism.model.nv)
-        along[mechanism.velocity_indices(left.tendon)] = list(left.tendon.values())
-        positions = np.stack([joint_state(mechanism, motion, j).position for j in left.tendon], -1)
-        state = JointState(
-            positions @ np.array(list(left.tendon.values())),
-            motion.velocities @ along,
-            motion.accelerations @ along,
-        )
-        signals = [
-            value * np.broadcast_to(joint_term(kind).signal(state, JointTerms(()), np), len(q))
-            for kind, value in left.values.items()
-        ]
-        force += np.einsum("n,nji,j->ni", np.sum(signals, axis=0), G, along)
-    return force
+    untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
+    carriers = [body.joint_id for body in mechanism.bodies]
+    for link, (mass, *centre) in left.weights.items():
+        frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
+        if frame.parentJoint in carriers:
+            point = frame.placement.act(np.array(centre))
+            pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
+    K = torque_regressors(untied, motion.configurations, model="gravity", G=motion.projection.G)
+    return np.asarray(-(K @ pi.ravel()))
 
 
 def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
     """Warn once of what the robot file gives of joints and the chosen terms do not have."""
     chosen = {} if terms is None else terms.of_joints
     omitted: dict[str, list[str]] = {}
-    for joint, values in mechanism.joint_values.items():
+    for joint, values in terms_of_file(mechanism).items():
         for kind in values:
             if kind not in chosen.get(joint, ()):
                 omitted.setdefault(f"{joint_term(kind).name} ({kind})", []).append(joint)

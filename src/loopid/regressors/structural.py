@@ -19,7 +19,6 @@ from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.rounding import (
     Accuracy,
     geometry_accuracy,
-    nearly_equal_lengths,
     same_motion,
     within_accuracy,
 )
@@ -29,7 +28,7 @@ from loopid.kinematics.sampling import (
 )
 from loopid.observation import (
     Observation,
-    RoundedGeometry,
+    Rounding,
 )
 from loopid.regressors.closed_loop import (
     gravity_regressor,
@@ -56,6 +55,7 @@ Motions = tuple[FloatArray, FloatArray, FloatArray]
 def structural_observation(
     mechanism: Mechanism,
     model: str = "gravity",
+    *,
     samples: int | None = None,
     seed: int = 0,
     margin: float | None = None,
@@ -131,15 +131,15 @@ def structural_observation(
         found = Observation.from_parts(
             regressors(),
             parameters,
-            mechanism.length,
-            natural,
+            length=mechanism.length,
+            natural_size=natural,
             driven=driven if mechanism.free and driven else None,
         )
-    rounded = partial(_rounded_geometry, mechanism, model, joint_terms, kept)
+    rounded = partial(_rounding, mechanism, model, joint_terms, kept)
     order = mechanism.coordinate_order
     if alone := found.motors_alone:
-        alone = replace(alone, order=order, geometry=rounded(driven))
-    return replace(found, order=order, geometry=rounded(None), motors_alone=alone)
+        alone = replace(alone, order=order, rounding=rounded(driven))
+    return replace(found, order=order, rounding=rounded(None), motors_alone=alone)
 
 
 def _random_rates(
@@ -164,34 +164,18 @@ def _random_rates(
     return rates
 
 
-def _rounded_geometry(
+def _rounding(
     mechanism: Mechanism,
     model: str,
     joint_terms: JointTerms | None,
     motions: list[Motions],
     driven: int | None,
-) -> RoundedGeometry | None:
+) -> Rounding:
+    """What the robot file's numbers leave open."""
     accuracy = geometry_accuracy(mechanism)
     known_to = max(accuracy.length, accuracy.angle * mechanism.length)
-    if known_to == 0:
-        return None
-    tree, places = mechanism.model, dict[str, tuple[str, ...]]()
-    ids, names = mechanism.closure_frames[0], [closure.name for closure in mechanism.closures]
-    paths = [set(tree.supports[tree.frames[frame].parentJoint]) for frame in ids]
-    around = [one ^ other for one, other in zip(paths[::2], paths[1::2], strict=True)]
-    for body, link in zip(mechanism.bodies, mechanism.in_groups(mechanism.links), strict=True):
-        loops = (n for n, joints in zip(names, around, strict=True) if body.joint_id in joints)
-        places[link] = tuple(dict.fromkeys((*places.get(link, ()), *loops)))
     factors = partial(_factors_within, mechanism, model, joint_terms, motions, driven, accuracy)
-    return RoundedGeometry(
-        known_to,
-        known_to / mechanism.length,
-        accuracy.source,
-        accuracy.presumed,
-        factors,
-        places,
-        nearly_equal_lengths(mechanism, accuracy),
-    )
+    return Rounding(known_to, accuracy.source, factors)
 
 
 def _factors_within(
@@ -202,16 +186,20 @@ def _factors_within(
     driven: int | None,
     accuracy: Accuracy,
     count: int,
+    within: float | None = None,
 ) -> FloatArray:
     """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
 
-    Of the first ``driven`` rows of each sample, or of all.
+    Of the first ``driven`` rows of each sample, or of all. Lengths of the others may be ``within``
+    another accuracy, in m, and angles accordingly.
     """
+    if within is not None:
+        accuracy = replace(accuracy, length=within, angle=within / mechanism.length)
     generator, parameters = random_generator(0), motion_parameters(mechanism, model, joint_terms)
     others = (within_accuracy(mechanism, accuracy, generator) for _ in range(count))
     found = []
     for other in (mechanism, *others):
         moved = (same_motion(mechanism, other, *batch) for batch in motions)
         parts = (motion_regressor(other, one, model, joint_terms)[:, :driven] for one in moved)
-        found.append(Observation.from_parts(parts, parameters, mechanism.length).factor)
+        found.append(Observation.from_parts(parts, parameters).factor)
     return np.stack(found)

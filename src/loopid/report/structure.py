@@ -14,6 +14,7 @@ from loopid.base_parameters.base import (
     BaseParameters,
     expression,
 )
+from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import (
@@ -32,16 +33,16 @@ from loopid.report.look import (
     json_value,
     plain_table,
 )
-from loopid.robot.closures import (
-    JointCoupling,
-    LoopClosure,
-)
-from loopid.robot.mechanism import (
-    Mechanism,
+from loopid.robot.checks import (
     inertia_defects,
     odd_masses,
     unequal_links,
 )
+from loopid.robot.closures import (
+    JointCoupling,
+    LoopClosure,
+)
+from loopid.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from loopid.motion.joints import MotionReview
@@ -122,17 +123,18 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
 
 def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
+    compared = compare_modes(mechanism)
     return [
         {
             "mode": k,
             "used": k == 1,
-            "rank": mode.rank,
+            "rank": rank,
             "distance": mode.distance,
             "meets_drawn_pose": mode.continues,
             "parallel_pairs": mode.parallel,
             "reference": mechanism.reference_values(mode.reference),
         }
-        for k, mode in enumerate(mechanism.modes, start=1)
+        for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1)
     ]
 
 
@@ -259,7 +261,7 @@ def base_record(
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
 ) -> dict[str, Any]:
-    """Base parameters and their search, ready for JSON, with records of the assembly modes.
+    """Base parameters and their search, ready for JSON.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
@@ -270,7 +272,6 @@ def base_record(
         "model": model,
         "standard_parameters": len(base.parameters),
         **_choice(base),
-        "assembly_modes": _mode_records(mechanism),
         "undetermined": list(mechanism.free),
         "motors_alone": None if motors_alone is None else _choice(motors_alone),
     }
@@ -282,8 +283,14 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
         "nonzero_parameters": len(base.structure.columns),
         "rank": base.structure.rank,
         "rank_gap": base.structure.rank_gap,
-        "rank_noise": base.structure.noise,
-        "rank_noise_source": base.structure.noise_source,
+        "doubtful": [
+            {
+                "expression": expression(one.terms),
+                "terms": dict(one.terms),
+                **json_fields(one, "singular_value", "rounding", "source"),
+            }
+            for one in base.doubtful
+        ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
         "search": json_fields(base.search, *SEARCH),
         "base_parameters": [
@@ -299,6 +306,8 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
+    if record["doubtful"]:
+        tables.append(_doubtful(record["doubtful"]))
     return [*tables, facts("findings", _findings(record))]
 
 
@@ -307,13 +316,27 @@ def _parameters(title: str, choice: dict[str, Any]) -> Table:
     return plain_table(title, (">", "base parameter"), rows)
 
 
+def _doubtful(combinations: Sequence[Mapping[str, Any]]) -> Table:
+    rows = (
+        (
+            one["expression"],
+            f"{one['singular_value']:.1e}",
+            "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}",
+        )
+        for one in combinations
+    )
+    return plain_table(
+        "doubtful combinations, which do not count",
+        ("", ">singular value", "rounding that makes it"),
+        rows,
+    )
+
+
 def _findings(record: dict[str, Any]) -> dict[str, str]:
     search = record["search"]
     conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
     gap = f"singular-value gap {record['rank_gap']:.1e}"
-    if record["rank_noise"]:
-        gap += f" above {record['rank_noise']:.1e}, noise of {record['rank_noise_source']}"
     rows = {
         "parameters with an effect": (
             f"{record['nonzero_parameters']} of {record['standard_parameters']}"

@@ -26,6 +26,8 @@ from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
+from loopid.records import record
+from loopid.registry import Registry
 
 Axis = tuple[float, float, float]
 UNIT = 1e-9  # by which the length of a unit vector may be off
@@ -294,7 +296,7 @@ def _constant(casadi: Any, columns: FloatArray) -> Any:
     return casadi.sparsify(casadi.DM(np.ascontiguousarray(columns)))
 
 
-@dataclass(frozen=True)
+@record
 class ClosureKind:
     """A kind of closure."""
 
@@ -307,7 +309,7 @@ class ClosureKind:
     has_length: bool = False  # whether it has the key ``length``
 
 
-CLOSURE_KINDS = {
+CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
     "3d": ClosureKind(lambda c: (Point(),), ("point", "spherical", "ball")),
     "6d": ClosureKind(lambda c: (Point(), Turn()), ("weld", "fixed")),
     "hinge": ClosureKind(lambda c: (Point(), Align(*c.axes)), ("revolute",), (Z, Z)),
@@ -318,10 +320,10 @@ CLOSURE_KINDS = {
     "cylindrical": ClosureKind(lambda c: (Slide(c.axes[0]), Align(*c.axes)), axes=(Z, Z)),
     "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z)),
     "distance": ClosureKind(lambda c: (Distance(c.length),), ("rod",), has_length=True),
-}  # fmt: skip
+})  # fmt: skip
 
 
-@dataclass(frozen=True)
+@record(checked=True)
 class LoopClosure:
     """A joint that closes a loop of the tree.
 
@@ -363,8 +365,7 @@ class LoopClosure:
     length: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind not in CLOSURE_KINDS:
-            raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS)
+        CLOSURE_KINDS[self.kind]  # or an OptionError
         for axis in self.axes:
             if not abs(np.linalg.norm(axis) - 1) <= UNIT:
                 raise OptionError(f"closure {self.name}: axis {axis} must be a unit vector")
@@ -385,7 +386,7 @@ class LoopClosure:
         return sum(part.count for part in self.equations)
 
 
-@dataclass(frozen=True)
+@record(checked=True)
 class JointCoupling:
     """A gear, belt, cam or mimicking joint: an equation between coordinates of joints.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -14,32 +14,28 @@ import numpy as np
 import pinocchio as pin
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial.transform import Rotation
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    checked,
+    Number,
     frozen,
-    samples,
 )
 from loopid.errors import OptionError
-from loopid.inertia import (
-    body_defect,
-    pseudo_inertia,
-)
 from loopid.parameters import (
     KINDS,
     ParameterSet,
     html_table,
     model_kinds,
 )
+from loopid.records import record
 from loopid.robot.closures import (
     UNIT,
     JointCoupling,
     LoopClosure,
 )
+from loopid.robot.platform import Platform
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
 # closed to round-off, so a redundant row shows at 1e-15; in files of six digits at 1e-9.
@@ -53,17 +49,10 @@ COMPONENTS = {
     "JointModelTranslation": LINEAR,
 }
 OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
-TRANSLATIONS = ("x", "y", "z")
-ROTATIONS = ("rx", "ry", "rz")
-# Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
-ROUNDED = 1e-6
-ALIKE = 1e-4
-# Masses that only keep a simulator running: part of the heaviest body, and in kg.
-PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
 LISTED = 8  # names in a sentence
 
 
-@dataclass(frozen=True)
+@record(checked=True)
 class Body:
     """A rigid body that carries parameters: all the links fixed to one joint."""
 
@@ -71,7 +60,7 @@ class Body:
     joint_id: int  # index of the joint in the Pinocchio model
 
 
-@dataclass(frozen=True)
+@record(checked=True)
 class LinkGroup:
     """Links with the same parameters, each in its own frame."""
 
@@ -79,79 +68,7 @@ class LinkGroup:
     links: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Platform:
-    """A frame whose placement is a product of elementary motions.
-
-    The placement in the fixed frame is the translation along the fixed axes named among
-    x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
-    rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
-    """
-
-    frame: str
-    frame_id: int  # index of the frame in the Pinocchio model
-    names: tuple[str, ...]  # what the robot's own literature calls the coordinates
-    motions: tuple[str, ...]  # elementary motion of each coordinate
-
-    def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
-        values = samples(coordinates, len(self.motions), "platform coordinates")
-        origins = np.zeros((len(values), 3))
-        rotations = Rotation.identity(len(values))
-        for value, motion in zip(values.T, self.motions, strict=True):
-            if motion in TRANSLATIONS:
-                origins[:, TRANSLATIONS.index(motion)] = value
-            else:
-                rotations = rotations * Rotation.from_euler(motion[1], value[:, None])
-        return rotations.as_matrix(), origins
-
-    def coordinates(self, rotations: FloatArray, origins: FloatArray) -> FloatArray:
-        """Platform coordinates (N, c) of placements (N, 3, 3) and (N, 3); the inverse map."""
-        turns = [motion[1] for motion in self.motions if motion in ROTATIONS]
-        # Euler angles need three axes: the missing ones come last and turn out zero.
-        axes = turns + [axis for axis in "xyz" if axis not in turns]
-        angles = Rotation.from_matrix(rotations).as_euler("".join(axes).upper())
-        return np.stack(
-            [
-                origins[:, TRANSLATIONS.index(motion)]
-                if motion in TRANSLATIONS
-                else angles[:, axes.index(motion[1])]
-                for motion in self.motions
-            ],
-            axis=1,
-        )
-
-    def twist_map(self, coordinates: FloatArray) -> FloatArray:
-        """E (N, 6, c) with twist = E times rates: velocity of the origin above angular velocity.
-
-        A translation moves along its fixed axis; a rotation turns about its axis as the rotations
-        before it have left it.
-        """
-        values = samples(coordinates, len(self.motions), "platform coordinates")
-        twists = np.zeros((len(values), 6, len(self.motions)))
-        turned = Rotation.identity(len(values))
-        for k, motion in enumerate(self.motions):
-            if motion in TRANSLATIONS:
-                twists[:, TRANSLATIONS.index(motion), k] = 1.0
-                continue
-            axis = np.eye(3)[ROTATIONS.index(motion)]
-            twists[:, 3:, k] = turned.apply(axis)
-            turned = turned * Rotation.from_euler(motion[1], values[:, k : k + 1])
-        return twists
-
-    def twist_drift(self, coordinates: FloatArray, rates: FloatArray) -> FloatArray:
-        """Rate of change (N, 6) of the twist at constant rates (N, c).
-
-        Each rotation's axis is carried by the rotations before it.
-        """
-        contributions = self.twist_map(coordinates) * rates[:, None]
-        before = np.cumsum(contributions[:, 3:], axis=2) - contributions[:, 3:]
-        drift = np.zeros(contributions.shape[:2])
-        drift[:, 3:] = np.cross(before, contributions[:, 3:], axis=1).sum(axis=2)
-        return drift
-
-
-@dataclass(frozen=True, repr=False)
+@record
 class AssemblyMode:
     """One way of assembling a robot whose drawn pose leaves a choice."""
 
@@ -162,26 +79,17 @@ class AssemblyMode:
     # Whether regular poses lead from there to the drawn one, which is then singular
     continues: bool
     parallel: int  # pairs of links of a loop that do not turn against each other
-    # Number of base parameters of the full model; None where it was not found
-    rank: int | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "reference", frozen(self.reference))
 
 
-@dataclass(frozen=True)
+@record
 class LeftOut:
     """What the robot file gives of forces and no model has."""
 
     what: str  # the force and where it acts, such as ``"gravity compensation of upper"``
-    # Link to mass and centre of mass in its frame, (4,), whose weight the force carries
+    # Link to mass and centre of mass in its frame, (4,), whose weight the force carries; empty
+    # where the size of the force is not known
     weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    # Coordinate to the factor with which it enters the length of a tendon
-    tendon: Mapping[str, float] = field(default_factory=dict)
-    # Kinds of joint terms to the tendon's coefficients of them
-    values: Mapping[str, float] = field(default_factory=dict)
-    # False for what forces and positions are counted by, such as a gear; of a force without weights
-    # and tendon the size is not known.
+    # False for what forces and positions are counted by, such as a gear
     is_force: bool = True
 
 
@@ -194,7 +102,7 @@ class Loop(NamedTuple):
     closures: tuple[LoopClosure, ...]
 
 
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class Mechanism:
     """A robot with or without closed loops.
 
@@ -239,7 +147,8 @@ class Mechanism:
         Least singularity measure of random poses; None for the default.
     joint_values : mapping
         What the file gives of forces in joints: coordinate to kind of term, such as ``"Fv"``, to
-        its value. The rigid-body model has none of them, ``JointTerms`` may.
+        its value, NaN where it is unknown. The rigid-body model has none of them, ``JointTerms``
+        may.
     left_out : tuple of LeftOut
         Forces of the file that no model has.
     options : mapping
@@ -272,13 +181,11 @@ class Mechanism:
     rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
     margin: float | None = None
-    joint_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    joint_values: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reference", frozen(self.reference))
-
         for name in {*self.actuated}:
             if self.actuated.count(name) > 1:
                 raise OptionError(f"{self.name}: joint {name} is listed twice among the actuated")
@@ -655,92 +562,17 @@ def link_frames(model: pin.Model) -> dict[str, int]:
 
 
 def lock_options(mechanism: Mechanism) -> str:
-    """Options that lock all that the motors leave free: joints, or single turns of ball joints."""
+    """What locks all that the motors leave free, joints or turns of ball joints: ``lock=[...]``."""
     free, found = set(mechanism.free), dict[str, None]()
     for name in mechanism.free:
         joint = name if name in mechanism.joints else name.rpartition(".")[0]
         ball = mechanism.joint(joint).shortname() == "JointModelSpherical"
         some = ball and not free.issuperset(mechanism.coordinates_of([joint]))
         found[name if some else joint] = None
-    return " ".join(f"--lock {name}" for name in found)
+    return f"lock={[*found]}"
 
 
 def shortened(names: Sequence[str]) -> str:
     """The first names with commas between, and how many there are where that is not all."""
     more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
     return ", ".join(names[:LISTED]) + more
-
-
-@dataclass(frozen=True)
-class InertiaDefect:
-    """What is wrong with a body's inertia."""
-
-    link: str
-    # No body has it; otherwise a plate, a rod or a point has, which fill no volume
-    impossible: bool
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.link}: {self.reason}"
-
-
-@checked
-def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
-    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018]."""
-    found = []
-    for body in mechanism.bodies:
-        P = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
-        if reason := body_defect(P, tolerance=ROUNDED):
-            impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
-            found.append(InertiaDefect(body.link, impossible, reason))
-    return tuple(found)
-
-
-@checked
-def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
-    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
-    model, found = mechanism.model, []
-    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
-    least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
-    light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
-    if light:
-        found.append(
-            f"masses that look like placeholders, below {least:.3g} kg where the heaviest body has "
-            f"{max(masses.values()):.3g} kg: {shortened(light)}"
-        )
-    heavy = {
-        body.joint_id
-        for body in mechanism.bodies
-        if model.inertias[body.joint_id].toDynamicParameters().any()
-    }
-    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
-    idle = [
-        joint
-        for k, joint in enumerate(mechanism.joints, start=1)
-        if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
-    ]
-    if idle:
-        found.append(f"joints that move nothing with mass: {shortened(idle)}")
-    return tuple(found)
-
-
-@checked
-def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
-    """Say which groups of links declared identical have inertials that differ, and by how much."""
-    joints = {body.link: body.joint_id for body in mechanism.bodies}
-    found = []
-    for group in mechanism.identical:
-        inertias = [mechanism.model.inertias[joints[link]] for link in group.links]
-        values = np.array([inertia.toDynamicParameters() for inertia in inertias])
-        size = np.abs(values)
-        # Relative to the largest of the same unit.
-        units = [size[:, :1].max(), *[size[:, 1:4].max()] * 3, *[size[:, 4:].max()] * 6]
-        spread = np.ptp(values, axis=0) / np.maximum(units, 1e-300)
-        worst = int(spread.argmax())
-        if spread[worst] > ALIKE:
-            found.append(
-                f"links {', '.join(group.links)} are declared identical, but their "
-                f"{KINDS[worst]} differ: {', '.join(f'{x:.4g}' for x in values[:, worst])} "
-                f"(tolerance {ALIKE:g})"
-            )
-    return tuple(found)

@@ -1,0 +1,314 @@
+"""How many combinations of parameters an observation shows: one rule, whoever asks.
+
+Columns are brought to common units: of one per kg, with lengths measured by the characteristic
+length. A singular value then says how much of all forces depends on a combination. It counts when
+neither round-off nor the rounding of the robot file could have made it. Where that is not clear it
+does not count, and the combination is listed as doubtful.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+import numpy as np
+import scipy.linalg
+
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+)
+from loopid.errors import (
+    AccuracyWarning,
+    OptionError,
+    RankError,
+    warn,
+)
+from loopid.observation import Observation
+from loopid.parameters import KINDS
+from loopid.records import record
+
+SHOWN = 4  # parameters that a warning names
+TRIED = 1e-4  # of the characteristic length: rounding that shows what doubtful values take
+EQUAL = 1e-6  # relative; round-off decides no pivot
+SHORT = 1e-2  # of the least combination that counts
+SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
+
+
+@record(kw_only=True)
+class RankTolerances:
+    """What decides a rank. All are relative to the largest singular value or column.
+
+    Attributes
+    ----------
+    least : float
+        Singular values up to this never count. Robots whose geometry is exact have none between
+        1e-13 and 1e-5: 90 robots in others' files, with fixed and with floating bases.
+    zero : float
+        Up to this a singular value or a column is round-off, and not even doubtful.
+    change : float
+        Part of itself, root mean square, by which a singular value changes with other numbers that
+        the robot file would round alike, if it is they that make it.
+    draws : int
+        Other geometries that are tried to see that.
+    reach, farthest : float
+        They are tried where the least singular value that is not round-off is below ``reach``
+        times the accuracy of the file, over the characteristic length, and below ``farthest``.
+    faint, presumed : float
+        Where the file does not tell its accuracy, they are tried where that value is below
+        ``faint``, with lengths ``presumed`` times the characteristic length off.
+    """
+
+    least: float = 1e-7
+    zero: float = 1e-12
+    change: float = 0.05
+    draws: int = 8
+    reach: float = 1e3
+    farthest: float = 1e-3
+    faint: float = 1e-5
+    presumed: float = 1e-6
+
+    def __post_init__(self) -> None:
+        given = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        for name, value in given.items():
+            if not (isinstance(value, int | float) and isfinite(value) and value > 0):
+                raise OptionError(f"{name} must be above 0 and finite, not {value!r}", given=value)
+        if not self.zero <= self.least < 1:
+            raise OptionError("least must be from zero on and below 1", given=self.least)
+
+
+@record
+class DoubtfulCombination:
+    """A combination of parameters that may have an effect or not. It does not count.
+
+    Attributes
+    ----------
+    terms : mapping
+        Labels to factors, the leading one first.
+    singular_value : float
+        How much forces depend on it, relative to the combination that they depend on most.
+    rounding : float
+        In m, of the lengths in the robot file: numbers rounded so make such a value. NaN where
+        the robot is not known.
+    source : str
+        Where it is known that the file is rounded so; empty where it need not be.
+    """
+
+    terms: Mapping[str, float]
+    singular_value: float
+    rounding: float
+    source: str = ""
+
+
+@record
+class Rank:
+    """The rank of an observation, and how clear it is.
+
+    Attributes
+    ----------
+    value : int
+    gap : float
+        Last singular value that counts over the next one, or over round-off.
+    singular_values : FloatArray
+        (n,), relative to the largest, of columns in common units, descending.
+    scales : FloatArray
+        (p,), factors that bring all columns to common units.
+    columns : IntArray
+        (n,), columns with an effect.
+    doubtful : tuple of DoubtfulCombination
+    """
+
+    value: int
+    gap: float
+    singular_values: FloatArray
+    scales: FloatArray
+    columns: IntArray
+    doubtful: tuple[DoubtfulCombination, ...]
+
+
+def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
+    """Decide the rank of an observation.
+
+    Raises
+    ------
+    RankError
+        When no parameter has an effect, or when there are too few rows.
+    """
+    scales, norms, largest = _common_units(observation, tolerances)
+    columns = np.flatnonzero(norms > tolerances.zero * largest)
+    if not len(columns):
+        raise RankError(
+            "no parameter has an effect: every column of the regressor is zero, as at rest where "
+            "gravity moves no joint: choose the full model, or another 'gravity' in a YAML"
+        )
+    sizes, right = decomposed((observation.factor * scales)[:, columns])
+    values = sizes / sizes[0]
+    rank, source = _counted(observation, scales, values, tolerances)
+    if rank == observation.rows < len(columns):
+        raise RankError(
+            f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
+            f"needed to tell how many of the {len(columns)} parameters are independent",
+            rank=rank,
+            parameters=len(columns),
+        )
+    below = np.append(values, 0.0)[rank]
+    last = rank + int((values[rank:] > tolerances.zero).sum())
+    doubtful: tuple[DoubtfulCombination, ...] = ()
+    if last > rank:
+        forces = np.zeros((last - rank, len(scales)))
+        forces[:, columns] = values[rank:last, None] * right[rank:last]
+        doubtful = _combinations(observation, forces, scales, source)
+        # Nothing that counts is felt of columns so much shorter than what counts.
+        shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
+        columns = np.flatnonzero(norms > shortest)
+    gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
+    return Rank(rank, gap, values, scales, columns, doubtful)
+
+
+def warn_of_doubts(doubtful: Sequence[DoubtfulCombination]) -> None:
+    """Say which combinations do not count, and what may have made them."""
+    if not doubtful:
+        return
+    names, most = [next(iter(one.terms)) for one in doubtful], doubtful[0]
+    listed = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
+    by = f", as a rounding of {most.rounding:.0e} m makes" if most.rounding > 0 else ""
+    if most.source:
+        by = f", and numbers known to {most.rounding:.1g} m only ({most.source}) make such"
+    many = f"{len(names)} doubtful combinations of parameters, led by {listed}, do not count"
+    if len(names) == 1:
+        many = f"a doubtful combination of parameters, led by {listed}, does not count"
+    warn(
+        f"{many}: singular values are at most {most.singular_value:.1e} of the largest{by}",
+        AccuracyWarning,
+    )
+
+
+def without_effect(observation: Observation) -> bool:
+    """Whether no parameter has an effect."""
+    tolerances = RankTolerances()
+    _, norms, largest = _common_units(observation, tolerances)
+    return bool((norms <= tolerances.zero * largest).all())
+
+
+def _common_units(
+    observation: Observation, tolerances: RankTolerances
+) -> tuple[FloatArray, FloatArray, float]:
+    """Scales and then norms (p,) of columns, and what the largest norm is at least.
+
+    Terms of joints have units of their own: those with a clear effect are made as large as the
+    largest column.
+    """
+    powers = observation.parameters.length_powers.astype(np.float64)
+    scales = np.asarray(observation.length**powers)
+    norms = np.linalg.norm(observation.factor, axis=0) * scales
+    natural = observation.natural_size * np.sqrt(observation.rows)
+    of_joint = np.array([p.kind not in KINDS for p in observation.parameters], dtype=bool)
+    largest = max(float(norms[~of_joint].max(initial=0.0)), natural)
+    largest = largest or float(norms.max(initial=0.0))
+    clear = of_joint & (norms > tolerances.least * largest)
+    scales[clear] *= largest / norms[clear]
+    norms[clear] = largest
+    return scales, norms, largest
+
+
+def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values and all right singular vectors, as rows.
+
+    LAPACK's divide and conquer, the fast way, does not converge for some matrices without full
+    rank; QR iterations then do.
+    """
+    try:
+        _, values, right = np.linalg.svd(matrix)
+    except np.linalg.LinAlgError:
+        _, values, right = scipy.linalg.svd(matrix, lapack_driver="gesvd")
+    return values, right
+
+
+def _counted(
+    observation: Observation, scales: FloatArray, values: FloatArray, tolerances: RankTolerances
+) -> tuple[int, str]:
+    """How many relative singular values count; and what tells of the rounding that made the rest.
+
+    From the least one on, values that other numbers of the robot file would change are made by its
+    rounding; the first that stays the same is evidence of rank, and so are all above it.
+    """
+    counted = max(1, int((values > tolerances.least).sum()))
+    rounding, least = observation.rounding, values[values > tolerances.zero][-1]
+    if rounding is None:
+        return counted, ""
+    accuracy, near = rounding.accuracy, tolerances.reach * rounding.accuracy / observation.length
+    if not accuracy and not rounding.source:
+        accuracy, near = tolerances.presumed * observation.length, tolerances.faint
+    if not accuracy or least > min(near, tolerances.farthest):
+        return counted, ""
+    # A few draws see whether there may be any.
+    for draws, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
+        factors = rounding.factors(draws, accuracy if not rounding.accuracy else None)
+        spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
+        changes = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
+        same = np.flatnonzero(changes <= part * spectra[0])
+        if len(same) and same[-1] == counted - 1:
+            return counted, ""
+    return (int(same[-1]) + 1 if len(same) else 1), rounding.source
+
+
+def _combinations(
+    observation: Observation, forces: FloatArray, scales: FloatArray, source: str
+) -> tuple[DoubtfulCombination, ...]:
+    """Combinations that span those of some forces (k, p) in common units.
+
+    Each has a parameter that the others do not have, so they do not depend on the choice of
+    vectors for equal singular values.
+    """
+    labels = observation.parameters.labels
+    basis = forces / np.linalg.norm(forces, axis=1, keepdims=True)
+    leaders = pivots(basis.T, len(basis))
+    rows = np.linalg.inv(basis[:, leaders]) @ basis
+    along = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    sizes = np.linalg.norm(forces @ along.T, axis=0)
+    roundings = _roundings(observation, scales, along, sizes)
+    if source and observation.rounding is not None:
+        roundings[:] = observation.rounding.accuracy
+    found = []
+    for k in np.argsort(-sizes, kind="stable"):
+        leader, row = leaders[k], rows[k]
+        kept = np.flatnonzero(np.abs(row) > SLIGHT * np.abs(row).max())
+        order = [leader, *kept[kept != leader]]
+        terms = {labels[j]: float(row[j] / scales[j] * scales[leader]) for j in order}
+        found.append(DoubtfulCombination(terms, float(sizes[k]), float(roundings[k]), source))
+    return tuple(found)
+
+
+def _roundings(
+    observation: Observation, scales: FloatArray, along: FloatArray, sizes: FloatArray
+) -> FloatArray:
+    """Rounding (k,) in m that makes relative forces as large as those along some directions."""
+    if observation.rounding is None:
+        return np.full(len(sizes), np.nan)
+    tried = TRIED * observation.length
+    written, *others = observation.rounding.factors(2, tried) * scales
+    squares = [np.linalg.norm(other @ along.T, axis=0) ** 2 for other in others]
+    made = np.sqrt(np.mean(squares, axis=0)) / np.linalg.norm(written, 2)
+    return np.asarray(tried * sizes / np.maximum(made, np.finfo(float).tiny))
+
+
+def pivots(vectors: FloatArray, count: int) -> IntArray:
+    """Rows (count,) of vectors (n, m) in the order of pivoted QR; round-off decides no pivot."""
+    basis, along = np.empty((count, vectors.shape[1])), np.empty((len(vectors), count))
+    squares = np.einsum("ij,ij->i", vectors, vectors)  # of what is left of each vector
+    exact, chosen = squares.copy(), np.empty(count, dtype=np.int64)
+    for k in range(count):
+        norms = np.sqrt(np.maximum(squares, 0.0))
+        norms[chosen[:k]] = -1.0
+        chosen[k] = pivot = int(np.argmax(norms >= norms.max() * (1 - EQUAL)))
+        rest = vectors[pivot].copy()
+        for _ in range(2):  # once more for what round-off left
+            rest -= (basis[:k] @ rest) @ basis[:k]
+        basis[k] = rest / (np.linalg.norm(rest) or 1.0)
+        along[:, k] = vectors @ basis[k]
+        squares -= along[:, k] ** 2
+        # What is left of a vector after much was taken away is round-off: it is found anew.
+        if len(lost := np.flatnonzero(squares < EQUAL * exact)):
+            left = vectors[lost] - along[lost, : k + 1] @ basis[: k + 1]
+            squares[lost] = exact[lost] = np.einsum("ij,ij->i", left, left)
+    return chosen

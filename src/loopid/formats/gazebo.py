@@ -1,0 +1,72 @@
+"""Tags of Gazebo: joints that close loops, springs, links without weight, and plugins."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from loopid.loading.description import ClosureDescription
+from loopid.loading.files import naming
+from loopid.loading.urdf import Dialect, UrdfFile, closure_of, coefficients, linked
+from loopid.loading.xml import child, inner_tags, label, local_name, placement, said
+from loopid.robot.mechanism import LeftOut
+
+CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
+WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
+SLOWING = ("dampingFactor", "velocity_decay")
+
+
+def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
+    """What ``<gazebo>`` tags say of closures, forces and plugins."""
+    terms, left_out = dict[str, dict[str, float]](), list[LeftOut]()
+    joints = {joint.name for joint in urdf.robot.joints}
+    heavy = {link.name: link.inertial for link in urdf.robot.links if link.inertial is not None}
+    for extension in urdf.root.findall("gazebo"):
+        name = (extension.get("reference") or "").strip()
+        if name in joints:
+            terms[name] = terms.get(name, {}) | coefficients(extension)
+        for tag, words in WEIGHTLESS.items() if name in heavy else ():
+            if said(extension, tag).lower() in words:
+                inertial = heavy[name]
+                centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
+                weight = float(inertial.mass), *map(float, centre)
+                left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
+        left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
+    return Dialect(
+        _loops(urdf, model), joint_terms=terms, left_out=left_out, notes=_unread_plugins(urdf)
+    )
+
+
+def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
+    """Closures of joints, placed in their child as the file is drawn."""
+    closures, data = [], model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    for element in urdf.root.findall("gazebo/joint"):
+        parent = (child(element, "parent").text or "").strip()
+        if parent == "world" and all(link.name != "world" for link in urdf.robot.links):
+            continue  # a mount, which a URDF has anyway
+        with naming(label(element)):
+            links = linked(urdf, element)
+            first, second = (data.oMf[model.getFrameId(k, pin.FrameType.BODY)] for k in links)
+            words = (element.findtext("pose") or "0 0 0 0 0 0").split()
+            pose = {"xyz": " ".join(words[:3]), "rpy": " ".join(words[3:])}
+            place = placement(etree.Element("origin", pose))
+            places = first.actInv(second * place), place
+            closures.append(closure_of(model, element, links, places))
+    return closures
+
+
+def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
+    """Sentences about plugins that couple joints, or close loops, which no tag tells."""
+    followers, notes = {j.name for j in urdf.robot.joints if j.mimic is not None}, list[str]()
+    for plugin in urdf.root.iterfind("gazebo//plugin"):
+        file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
+        what = f"plugin {file!r:.80} is not read"
+        if follower and follower not in followers:
+            notes.append(f"{what}: give joint {follower!r:.60} a <mimic>")
+        elif CLOSING_PLUGIN.search(file):
+            notes.append(f"{what}: write its closure into a YAML beside it")
+    return tuple(notes)

@@ -1,0 +1,97 @@
+"""Logs in HDF5, read by h5py: a stream a group, of arrays, matrices and tables with fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from loopid.errors import LogError
+from loopid.files import require_plausible
+from loopid.logs.arrays import ArrayFormat, Column, columns_of
+from loopid.logs.formats import MOST_LISTED, optional, refusals
+
+if TYPE_CHECKING:
+    import h5py
+
+
+class Hdf5Format(ArrayFormat):
+    """A stream a group."""
+
+    endings = (".h5", ".hdf5")
+    choice = "group"
+    ordered = False  # groups list their arrays by name
+    kind = "HDF5 file"
+
+    @cached_property
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        streams: dict[str, dict[str, Column]] = {}
+        with self._file() as file:
+            import h5py
+
+            def collect(_: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset) and item.shape:
+                    columns = streams.setdefault(item.parent.name, {})
+                    own = item.name.rsplit("/", 1)[-1]
+                    fields = item.dtype.names and item.ndim == 1
+                    places = _fields(item.dtype) if fields else columns_of(own, item.shape)
+                    self.collect(columns, item.name, places)
+
+            start = self._chosen(file)
+            start.visititems(collect)
+            place = start.name
+        streams = {name: columns for name, columns in streams.items() if columns}
+        if not streams:
+            raise LogError(
+                f"{self.path} holds no arrays with one or two axes in {place}", file=self.path
+            )
+        return streams
+
+    def _chosen(self, file: h5py.File) -> h5py.Group:
+        """The group that is asked for, or the whole file."""
+        import h5py
+
+        if self.chosen is None:
+            return file
+        groups: list[str] = []
+        file.visititems(
+            lambda name, item: groups.append(name) if isinstance(item, h5py.Group) else None
+        )
+        if self.chosen.strip("/") not in groups:
+            valid = (
+                f"choose among {', '.join(groups[:MOST_LISTED])}" if groups else "it has no groups"
+            )
+            raise LogError(
+                f"{self.path} has no group {self.chosen!r}: {valid}",
+                file=self.path,
+                given=self.chosen,
+                valid=groups,
+            )
+        return file[self.chosen]
+
+    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
+        with self._file() as file:
+            for name in arrays:
+                array = file[name]
+                if array.external or array.is_virtual:
+                    raise LogError(
+                        f"{self.path}: the numbers of {name} are in another file", file=self.path
+                    )
+                require_plausible(self.path, array.nbytes, array.id.get_storage_size())
+            return {name: file[name][()] for name in arrays}
+
+    @contextmanager
+    def _file(self) -> Iterator[h5py.File]:
+        with optional("h5py"):
+            import h5py
+        with refusals(self.path, self.kind), h5py.File(self.path, "r") as file:
+            yield file
+
+
+def _fields(table: np.dtype[Any]) -> dict[str, str]:
+    """The fields of a table that are single numbers."""
+    return {field: field for field in table.names or () if not table[field].shape}

@@ -1,0 +1,106 @@
+"""URDF+ [Chignoli2024]: ``<loop>``, ``<coupling>``, and joints that are ``independent``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pinocchio as pin
+
+from loopid.errors import RobotFileError
+from loopid.loading.description import ClosureDescription
+from loopid.loading.files import naming
+from loopid.loading.urdf import SEVERAL, Dialect, UrdfFile, closure_of, linked
+from loopid.loading.xml import (
+    child,
+    inner_tags,
+    label,
+    named_tags,
+    numbers,
+    placement,
+    required,
+)
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint
+
+ENDS = ("predecessor", "successor")
+DRAFTS = ("loop_constraint", "joint_constraint")
+TRUTH = {"true": True, "1": True, "false": False, "0": False}
+
+
+def read_urdf_plus(urdf: UrdfFile, model: pin.Model) -> Dialect:
+    """Loops, couplings, and which joints have motors."""
+    for element in inner_tags(urdf.root, DRAFTS):
+        raise RobotFileError(
+            f"{label(element)} is not read: remove it, and write its closure into a YAML beside it"
+        )
+    couplings = _couplings(urdf)
+    return Dialect(
+        closures=[*_loops(urdf, model), *couplings.values()],
+        followers=tuple(couplings),
+        independent=_independent(urdf),
+    )
+
+
+def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
+    """``<loop>`` tags, each with the origin of its frame in either link."""
+    closures = []
+    for element in named_tags(urdf.root, "loop"):
+        with naming(label(element)):
+            first, second = (placement(element.find(f"{side}/origin")) for side in ENDS)
+            links, places = linked(urdf, element, ENDS), (first, second)
+            closures.append(closure_of(model, element, links, places, sides=ENDS, axes="axis"))
+    return closures
+
+
+def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
+    """``<coupling>`` tags: gears and belts between two links, by the joint that follows.
+
+    From the nearest link that carries both, joints lead to the predecessor and to the successor.
+    The coordinates on the way to the successor add up to the ratio times those on the way to the
+    predecessor.
+    """
+    found = {}
+    for element in named_tags(urdf.root, "coupling"):
+        with naming(label(element)):
+            to_predecessor, to_successor = _branches(urdf, linked(urdf, element, ENDS))
+            (ratio,) = numbers(child(element, "ratio"), "value")
+            if ratio == 0:
+                raise RobotFileError("<ratio> is zero")
+        joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
+        name = required(element, "name")
+        found[to_successor[-1]] = ClosureDescription(type="coupling", name=name, joints=joints)
+    return found
+
+
+def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
+    """Joints that move two links against the nearest link that carries both."""
+    carriers = {joint.child: joint for joint in urdf.robot.joints}
+    paths: list[list[Joint]] = [[], []]  # from the root to each link
+    for path, link in zip(paths, ends, strict=True):
+        while link in carriers:
+            path.insert(0, carriers[link])
+            link = carriers[link].parent
+    shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
+    branches = []
+    for path, side, link in zip(paths, ENDS, ends, strict=True):
+        branch = [joint for joint in path if joint.name not in shared and joint.type != "fixed"]
+        if not branch:
+            raise RobotFileError(f"no joint moves its {side} {link!r} against the other link")
+        for joint in branch:
+            if joint.type in SEVERAL:
+                what = f"joint {joint.name} on the way to its {side} is {joint.type}"
+                raise RobotFileError(f"{what}: it has several coordinates")
+        branches.append([joint.name for joint in branch])
+    return branches
+
+
+def _independent(urdf: UrdfFile) -> dict[str, bool]:
+    """Which joints have motors, where they say so."""
+    found = {}
+    for joint in urdf.root.findall("joint[@independent]"):
+        text = joint.get("independent", "").strip()
+        if text.lower() not in TRUTH:
+            raise RobotFileError(f"{label(joint)}: independent must be true or false, not {text!r}")
+        found[joint.get("name", "").strip()] = TRUTH[text.lower()]
+    return found

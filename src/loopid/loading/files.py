@@ -1,0 +1,109 @@
+"""Which files describe a robot: those of a path, or of the name of a bundled robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from loopid.errors import FileError, OptionError, RobotFileError
+from loopid.files import why_no_file
+from loopid.loading.description import Description
+from loopid.registry import robot_formats
+from loopid.yaml_files import read_yaml
+
+YAML = (".yaml", ".yml")
+MOTIONS = "_motions.yaml"
+
+
+@contextmanager
+def naming(what: str | Path) -> Iterator[None]:
+    """Name a file or an element in front of what is refused inside."""
+    try:
+        yield
+    except (RobotFileError, OptionError) as error:
+        place = {"file": str(what)} if isinstance(what, Path) else {"element": what}
+        raise type(error)(f"{what}: {error}", **(place | error.facts)) from error
+
+
+class RobotFiles(NamedTuple):
+    """The file that was named, what it says if it is a YAML, and the file of the tree."""
+
+    named: Path
+    given: Description
+    tree: Path
+
+
+def bundled_directory() -> Path:
+    """Folder of the bundled robots: in the installed package, or in the checkout."""
+    installed = Path(str(files("loopid"))) / "urdf"
+    return installed if installed.is_dir() else Path(__file__).parents[3] / "urdf"
+
+
+def bundled_robots() -> tuple[str, ...]:
+    """Names of the bundled robots, to be given to ``load_mechanism``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> "3ups_rpu" in loopid.bundled_robots()
+    True
+    """
+    directory = bundled_directory()
+    urdfs = sorted(file.stem for file in directory.glob("*.urdf"))
+    return tuple(name for name in urdfs if (directory / f"{name}.yaml").is_file())
+
+
+def find_files(path: str | Path) -> RobotFiles:
+    """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML."""
+    file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
+    if file.suffix in YAML:
+        given = read_yaml(file, Description)
+        return RobotFiles(file, given, _tree(file, given))
+    if file.suffix not in robot_formats:
+        endings = (*YAML, *robot_formats)
+        raise RobotFileError(
+            f"{file}: a robot file ends in {', '.join(endings)}", file=str(file), valid=endings
+        )
+    return RobotFiles(file, Description(), file)
+
+
+def _tree(file: Path, given: Description) -> Path:
+    """The file of the tree beside a YAML: the one that it names, else that of its own name."""
+    named = given.urdf or given.mjcf
+    trees = [file.parent / named] if named else [*map(file.with_suffix, robot_formats)]
+    problems = [why_no_file(tree) for tree in trees]
+    if "" in problems:
+        return trees[problems.index("")]
+    kind, place = "MJCF" if given.mjcf is not None else "URDF", " ".join(str(trees[0]).split())
+    raise FileError(
+        f"{file}: its {kind} {place} is missing: it {problems[0]}",
+        file=str(file),
+        missing=str(trees[0]),
+    )
+
+
+def find_motion_file(path: str | Path) -> Path:
+    """An existing motion file: the path itself, or the bundled one of a robot's name."""
+    bundled = sorted(
+        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
+    )
+    return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
+
+
+def _existing(
+    path: str | Path, ending: str, bundled: Iterable[str], what: str, listing: str
+) -> Path:
+    problem = why_no_file(Path(path))
+    if not problem:
+        return Path(path)
+    if str(path) in bundled:
+        return bundled_directory() / f"{path}{ending}"
+    names = tuple(bundled)
+    raise FileError(
+        f"{what}{Path(path)} {problem}, and {listing}: {', '.join(names)}",
+        file=str(path),
+        valid=names,
+    )

@@ -1,0 +1,519 @@
+"""From a log to a recording: filtered, differentiated, assembled, and masked.
+
+Each step is a function that can be called alone; ``prepare_recording`` calls them one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.projection import project, singularity_measure
+from loopid.logs.log import Log, renumbered
+from loopid.logs.mapping import LogMapping
+from loopid.logs.options import FilterOptions, MaskOptions
+from loopid.logs.reading import read_log, require_known_motion
+from loopid.logs.recording import RateHistory, Recording
+from loopid.logs.spectrum import motion_spectrum
+from loopid.logs.streams import Dropped
+from loopid.motion.filtering import LowPass, differentiate
+from loopid.motion.joints import JointMotion
+from loopid.robot.mechanism import Mechanism
+from loopid.scratch import row_blocks
+from loopid.workers import Progress
+
+LEAST_SAMPLES = 3  # what it takes to differentiate
+BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
+# Where more of the samples do not close, exchanged columns are tried in so many of them, and given
+# up where less than this part of the way between two can be gone at a time.
+MANY_OPEN, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
+NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act there
+ENCODER_STEPS = 20  # tell a speed
+# Clipped forces are equal, to this relative accuracy, so many times as often as any other size from
+# this part of the largest on: a coarse converter has few sizes.
+EQUAL, PILE, NEARLY = 1e-6, 4, 0.5
+
+
+@checked
+def prepare_recording(
+    robot: Mechanism,
+    log: Log,
+    *,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    masks: MaskOptions = MaskOptions(),
+    progress: Progress | None = None,
+) -> Recording:
+    """Make a log ready for identification.
+
+    Parameters
+    ----------
+    robot : Mechanism
+        Whose motors the log is of.
+    log : Log
+    filter : FilterOptions
+        Of positions and forces alike.
+    masks : MaskOptions
+        Which samples say nothing.
+    progress : callable, optional
+        Called with the samples that are assembled, and all.
+
+    Returns
+    -------
+    Recording
+        Its ``dropped`` says what was left out.
+
+    Raises
+    ------
+    OptionError
+        When the robot has other motors than the log, or they do not tell where it is.
+    LogError
+        When no stretch is long enough, or no force can be used.
+    AssemblyError
+        When most samples do not close the loops.
+
+    Warns
+    -----
+    DataWarning
+        Of samples that do not close the loops or are near a singularity.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.joint_motion(robot, series.motion(duration=4.0))
+    >>> run = loopid.simulate_measurement(robot, motion)
+    >>> log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated, name="run")
+    >>> loopid.prepare_recording(robot, log)
+    <Recording 'run': 389 samples, filtered at 17.5 Hz, forces used: crank_joint 85%>
+    """
+    require_motors(robot, log)
+    log = without_frozen(log, masks)
+    spectrum = motion_spectrum(log)
+    lowpass = filter.lowpass(spectrum.cutoff)
+    limits = saturation_of(robot, log, masks)
+    log = long_enough(log, lowpass)
+    signals = filter_log(log, lowpass)
+    rows, ends = kept_rows(log, lowpass, filter)
+    found = assemble_samples(robot, log, signals.position, rows, masks, progress=progress)
+    stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
+    saturated = near_saturation(log, limits, lowpass, filter, masks)[rows]
+    idle = standing(robot, log, signals.velocity, rows, lowpass, filter, masks)
+    if (idle | saturated).all():
+        said = f"{log.name}: no force can be used, as all motors stand or are saturated"
+        raise LogError(said, source=log.name)
+    columns = [log.joints.index(name) for name in robot.independent]
+    motion = JointMotion(
+        log.time[rows],
+        found.configurations,
+        signals.velocity[rows][:, columns],
+        signals.acceleration[rows][:, columns],
+        found.singularity,
+    )
+    force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
+    return Recording(
+        name=log.name,
+        actuators=robot.independent,
+        motion=motion,
+        force=force,
+        used=used,
+        stretches=stretches,
+        dropped=(
+            *log.dropped,
+            *ends,
+            *found.dropped,
+            *_flagged([f"{joint} stands still" for joint in log.joints], idle, motion.time),
+            *_flagged([f"{joint} is saturated" for joint in log.joints], saturated, motion.time),
+        ),
+        cutoff=None if lowpass is None else lowpass.cutoff,
+        history=rate_history(log, signals.velocity, lowpass, motion, rows),
+        spectrum=spectrum,
+        filter=filter,
+        masks=masks,
+    )
+
+
+@checked
+def read_recordings(
+    robot: Mechanism,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    rows: tuple[int, int | None] | None = None,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    masks: MaskOptions = MaskOptions(),
+    progress: Progress | None = None,
+) -> tuple[Recording, ...]:
+    """Read logs and make them ready; see ``read_log`` and ``prepare_recording``."""
+    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
+    options: dict[str, Any] = {"filter": filter, "masks": masks, "progress": progress}
+    return tuple(prepare_recording(robot, log, **options) for log in logs)
+
+
+def require_motors(robot: Mechanism, log: Log) -> None:
+    """Refuse a log of other motors than the robot's, or of motors that do not tell where it is."""
+    require_known_motion(robot)
+    if log.joints != robot.actuated:
+        raise OptionError(
+            f"log {log.name} is of {', '.join(log.joints)}, but the motors of {robot.name} are "
+            f"{', '.join(robot.actuated)}",
+            given=log.joints,
+            valid=robot.actuated,
+        )
+
+
+# ---- encoders that freeze ----------------------------------------------------------------------
+
+
+def without_frozen(log: Log, masks: MaskOptions) -> Log:
+    """The log without samples in which a position is frozen: all motions there are wrong."""
+    lost, dropped = np.zeros(len(log), dtype=bool), []
+    for k, joint in enumerate(log.joints):
+        flags = np.concatenate([_frozen(log.position[part], k, masks) for part in log.parts()])
+        if flags.any():
+            dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
+            warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", DataWarning)
+            lost |= flags
+    return log if not lost.any() or lost.all() else log.select(~lost, *dropped)
+
+
+def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
+    """Samples (N,) of a stretch (N, m) in which motor k stays where it is as no motor does.
+
+    A motor that rests slows down before, and leaves from where it rested.
+    """
+    position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
+    steps = np.abs(np.diff(position))
+    bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
+    runs = [(a, b) for a, b in bounds.reshape(-1, 2).tolist() if b - a >= masks.frozen]
+    if not (runs and steps.any()):
+        return flags
+    way = steps[steps > 0]
+    fastest, least = float(np.percentile(way, 99)), float(way.min())
+    # How much further it goes from each sample in so many than it came, and the most of that.
+    count = int(np.ceil(ENCODER_STEPS * least / fastest))
+    change = np.zeros(len(position) + 2 * count)  # from sample i in row i + count
+    ahead, behind = position[2 * count :], position[: -2 * count]
+    change[2 * count : -2 * count] = np.abs(ahead + behind - 2 * position[count:-count])
+    before, after = np.maximum.accumulate(change), np.maximum.accumulate(change[::-1])[::-1]
+    far = max(masks.jump * fastest, ENCODER_STEPS * least)
+    much = masks.moved * np.ptp(positions, axis=0)
+    for a, b in runs:
+        jumps = max(steps[max(a - 1, 0)], steps[min(b, len(steps) - 1)]) > far
+        usual = max(before[max(a - 1, 0)], after[min(b + 2 * count + 1, len(after) - 1)], least)
+        if jumps or change[a + count] > masks.abrupt * usual:
+            flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
+    return flags
+
+
+# ---- filter and differentiate ------------------------------------------------------------------
+
+
+class Signals(NamedTuple):
+    """Filtered signals (N, m) of the motors, at the rate of the log."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+
+
+def long_enough(log: Log, lowpass: LowPass | None) -> Log:
+    """The log without stretches that are too short to filter and differentiate."""
+    good, short = np.ones(len(log), dtype=bool), []
+    for part in log.parts():
+        least = 0 if lowpass is None else lowpass.least_samples(log.rate(part))
+        if part.stop - part.start < max(least, LEAST_SAMPLES):
+            short.append(Dropped.at("stretch too short to filter", log.time[part]))
+            good[part] = False
+    if not good.any():
+        longest = max(one.count for one in short)
+        raise LogError(
+            f"{log.name}: all stretches without gaps are too short to filter, the longest has "
+            f"{longest} samples",
+            source=log.name,
+            longest=longest,
+        )
+    return log if good.all() else log.select(good, *short)
+
+
+def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
+    """Filter each stretch without delay, and differentiate what was not measured."""
+    position, velocity, acceleration, force = np.empty((4, *log.position.shape))
+    for part in log.parts():
+        rate = log.rate(part)
+
+        def smooth(signal: FloatArray, rate: float = rate) -> FloatArray:
+            return signal if lowpass is None else lowpass.apply(signal, rate)
+
+        force[part] = smooth(log.force[part])
+        position[part] = smooth(log.position[part])
+        velocity[part] = (
+            differentiate(position[part], rate)
+            if log.velocity is None
+            else smooth(log.velocity[part])
+        )
+        acceleration[part] = (
+            differentiate(velocity[part], rate)
+            if log.acceleration is None
+            else smooth(log.acceleration[part])
+        )
+    return Signals(position, velocity, acceleration, force)
+
+
+def kept_rows(
+    log: Log, lowpass: LowPass | None, options: FilterOptions
+) -> tuple[IntArray, list[Dropped]]:
+    """Samples that the cut-off asks for, but for the ends of stretches.
+
+    Filtered accelerations are wrong where a filter does not know what comes next.
+    """
+    rows, ends = [], []
+    for part in log.parts():
+        rate, time = log.rate(part), log.time[part]
+        reach, step = options.reach_of(lowpass, rate), options.step_of(lowpass, rate)
+        if reach:
+            end = np.append(time[:reach], time[-reach:])
+            ends.append(Dropped.at("end of a stretch", end))
+        rows.append(np.arange(part.start + reach, part.stop - reach, step))
+    return np.concatenate(rows), ends
+
+
+def rate_history(
+    log: Log, velocity: FloatArray, lowpass: LowPass | None, motion: JointMotion, rows: IntArray
+) -> RateHistory | None:
+    """Filtered rates at the rate of the log, and which of its rows have a motion."""
+    if lowpass is None:
+        return None
+    parts = tuple(log.parts())
+    rates = tuple(map(log.rate, parts))
+    return RateHistory(log.joints, velocity, parts, rates, lowpass, rows, (rows, motion))
+
+
+# ---- assembly ----------------------------------------------------------------------------------
+
+
+class Assembled(NamedTuple):
+    """Samples whose loops close away from singularities, and those left out."""
+
+    configurations: FloatArray  # (K, nq)
+    singularity: FloatArray  # (K,)
+    good: BoolArray  # (N,), which K samples they are
+    dropped: list[Dropped]
+
+
+def assemble_samples(
+    robot: Mechanism,
+    log: Log,
+    position: FloatArray,
+    rows: IntArray,
+    masks: MaskOptions,
+    *,
+    progress: Progress | None = None,
+) -> Assembled:
+    """Assemble some rows of a log, with its motors at positions (N, m), one after the other.
+
+    Samples that do not close or are near a singularity are left out, with a warning.
+    """
+    columns = [log.joints.index(name) for name in robot.independent]
+    measured, time, start = position[rows][:, columns], log.time[rows], None
+    configurations, singularity, residual, closed = [], [], [], []
+    for block in row_blocks(len(rows), BLOCK):
+        outcome = try_assemble(robot, measured[block], start=start, trajectory=True)
+        found = outcome.configurations[outcome.assembled]
+        configurations.append(found)
+        singularity.append(singularity_measure(robot, found))
+        residual.append(outcome.residual)
+        closed.append(outcome.assembled)
+        start = found[-1] if len(found) else start
+        if progress is not None:
+            progress(block.stop, len(rows))
+    measure, good = np.concatenate(singularity), np.concatenate(closed)
+    dropped = []
+    if not good.all():
+        dropped.append(Dropped.at("loops do not close", time[~good]))
+        left_open = np.where(good, 0.0, np.concatenate(residual)).max()
+        said = (
+            f"{log.name}: the loops do not close in {_where(time, ~good)} (they stay open by up to "
+            f"{left_open:.1e} m)"
+        )
+        _refuse_open(robot, log.name, said, measured, 1 - float(good.mean()), masks)
+    regular = measure >= masks.singularity
+    if not regular.all():
+        near = good.copy()
+        near[good] = ~regular
+        good[near] = False
+        dropped.append(Dropped.at("near a singularity", time[near]))
+        said = (
+            f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
+            f"{measure.min():.1e}, at least {masks.singularity:g} is asked for)"
+        )
+        if not good.any():
+            raise LogError(said, source=log.name, tolerance=masks.singularity)
+        warn(f"{said}: left out", DataWarning)
+    return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
+
+
+def _refuse_open(
+    robot: Mechanism, name: str, said: str, position: FloatArray, part: float, masks: MaskOptions
+) -> None:
+    """Warn of a part of the samples whose loops stay open; refuse a log with too large a part."""
+    if part > MANY_OPEN:
+        said += _with_exchanged(robot, position)
+    if part > masks.unassembled or part == 1:
+        raise AssemblyError(
+            f"{said}: is the robot on another branch than the start, or are these not its "
+            "positions?",
+            source=name,
+            part=part,
+            tolerance=masks.unassembled,
+        )
+    warn(f"{said}: left out", DataWarning)
+
+
+def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
+    """Which two motors' positions must be exchanged for all samples to close; empty if none."""
+    position, names = position[spread_rows(len(position), TRIED)], robot.independent
+    for i, j in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        found = try_assemble(
+            robot, position[:, order], trajectory=True, shortest_step=SHORTEST_STEP
+        )
+        if found.assembled.all():
+            return f"; all close with the positions of {names[i]} and {names[j]} exchanged"
+    return ""
+
+
+def _where(time: FloatArray, flags: BoolArray) -> str:
+    """As in "3 of 90 samples, between 1.00 and 1.20 s"."""
+    first, last = time[flags][[0, -1]]
+    return f"{flags.sum()} of {len(flags)} samples, between {first:.2f} and {last:.2f} s"
+
+
+# ---- what is not usable ------------------------------------------------------------------------
+
+
+def standing(
+    robot: Mechanism,
+    log: Log,
+    velocity: FloatArray,
+    rows: IntArray,
+    lowpass: LowPass | None,
+    options: FilterOptions,
+    masks: MaskOptions,
+) -> BoolArray:
+    """Where each motor is at or near a standstill (K, m), of some rows (K,).
+
+    Friction can be anything while a motor stands, and the filter spreads it.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # slow to import
+
+    if log.idle_speed is None:
+        speeds = idle_speeds(robot, velocity[rows], masks)
+    else:  # at a speed of zero no motor counts as standing
+        speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
+    idle = np.abs(velocity) <= speeds
+    if lowpass is None:
+        return idle[rows]
+    for part in log.parts():
+        rate = log.rate(part)
+        length = 1 + 2 * int(masks.standstill * rate / (2 * lowpass.cutoff))
+        width = length + 2 * options.reach_of(lowpass, rate)
+        slow = idle[part].view(np.uint8)
+        long = minimum_filter1d(slow, length, axis=0, mode="nearest")
+        idle[part] |= maximum_filter1d(long, width, axis=0, mode="nearest").view(bool)
+    return idle[rows]
+
+
+def idle_speeds(robot: Mechanism, velocity: FloatArray, masks: MaskOptions) -> FloatArray:
+    """Speeds (m,) at or below which motors with velocities (N, m) count as standing."""
+    usual = np.percentile(np.abs(velocity), 99, axis=0)
+    straight = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
+    fastest = np.empty_like(usual)
+    for kind in (straight, ~straight):
+        fastest[kind] = usual[kind].max(initial=0.0)
+    return np.maximum(masks.idle * usual, masks.dither * fastest)
+
+
+def saturation_of(robot: Mechanism, log: Log, masks: MaskOptions) -> FloatArray:
+    """Forces (m,) from which drives saturate; infinite for those that do not.
+
+    Commands beyond an effort limit of the robot file are not the forces that act. A limit that many
+    of the measured forces exceed is another one, as exporters write; zero is none.
+    """
+    if log.saturation is not None:
+        return log.saturation
+    limits = robot.model.upperEffortLimit[robot.velocity_indices(robot.actuated)]
+    beyond = (np.abs(log.force) > limits).mean(axis=0)
+    limits = np.where((limits > 0) & (beyond <= masks.other_limit), limits, np.inf)
+    return np.minimum(limits, clipped_from(log, masks))
+
+
+def clipped_from(log: Log, masks: MaskOptions) -> FloatArray:
+    """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
+    found = np.full(len(log.joints), np.inf)
+    for k, joint in enumerate(log.joints):
+        moving = np.append(np.diff(log.position[:, k]) != 0, False)
+        size = np.abs(log.force[moving, k])
+        largest = size.max(initial=0.0)
+        if not largest:
+            continue
+        near = size[size >= NEARLY * largest] / largest
+        _, counts = np.unique(np.round(near / EQUAL), return_counts=True)
+        count = int(counts[-1])
+        if count > max(masks.clipped, PILE * counts[:-1].max(initial=0)):
+            found[k] = largest
+            warn(
+                f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
+                f"in {count} samples of its motion: clipped, so it counts as saturated there "
+                "('saturation' in a mapping overrides this)",
+                DataWarning,
+            )
+    return found
+
+
+def near_saturation(
+    log: Log,
+    limits: FloatArray,
+    lowpass: LowPass | None,
+    options: FilterOptions,
+    masks: MaskOptions,
+) -> BoolArray:
+    """Where each force (N, m) is at its limit (m,), or within the filter's reach of that."""
+    from scipy.ndimage import maximum_filter1d  # slow to import
+
+    flags = np.abs(log.force) >= limits * (1.0 - masks.near_saturation)
+    for part in log.parts():
+        width = 2 * options.reach_of(lowpass, log.rate(part)) + 1
+        flags[part] = maximum_filter1d(flags[part].view(np.uint8), width, axis=0).view(bool)
+    return flags
+
+
+def _flagged(reasons: Sequence[str], flags: BoolArray, time: FloatArray) -> list[Dropped]:
+    """For each column of flags (N, k) that is set anywhere, what is left out at times (N,)."""
+    columns = zip(reasons, flags.T, strict=True)
+    return [Dropped.at(reason, time[column]) for reason, column in columns if column.any()]
+
+
+def on_independent(
+    robot: Mechanism, motion: JointMotion, force: FloatArray, used: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Gᵀ Sᵀ τ (N, dof) of forces (N, m) of all motors: what redundant motors add to the others.
+
+    A row is used where all motors that act on it are.
+    """
+    if not robot.redundant:
+        return force, used
+    motors, q = robot.velocity_indices(robot.actuated), motion.configurations
+    shares = np.concatenate([project(robot, q[rows]).G[:, motors] for rows in row_blocks(len(q))])
+    acting = np.abs(shares) > NO_SHARE * np.abs(shares).max(axis=(0, 2), initial=0.0)[:, None]
+    spoilt = (acting & ~used[:, :, None]).any(axis=1)
+    return np.einsum("nmi,nm->ni", shares, force), ~spoilt

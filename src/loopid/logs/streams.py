@@ -1,0 +1,271 @@
+"""Streams of a log: values of the motors at time stamps, and all of them on one even grid.
+
+The grid follows the stream of the positions at the median rate of its stamps. A gap in any stream
+ends a stretch of the grid. Between the stamps of a stream its values are interpolated linearly:
+they are off by at most h²/8 times their second derivative by time, h between stamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.errors import DataWarning, LogError, warn
+from loopid.logs.columns import Channel, TimeColumn
+from loopid.logs.formats import NO_STAMP, Table, numbers_in
+from loopid.logs.mapping import QUANTITIES, JointMap
+from loopid.records import record
+
+LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
+MOST_NAMED = 5  # rows in a message
+
+
+@record
+class Dropped:
+    """Samples that are left out, and why.
+
+    Attributes
+    ----------
+    reason : str
+        As in "leg4_stroke stands still".
+    count : int
+        How many samples.
+    first, last : float
+        Times of the first and the last of them, in s.
+    """
+
+    reason: str
+    count: int
+    first: float
+    last: float
+
+    @classmethod
+    def at(cls, reason: str, time: FloatArray) -> Dropped:
+        """Samples at times (N,)."""
+        return cls(reason, len(time), float(time[0]), float(time[-1]))
+
+    def __str__(self) -> str:
+        return f"{self.reason}: {self.count} samples between {self.first:.2f} and {self.last:.2f} s"
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Values at time stamps."""
+
+    source: str  # the file, for messages
+    channels: tuple[Channel, ...]
+    rows: IntArray  # (R,), row numbers in the file
+    stamps: IntArray  # (R,) in ns, increasing
+    values: tuple[FloatArray, ...]  # of each channel (R,), in SI units
+    left_out: tuple[tuple[str, IntArray], ...] = ()  # why rows were, and their numbers
+
+    def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
+        """Joints of which a quantity is here, and the values (R,)."""
+        for channel, values in zip(self.channels, self.values, strict=True):
+            if channel.quantity == quantity:
+                yield channel.joint, values
+
+    def without(self, bad: BoolArray, reason: str, most: float) -> Stream:
+        """The stream without some rows (R,), which a warning names; a LogError for too many."""
+        if not bad.any():
+            return self
+        numbers, good = self.rows[bad], ~bad
+        refuse_or_warn(self.source, numbers, len(self.rows), reason, most)
+        return replace(
+            self,
+            rows=self.rows[good],
+            stamps=self.stamps[good],
+            values=tuple(values[good] for values in self.values),
+            left_out=(*self.left_out, (reason, numbers)),
+        )
+
+
+def make_stream(
+    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...], most_bad: float
+) -> Stream:
+    """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
+    values = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
+    stamps = time.stamps(source, table.cells)
+    lacks = np.stack([*map(np.isnan, values), stamps == NO_STAMP])
+    fine = ~lacks.any(axis=0)
+    names = [*(channel.column for channel in channels), time.name]
+    named = ", ".join(name for name, flags in zip(names, lacks, strict=True) if flags.any())
+    reasons = {
+        f"no number in {named}": table.rows[~fine],
+        "another number of cells than there are columns": table.garbled,
+    }
+    left_out = [(reason, rows) for reason, rows in reasons.items() if len(rows)]
+    for reason, rows in left_out:
+        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, most_bad)
+    if table.cut_off is not None:
+        left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
+    if fine.sum() < LEAST_ROWS:
+        raise LogError(
+            f"{source} has {fine.sum()} rows of numbers: it takes at least {LEAST_ROWS}",
+            source=source,
+            rows=int(fine.sum()),
+        )
+    signals = tuple(column[fine] for column in values)
+    stream = Stream(source, channels, table.rows[fine], stamps[fine], signals, tuple(left_out))
+    require_increasing(stream)
+    return stream
+
+
+def require_increasing(stream: Stream) -> None:
+    """Refuse stamps that do not increase."""
+    steps = np.diff(stream.stamps)
+    wrong = np.flatnonzero(steps <= 0)
+    if len(wrong):
+        same = int((steps[wrong] == 0).sum())
+        rows = stream.rows[wrong + 1]
+        raise LogError(
+            f"{stream.source}: time must increase from row to row, but goes back "
+            f"{len(wrong) - same} times and stands still {same} times, in {rows_text(rows)}",
+            source=stream.source,
+            rows=rows.tolist(),
+        )
+
+
+def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
+    """The stream of joints that motors move together, from that of these motors."""
+    channels, signals = list(stream.channels), list(stream.values)
+    for one in maps:
+        matrix = np.array(one.matrix)
+        for quantity in QUANTITIES:
+            factors = np.linalg.inv(matrix).T if quantity == "force" else matrix
+            places = {c.joint: k for k, c in enumerate(stream.channels) if c.quantity == quantity}
+            here = [places[motor] for motor in one.motors if motor in places]
+            if here and len(here) < len(one.motors):
+                raise LogError(
+                    f"{stream.source} has the {quantity} of {stream.channels[here[0]].joint}, but "
+                    f"not of all motors that move {', '.join(one.joints)}: they must have the same "
+                    "time stamps",
+                    source=stream.source,
+                    quantity=quantity,
+                    joints=tuple(one.joints),
+                )
+            for place, joint, row in zip(here, one.joints, factors, strict=bool(here)):
+                channels[place] = channels[place]._replace(joint=joint)
+                signals[place] = sum(
+                    (factor * stream.values[k] for factor, k in zip(row, here, strict=True)),
+                    np.zeros(len(stream.rows)),
+                )
+    return replace(stream, channels=tuple(channels), values=tuple(signals))
+
+
+def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str, most: float) -> None:
+    """Warn of rows that are left out; refuse a log with more than a part of them."""
+    sentence = f"{source}: {reason} in {rows_text(rows)} of {count}"
+    if len(rows) > most * count:
+        raise LogError(
+            f"{sentence} (at most {most:.0%} may be left out)",
+            source=source,
+            reason=reason,
+            rows=rows.tolist(),
+            tolerance=most,
+        )
+    warn(f"{sentence}: left out", DataWarning)
+
+
+def rows_text(rows: IntArray) -> str:
+    """As in "rows 3, 4, 5 and 17 more"."""
+    named = ", ".join(map(str, rows[:MOST_NAMED].tolist()))
+    more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
+    return f"row{'s' if len(rows) > 1 else ''} {named}{more}"
+
+
+# ---- one grid ---------------------------------------------------------------------------------
+
+
+class Aligned(NamedTuple):
+    """Streams on one grid."""
+
+    time: FloatArray  # (N,) in s from the first stamp of the first stream
+    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor
+    stretches: IntArray  # (N,)
+    dropped: tuple[Dropped, ...]
+
+
+def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Aligned:
+    """Put streams on the grid of the first; a LogError when they do not overlap.
+
+    A step of more median steps than the gap starts a new stretch.
+    """
+    zero = int(streams[0].stamps[0])
+    # Differences of whole nanoseconds are exact, however long ago the epoch.
+    times = [(stream.stamps - zero) / 1e9 for stream in streams]
+    spans = _spans(times[0], gap)
+    for other in times[1:]:
+        spans = _overlaps(spans, _spans(other, gap))
+    step = float(np.median(np.diff(times[0])))
+    grids = [*_grids(times[0], spans, step)]
+    if not grids:
+        listed = ", ".join(
+            f"{stream.source} from {stamps[0]:.3f} to {stamps[-1]:.3f} s"
+            for stream, stamps in zip(streams, times, strict=True)
+        )
+        raise LogError(
+            f"no {LEAST_ROWS} samples in a row, without a gap of more than {gap:g} median "
+            f"steps, are in all streams: {listed}",
+            streams={s.source: (t[0], t[-1]) for s, t in zip(streams, times, strict=True)},
+            tolerance=gap,
+        )
+    time = np.concatenate(grids)
+    stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
+    there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
+    tables = {quantity: np.empty((len(time), len(joints))) for quantity in there}
+    dropped = []
+    for stream, stamps in zip(streams, times, strict=True):
+        for quantity, table in tables.items():
+            for joint, values in stream.signals(quantity):
+                table[:, joints.index(joint)] = np.interp(time, stamps, values)
+        for reason, numbers in stream.left_out:  # rows without a time lie between others
+            ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
+            dropped.append(Dropped(reason, len(numbers), *ends.tolist()))
+    dropped += _outside(times[0], grids, step)
+    return Aligned(time, tables, stretches, tuple(dropped))
+
+
+def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatArray]:
+    """Even times, from the first to the last stamp of each span that has enough of them."""
+    for span in spans:
+        inside = time[np.searchsorted(time, span[0]) :]
+        inside = inside[: np.searchsorted(inside, span[1], "right")]
+        count = round((inside[-1] - inside[0]) / step) + 1 if len(inside) >= LEAST_ROWS else 0
+        if count >= LEAST_ROWS:
+            yield np.linspace(inside[0], inside[-1], count)
+
+
+def _spans(time: FloatArray, gap: float) -> FloatArray:
+    """First and last times (S, 2) of the parts without gaps."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > gap * np.median(steps))
+    return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
+
+
+def _overlaps(spans: FloatArray, others: FloatArray) -> FloatArray:
+    """Where both have a span (S, 2); each ascending and disjoint."""
+    first = np.searchsorted(others[:, 1], spans[:, 0], "right")
+    last = np.searchsorted(others[:, 0], spans[:, 1])
+    found = [
+        (max(span[0], other[0]), min(span[1], other[1]))
+        for span, a, b in zip(spans, first, last, strict=True)
+        for other in others[a:b]
+    ]
+    return np.array(found).reshape(-1, 2)
+
+
+def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iterable[Dropped]:
+    """Stamps before, between and after the stretches."""
+    edges = [-np.inf, *(float(edge) for grid in grids for edge in grid[[0, -1]]), np.inf]
+    for k, (last, following) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        start, end = np.searchsorted(time, last, "right"), np.searchsorted(time, following)
+        if 0 < k < len(grids):
+            missing = max(round((following - last) / step) - 1, 1)
+            yield Dropped("gap in the time stamps", missing, last, following)
+        elif start < end:
+            yield Dropped.at("not in all streams", time[start:end])

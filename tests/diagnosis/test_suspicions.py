@@ -1,0 +1,173 @@
+"""Mistakes in logs are named, motor by motor, whatever the masses of the robot file."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, Noise, prepare_recording, simulate_measurement
+from loopid.diagnosis import suspicions
+from loopid.logs import FilterOptions, Log
+from made_runs import friction, quietly, record, stand, wander
+
+FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
+
+
+@pytest.fixture(scope="module")
+def runs(load_once):
+    """What is suspected of a log of a robot; bodies up to half as heavy again as in its file."""
+
+    @cache
+    def run(name, seed):
+        robot = load_once(name)
+        size = (0.06, 0.04, 0.2, 0.2) if name == "3ups_rpu" else (0.5, 0.5)
+        motion = wander(robot, seed, seconds=30.0, rate=50.0, size=size)
+        terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
+        terms = friction(robot) if name == "3ups_rpu" else terms
+        bodies = robot.standard_parameters().reshape(-1, 10)
+        factors = np.random.default_rng(seed).uniform(0.5, 1.5, size=(len(bodies), 1))
+        exact = simulate_measurement(robot, motion, None, seed, (factors * bodies).ravel(), *terms)
+        noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
+        return robot, simulate_measurement(
+            robot, motion, noise, seed, (factors * bodies).ravel(), *terms
+        )
+
+    def suspected(name, seed, spoil=lambda position, force: None):
+        robot, found = run(name, seed)
+        position, force = found.position.copy(), found.force.copy()
+        spoil(position, force)
+        log = Log.from_arrays(found.time, position, force, robot.actuated, name="run")
+        options = FilterOptions(cutoff=2.5)
+        return suspicions(robot, [quietly(prepare_recording, robot, log, filter=options)])
+
+    return suspected
+
+
+def times(factor, column=0):
+    def spoil(position, force):
+        force[:, column] *= factor
+
+    return spoil
+
+
+def exchanged(positions, forces):
+    def spoil(position, force):
+        for values, flag in ((position, positions), (force, forces)):
+            if flag:
+                values[:, :2] = values[:, [1, 0]]
+
+    return spoil
+
+
+def offset(value):
+    def spoil(position, force):
+        force[:, 0] += value
+
+    return spoil
+
+
+def moved(scale, shift, columns=slice(None)):
+    def spoil(position, force):
+        position[:, columns] = scale * position[:, columns] + shift
+
+    return spoil
+
+
+# The five-bar is symmetric: with positions and forces exchanged it is another like it.
+CASES = [
+    ("five_bar", times(1e-3), "force of {0} is 0.000", "force_scale"),
+    ("five_bar", times(-1.0), "force of {0} is -", "sign"),
+    ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
+    ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
+    ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
+    ("five_bar", moved(1.0, 0.1, 0), "positions of {0} look shifted", "position_offset"),
+    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted by", "or 1.06 ± 0.0"),
+    ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
+    ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
+    pytest.param(
+        *("3ups_rpu", moved(1.0, 0.05, 1), "positions of {1} look shifted by 0.04"),
+        "position_offset",
+        marks=pytest.mark.validate,
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "spoil", "words", "advice"), CASES)
+def test_a_mistake_is_named(runs, name, spoil, words, advice):
+    found = runs(name, 0, spoil)
+    motors = FIVE_BAR if name == "five_bar" else KNEE
+    assert words.format(*motors) in found.sentences[0]
+    assert advice in found.sentences[0]
+    assert len(found.sentences) == 1
+
+
+def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
+    (said,) = runs("five_bar", 70, times(0.005774, 0)).sentences
+    assert "is 0.0" in said
+
+
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+def test_nothing_is_suspected_of_what_is_right(runs, name):
+    found = runs(name, 1)
+    assert found.sentences == ()
+    assert [one.joint for one in found.gains] == list(FIVE_BAR if name == "five_bar" else KNEE)
+    for one in found.gains:
+        assert one.interval[0] < 1.05
+        assert one.interval[1] > 0.95
+        assert one.interval[1] - one.interval[0] < 0.3
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "3ups_rpu", "delta"])
+def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
+    robot = load_once(name)
+    terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
+    short = wander(robot, 3, rate=20.0).select(slice(0, 60))
+    for motion in (stand(robot), short):
+        run = record(robot, motion, terms, noise=0.01)
+        assert suspicions(robot, [run]).sentences == ()
+
+
+def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
+    assert suspicions(mechanism, real_recording.split(0.6)).sentences == ()
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(("k", "factor"), [(0, 1 / 28.5), (1, -1.0), (2, 1e-3), (3, 1 / 247)])
+def test_mistakes_in_logs_of_the_real_robots(mechanism, real_recording, k, factor):
+    force = real_recording.force.copy()
+    force[:, k] *= factor
+    (said,) = suspicions(mechanism, [replace(real_recording, force=force)]).sentences
+    assert f"the force of leg{k + 1}_stroke is {'-' if factor < 0 else '0.'}" in said
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, name):
+    motors, random = FIVE_BAR if name == "five_bar" else KNEE, np.random.default_rng(0)
+    for seed in range(100):
+        assert runs(name, seed).sentences == (), seed
+        column, factor = random.integers(len(motors)), 10.0 ** random.uniform(-3, -1)
+        (said,) = runs(name, seed, times(factor, column)).sentences
+        assert said.startswith(f"the force of {motors[column]} is 0."), (seed, said)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (moved(1.0, 0.05, 1), "positions of leg2_stroke"),
+        (exchanged(True, True), "the positions and forces of leg1_stroke and leg2_stroke"),
+        (offset(70.0), "the force of leg1_stroke seems to have an offset of "),
+    ],
+)
+def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
+    said = [" ".join(runs("3ups_rpu", seed, spoil).sentences) for seed in range(10)]
+    assert sum(words in each for each in said) >= 9, said
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("seed", [7, 11, 15])
+def test_a_leg_that_leads_to_another_assembly_mode_is_named(runs, seed):
+    (said,) = runs("3ups_rpu", seed, moved(1.0, 0.05, 3)).sentences
+    assert said.startswith("the positions of leg4_stroke look shifted by 0.0")

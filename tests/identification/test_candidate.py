@@ -1,0 +1,159 @@
+"""Candidates are judged by data that none of them has seen, with errors that hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from loopid.identification import (
+    Candidate,
+    FitSamples,
+    Quality,
+    fit_quality,
+    judge,
+    prediction_error,
+    quiet_fit,
+)
+from loopid.parameters import ParameterSet
+
+NAMES = ParameterSet.from_labels(["body.m", "body.mx", "motor.Fc"])
+MOTORS = ("one", "two")
+TRUTH = np.array([5.0, -1.0, 2.0])
+SIGMA = np.array([1.0, 10.0])  # of the motors' errors
+ROWS = 600
+DRAWS = 120
+
+
+def made(seed, noise_seed=None, used=None):
+    """Samples with white errors; the motion is that of the seed."""
+    generator = np.random.default_rng(seed)
+    W = generator.normal(size=(ROWS, 2, 3))
+    noise = np.random.default_rng([seed, noise_seed or 0]).normal(size=(ROWS, 2))
+    return FitSamples.of(NAMES, MOTORS, W, W @ TRUTH + SIGMA * noise, used=used)
+
+
+def off(mass=0.0, lever=0.0):
+    """Values beside the truth."""
+    return TRUTH + np.array([mass, lever, 0.0])
+
+
+def fit_of(values, data):
+    """A fit of some data, with other values."""
+    quality = fit_quality(data.problem, values)
+    return replace(quiet_fit(data), values=values, quality=quality, assumed=("motor.Fc",))
+
+
+def judged(validation, values, baseline):
+    data = made(0)
+    others = fit_of(baseline, data)
+    return judge(fit_of(values, data), data, validation, name="any", against=others)
+
+
+def test_the_baseline_is_as_good_as_itself():
+    found = judged(made(1), TRUTH, TRUTH)
+    assert found.error_ratio == (1.0, 0.0)
+    assert not found.beats_baseline
+
+
+def test_the_ratio_is_that_of_mean_squares_with_motors_weighted_alike():
+    values, baseline = off(0.3), off(lever=0.5)
+    validation = made(2)
+    squares = [(validation.residual(phi) ** 2).mean(axis=0) for phi in (values, baseline)]
+    found = judged(validation, values, baseline)
+    assert found.error_ratio[0] == pytest.approx((squares[0] / squares[1]).mean(), rel=1e-12)
+
+
+def test_unused_samples_do_not_count():
+    used = np.ones((ROWS, 2), dtype=bool)
+    used[100:250, 0] = used[400:, 1] = False
+    clean = made(4, used=used)
+    spoilt = clean.with_force(np.where(used, clean.force, 1e6))
+    values, baseline = off(0.3), off(lever=0.5)
+    assert judged(spoilt, values, baseline).error_ratio == pytest.approx(
+        judged(clean, values, baseline).error_ratio, rel=1e-12
+    )
+
+
+def test_a_motor_that_never_takes_part_leaves_the_verdict_to_the_others():
+    used = np.ones((ROWS, 2), dtype=bool)
+    used[:, 1] = False
+    values, baseline = off(0.3), off(lever=0.5)
+    found = judged(made(5, used=used), values, baseline)
+    squares = [(made(5).residual(phi)[:, 0] ** 2).mean() for phi in (values, baseline)]
+    assert found.error_ratio[0] == pytest.approx(squares[0] / squares[1], rel=1e-12)
+    assert np.isfinite(found.error_ratio[1])
+
+
+@pytest.mark.parametrize(
+    ("values", "baseline"),
+    [
+        (off(), off(0.3, -0.3)),
+        (off(0.3, -0.3), off()),
+        (off(), off(12.0, 9.0)),
+    ],
+    ids=["a little better", "a little worse", "far better"],
+)
+def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, baseline):
+    found = np.array(
+        [judged(made(6, draw), values, baseline).error_ratio for draw in range(1, DRAWS + 1)]
+    )
+    spread, told = found[:, 0].std(ddof=1), found[:, 1].mean()
+    assert 0.75 < told / spread < 1.33
+
+
+@pytest.mark.parametrize(
+    ("ratio", "error", "better"),
+    [(0.9, 0.04, True), (0.9, 0.06, False), (1.0, 0.0, False), (1.2, 0.01, False)],
+)
+def test_two_standard_errors_make_a_candidate_better(ratio, error, better):
+    nothing = Quality(np.zeros(2), np.zeros(2), np.zeros(2, dtype=int))
+    found = Candidate("any", fit_of(TRUTH, made(0)), nothing, (SIGMA, SIGMA), (ratio, error))
+    assert found.beats_baseline is better
+
+
+def test_round_off_makes_no_candidate_better():
+    values = TRUTH * (1 + 1e-15)
+    found = judged(made(7), values, TRUTH)
+    assert abs(found.error_ratio[0] - 1) < 1e-12
+    for seed in range(30):
+        nearly = TRUTH * (1 + 1e-14 * np.random.default_rng(seed).normal(size=3))
+        assert not judged(made(seed), nearly, TRUTH).beats_baseline
+
+
+def test_qualities_are_those_of_the_data_they_are_named_after():
+    training, validation = made(0), made(8)
+    found = judged(validation, TRUTH, TRUTH)
+    for quality, samples in ((found.training, training), (found.validation, validation)):
+        expected = np.sqrt((samples.residual(TRUTH) ** 2).mean(axis=0))
+        np.testing.assert_allclose(quality.residual_rms, expected, rtol=1e-9)
+    assert (found.name, found.fitted) == ("any", 2)
+
+
+def test_errors_of_predictions_are_the_spread_of_predictions_over_draws():
+    generator = np.random.default_rng(9)
+    spread = generator.normal(size=(3, 3))
+    covariance, W = spread @ spread.T, generator.normal(size=(20, 2, 3))
+    draws = generator.multivariate_normal(np.zeros(3), covariance, size=20_000)
+    expected = np.einsum("nij,kj->nik", W, draws).std(axis=2)
+    np.testing.assert_allclose(prediction_error(W, covariance), expected, rtol=0.03)
+
+
+def test_nothing_fitted_has_no_error_of_prediction():
+    W = np.random.default_rng(1).normal(size=(5, 2, 3))
+    assert not prediction_error(W, np.zeros((3, 3))).any()
+    # A covariance that round-off has made slightly negative gives 0 rather than NaN.
+    assert np.isfinite(prediction_error(W, -1e-20 * np.eye(3))).all()
+
+
+def test_an_rms_has_the_error_of_its_spread_over_draws():
+    found = [judged(made(6, draw), off(0.3), TRUTH) for draw in range(1, DRAWS + 1)]
+    spread = np.std([each.validation.residual_rms for each in found], axis=0, ddof=1)
+    told = np.mean([each.rms_errors[1] for each in found], axis=0)
+    assert ((told / spread > 0.75) & (told / spread < 1.33)).all()
+
+
+def test_an_rms_of_a_motor_that_never_takes_part_has_no_error():
+    used = np.ones((ROWS, 2), dtype=bool)
+    used[:, 1] = False
+    errors = judged(made(5, used=used), off(0.3), TRUTH).rms_errors[1]
+    assert np.isnan(errors).tolist() == [False, True]

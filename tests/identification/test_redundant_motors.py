@@ -1,0 +1,116 @@
+"""More motors than degrees of freedom: friction of all of them, and the bodies, are found."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms
+from loopid.identification import (
+    find_force_model,
+    identify,
+    quiet_fit,
+)
+from loopid.kinematics import closed_motion
+from loopid.logs import (
+    Recording,
+    prepare_recording,
+    read_log,
+)
+from loopid.motion import simulate_measurement
+from made_runs import logged, quietly, wander
+
+FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
+NOISE = 0.05
+DRAWS = 25
+
+
+@pytest.fixture(scope="module")
+def robot(linkage):
+    return linkage("redundant five-bar")
+
+
+@pytest.fixture(scope="module")
+def model(robot):
+    return find_force_model(robot, "full", JointTerms(robot.actuated))
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return run_of(robot, 1)
+
+
+def run_of(robot, seed):
+    # Its motors are not the coordinates of the motion: two of them are.
+    return wander(robot, seed, seconds=40.0, rate=50.0, size=(0.4, 0.4))
+
+
+@pytest.fixture(scope="module")
+def truth(robot, model):
+    return model.base.values(np.concatenate([robot.standard_parameters(), FRICTION]))
+
+
+def test_terms_of_all_motors_do_their_work_in_any_motion(robot, motion):
+    terms = JointTerms(robot.actuated, ("Ia", "Fc", "Fv", "Fo"))
+    whole = closed_motion(robot, motion.configurations, motion.velocities, motion.accelerations)
+    values = np.random.default_rng(2).uniform(1, 2, size=12).reshape(3, 4)
+    rates, pushes = (
+        each[:, robot.velocity_indices(robot.actuated)]
+        for each in (whole.velocities, whole.accelerations)
+    )
+    inertia, coulomb, viscous, offset = values.T
+    forces = inertia * pushes + coulomb * np.sign(rates) + viscous * rates + offset
+    found = terms.columns(robot, whole) @ values.ravel()
+    np.testing.assert_allclose(
+        (found * motion.velocities).sum(axis=1), (forces * rates).sum(axis=1), atol=1e-9
+    )
+
+
+def test_friction_of_every_motor_can_be_told(model, robot):
+    labels = set(model.parameters.labels)
+    assert {f"{joint}.{kind}" for joint in robot.actuated for kind in ("Fc", "Fv")} <= labels
+
+
+def test_what_each_motor_measures_tells_the_truth(robot, model, motion, truth):
+    terms = JointTerms(robot.actuated)
+    exact = simulate_measurement(robot, motion, joint_terms=terms, joint_values=FRICTION)
+    q, shape = motion.configurations, exact.force.shape
+    still = np.zeros_like(motion.velocities)
+    G = closed_motion(robot, q, still, still).projection.G[
+        :, robot.velocity_indices(robot.actuated)
+    ]
+    forces, errors = np.einsum("nmi,nm->ni", G, exact.force), []
+    samples = model.samples(Recording.of_motion("run", robot.independent, motion, forces))
+    generator = np.random.default_rng(5)
+    for _ in range(DRAWS):
+        noise = np.einsum("nmi,nm->ni", G, generator.normal(scale=NOISE, size=shape))
+        fit = quiet_fit(samples.with_force(forces + noise))
+        errors.append((fit.values - truth) / fit.standard_errors)
+    assert np.abs(np.mean(errors, axis=0)).max() < 4 / np.sqrt(DRAWS)
+    # Noise of a shared motor is in both rows and differs with the pose: nearly what is stated.
+    assert 0.8 < np.std(errors) < 1.25
+
+
+@pytest.fixture(scope="module")
+def found(robot, model, tmp_path_factory):
+    """Identification from logs on disk, of motors without redundant ones telling more."""
+    folder, terms = tmp_path_factory.mktemp("logs"), (JointTerms(robot.actuated), FRICTION)
+    recordings = []
+    for seed in (1, 2):
+        path = folder / f"{seed}.csv"
+        path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
+        recordings.append([quietly(prepare_recording, robot, quietly(read_log, path, robot))])
+    return quietly(identify, model, recordings[0], validation=recordings[1])
+
+
+def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
+    assert [part.actuators for part in found.training] == [model.mechanism.independent]
+    fresh = found.new.regressor
+    expected = fresh @ truth
+    off = found["all parameters"].fit.predict(fresh) - expected
+    assert np.sqrt((off**2).mean()) < 0.02 * np.sqrt((expected**2).mean())
+    joints = model.joint_columns
+    np.testing.assert_allclose(found["all parameters"].values[joints], truth[joints], atol=0.05)
+
+
+def test_a_true_robot_file_is_confirmed(found):
+    assert not any(candidate.beats_baseline for candidate in found.candidates.values())
+    assert min(found.baseline.validation.r_squared) > 0.98
