@@ -63,7 +63,7 @@ def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
 def log_of(design, noise=0.0, seed=0, **options):
     """A simulated log of the motion."""
     robot, motion = design.force_model.mechanism, design.joint_motion
-    run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed)
+    run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed=seed)
     return Log.from_arrays(run.time, run.position, run.force, robot.actuated, **options)
 
 

@@ -94,14 +94,13 @@ def base(
     samples: int | None = Option(None, help="Random closed poses; enough by default."),
     seed: int = Option(0, help="Of the random poses."),
     time_limit: float | None = Option(
-        None, metavar="S", help="Of everything, in s, with the best so far; else 10 s of search."
+        None, metavar="S", help="Of the search, in s, with the best so far; 10 s."
     ),
     as_json: bool = JSON,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
-    from loopid.base_parameters.base import find_base_parameters
-    from loopid.base_parameters.exact import ExactSearch
-    from loopid.base_parameters.rank import without_effect
+    from loopid.base_parameters.base import find_felt_parameters
+    from loopid.base_parameters.choice import SearchEffort
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
@@ -112,12 +111,9 @@ def base(
         observation = structural_observation(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
-    strategy = search if time_limit is None else ExactSearch(time_limit)
-    found = [find_base_parameters(observation, strategy, criterion)]
-    alone = observation.motors_alone
-    if alone is not None and not without_effect(alone):
-        found.append(find_base_parameters(alone, strategy, criterion))
-    record = base_record(robot, model, *found)
+    effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
+    found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
+    record = base_record(robot, model, found.base, found.motors_alone)
     show(record, base_tables(record), as_json)
 
 

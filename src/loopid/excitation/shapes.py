@@ -74,7 +74,7 @@ class Shape(ABC):
     def motion(self, names: Sequence[str], X: FloatArray, rate: float) -> Motion:
         """The motion of a motion file with these waypoints."""
         start, ways = self.waypoints(X)
-        return point_to_point(tuple(names), start, ways, rate)
+        return point_to_point(tuple(names), start, ways, rate=rate)
 
 
 @record
