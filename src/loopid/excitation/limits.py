@@ -27,7 +27,7 @@ from loopid.kinematics.projection import (
     project,
 )
 from loopid.loading.files import find_files
-from loopid.loading.urdf import unread_mesh
+from loopid.loading.urdf_tree import unread_mesh
 from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import ROTATIONS
 

@@ -45,7 +45,7 @@ from loopid.inertia import (
     pseudo_inertia,
 )
 from loopid.loading.files import find_files
-from loopid.loading.urdf import MOMENTS, read_urdf_file
+from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
 from loopid.parameters import (
     KINDS,
     MODELS,
