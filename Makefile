@@ -20,8 +20,8 @@ test: .venv/test
 
 # What is numerical, but for Monte Carlo and refusals, with the linear algebra of processors without
 # AVX-512, and without AVX.
-NUMERICAL := tests/regressors tests/identification tests/consistency \
-    tests/experiment/test_identifiability.py tests/export/test_identified_robots.py \
+NUMERICAL := tests/regressors tests/identification \
+    tests/export/test_identified_robots.py \
     $(addprefix tests/kinematics/test_,projection.py mobility.py) \
     $(addprefix tests/base_parameters/test_,ambiguous_rank.py exact_search.py known_robots.py \
     knee_base_parameters.py structure.py subgroup_limits.py ties.py)

@@ -147,7 +147,7 @@ def _case(
     bodies = model.mechanism.standard_parameters(model.model)
     truth = model.base.values(np.concatenate([bodies, friction]))
     actuators = model.mechanism.independent
-    samples = FitSamples.of(model.parameters, actuators, W, W @ truth, None, stretches)
+    samples = FitSamples.of(model.parameters, actuators, W, W @ truth, stretches=stretches)
     return Case(name, model, motion, samples, truth, deviations, few)
 
 
@@ -168,7 +168,7 @@ def measured_motion(case: Case, rng: np.random.Generator) -> FitSamples:
     inside = slice(CUT, len(time) - CUT)
     W, used = case.model.regressor(moved)[inside], np.abs(case.motion.velocity) > STANDING
     parameters, actuators = case.samples.parameters, case.samples.actuators
-    samples = FitSamples.of(parameters, actuators, W, force[inside], used[inside])
+    samples = FitSamples.of(parameters, actuators, W, force[inside], used=used[inside])
     return samples.with_instruments(case.samples.regressor[inside])
 
 
@@ -230,7 +230,8 @@ def forces(
 def few(case: Case, rng: np.random.Generator) -> Run:
     """The first part of the motion, by a robot that is drawn from the prior."""
     joints = case.truth[case.model.joint_columns]
-    prior = cad_prior(case.model, RELATIVE, joints, JOINT_RELATIVE * np.abs(joints))
+    deviations = JOINT_RELATIVE * np.abs(joints)
+    prior = cad_prior(case.model, RELATIVE, joint_values=joints, joint_deviations=deviations)
     truth = rng.multivariate_normal(prior.values, prior.covariance, method="cholesky")
     rows = slice(0, case.few)
     W = case.samples.regressor[rows]

@@ -48,7 +48,7 @@ def designed(name: str, robot: Any, **options: Any) -> ExcitationDesign:
 def ur10() -> None:
     """36 base parameters, limits at 90 %, 12 s from rest to rest, 20 s on one core."""
     robot = loopid.load_mechanism(robots_folder() / UR10)
-    model = loopid.find_force_model(robot, "full")
+    model = loopid.find_force_model(robot, "full", None)
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
         options = {"limits": limits, "duration": 12.0, "size": 7, "starts": 2, "time_limit": 20.0}
@@ -64,7 +64,7 @@ def figaroh(seed: int = 0) -> None:
         return
     file = robots_folder() / UR10
     robot = loopid.load_mechanism(file)
-    model = loopid.find_force_model(robot, "full")
+    model = loopid.find_force_model(robot, "full", None)
     with TemporaryDirectory() as folder:
         out, start = Path(folder) / "motion.npz", perf_counter()
         script = Path(__file__).with_name("peers_figaroh_design.py")
@@ -105,7 +105,7 @@ def feasible() -> None:
 def seeds() -> None:
     """100 seeds of the 3UPS+RPU: violations after the check, and how far motions were shrunk."""
     robot = loopid.load_mechanism("3ups_rpu")
-    model, kept = loopid.find_force_model(robot), 0
+    model, kept = loopid.find_force_model(robot, joint_terms=None), 0
     for seed in range(100):
         found = designed(
             f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, iterations=25, time_limit=60.0

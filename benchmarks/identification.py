@@ -34,7 +34,7 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.diagnosis import eliminate
+from loopid.diagnosis import eliminate_parameters
 from loopid.identification import (
     WeightedLeastSquares,
     quiet_fit,
@@ -94,7 +94,7 @@ def phases(mechanism: Mechanism, path: str) -> list[dict[str, Any]]:
         "triangular factors": lambda: samples.with_force(samples.force).problem,
         "weighted least squares": lambda: WeightedLeastSquares().fit(samples.problem),
         "with correlated errors": lambda: quiet_fit(samples),
-        "elimination": lambda: eliminate(halves[0], halves[1]),
+        "elimination": lambda: eliminate_parameters(halves[0], halves[1]),
     }
     rows = [
         {"phase": "bare regressor loop", "samples": len(recording), "seconds": bare, "ratio": 1.0}

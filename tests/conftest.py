@@ -29,8 +29,8 @@ from loopid import (
     prepare_recording,
     random_configurations,
     read_log,
-    split_recordings,
 )
+from loopid.diagnosis import examine
 from loopid.errors import ModelWarning
 from loopid.paper import reproduce_paper
 from made_runs import friction, logged, quietly, wander
@@ -308,15 +308,15 @@ def knee_run(knee, once, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def identification(knee, knee_run, once):
-    """What that log identifies, through reading, filter and split."""
+def study(knee, knee_run, once):
+    """What that log tells, through reading, filter and split."""
 
-    def identified():
+    def studied():
         recording = prepare_recording(knee, read_log(knee_run, knee))
         model = find_force_model(knee, "gravity", friction(knee)[0])
-        return identify(model, *split_recordings([recording]), term_sets=())
+        return examine(identify(model, [recording]))
 
-    return once("identification", lambda: quietly(identified))
+    return once("study", lambda: quietly(studied))
 
 
 @pytest.fixture(scope="session")

@@ -35,7 +35,9 @@ def named(count):
 
 
 def named_samples(W, force, used=None, stretches=None):
-    return FitSamples.of(named(W.shape[2]), tuple("abcd"[: W.shape[1]]), W, force, used, stretches)
+    return FitSamples.of(
+        named(W.shape[2]), tuple("abcd"[: W.shape[1]]), W, force, used=used, stretches=stretches
+    )
 
 
 def runs(few, many):

@@ -124,7 +124,7 @@ def main():
     terms = loopid.JointTerms(robot.actuated, tuple(FRICTION))
     model = loopid.find_force_model(robot, "full", terms)
     recording = loopid.prepare_recording(robot, loopid.read_log(LOG, robot))
-    fit = loopid.identify(model, *loopid.split_recordings([recording])).recommended_fit
+    fit = loopid.identify(model, [recording]).fit
     time, joint = recording.motion.time, robot.actuated[0]
     part = time < 12
     axes = figure.add_subplot(2, 4, 3)

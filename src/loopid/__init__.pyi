@@ -21,8 +21,10 @@ from .base_parameters import (
     find_base_parameters as find_base_parameters,
 )
 from .diagnosis import (
+    diagnose as diagnose,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
+    study_logs as study_logs,
 )
 from .errors import (
     LoopidError as LoopidError,
@@ -37,6 +39,7 @@ from .export import (
 )
 from .identification import (
     BayesianRidge as BayesianRidge,
+    FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
     consistent_parameters as consistent_parameters,

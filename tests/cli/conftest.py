@@ -44,8 +44,8 @@ def run(monkeypatch, capsys):
 def nothing_suspected(request, monkeypatch):
     """Mistakes are looked for in logs of the knee robot, not of the arm, by many commands."""
     if "arm_files" in request.fixturenames:
-        module = import_module("loopid.identification.pipeline")
-        monkeypatch.setattr(module, "warn_of_suspicions", lambda *_: (Suspicions("run"),))
+        module = import_module("loopid.diagnosis.study")
+        monkeypatch.setattr(module, "diagnose", lambda _: (Suspicions("run"),))
 
 
 @pytest.fixture

@@ -165,7 +165,7 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
     with pytest.raises(FileError, match="made from"):
-        save_fit(robot, find_force_model(load_mechanism(robot)), np.ones(6))
+        save_fit(robot, find_force_model(load_mechanism(robot), joint_terms=None), np.ones(6))
     assert {path: path.read_bytes() for path in before} == before
     # The results of an identification, too, beside a robot of such a name.
     shutil.copy(robot, tmp_path / "parameters.yaml")

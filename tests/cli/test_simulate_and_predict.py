@@ -25,7 +25,7 @@ def five_bar():
 
 @pytest.fixture(scope="module")
 def saved(five_bar, tmp_path_factory):
-    model = loopid.find_force_model(five_bar, "full")
+    model = loopid.find_force_model(five_bar, "full", None)
     path = tmp_path_factory.mktemp("fit") / "fit.yaml"
     return loopid.save_fit(path, model, model.prior)
 

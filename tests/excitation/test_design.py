@@ -24,12 +24,12 @@ FINE = QUICK | {"rate": 100.0}
 
 @pytest.fixture(scope="module")
 def gravity(five_bar):
-    return find_force_model(five_bar)
+    return find_force_model(five_bar, joint_terms=None)
 
 
 @pytest.fixture(scope="module")
 def full(five_bar):
-    return find_force_model(five_bar, "full")
+    return find_force_model(five_bar, "full", None)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_platform_coordinates():
 def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_crank):
     told = loopid.identifiability(full, [one_crank])
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
-    assert all(f"--for {lead}" in told.refusal for lead in leads)
+    assert set(leads) <= set(told.leads)
     found = design_excitation(full, after=[one_crank], parameters=leads, **FINE)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
     assert (found.before.standard_errors[unknown] > 1e3).all()
@@ -264,7 +264,7 @@ def wrist(tmp_path_factory):
     tree, described = files(parts, description)
     (folder / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
     (folder / "robot.yaml").write_text(described)
-    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"))
+    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"), joint_terms=None)
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):

@@ -100,7 +100,7 @@ def test_a_vague_prior_leaves_least_squares(correlation):
 def test_no_data_leave_the_prior():
     samples, prior = make_run(), prior_of()
     data = samples.parameters, samples.actuators, samples.regressor, samples.force
-    nothing = FitSamples.of(*data, np.zeros((100, 2), dtype=bool))
+    nothing = FitSamples.of(*data, used=np.zeros((100, 2), dtype=bool))
     found = quiet_fit(nothing, BayesianRidge(prior, DEVIATIONS))
     np.testing.assert_allclose(found.values, MEAN, rtol=1e-9)
     np.testing.assert_allclose(found.covariance, prior.covariance, rtol=1e-8)

@@ -88,7 +88,7 @@ def test_weights_act_in_proportion(robots):
 def test_a_fit_predicts_in_proportion(robots):
     predicted = []
     for robot, unit in zip(robots, (1.0, MM), strict=True):
-        model = loopid.find_force_model(robot, "gravity", search="qr")
+        model = loopid.find_force_model(robot, "gravity", None, search="qr")
         names, poses = robot.independent, same_poses(*robots)
         W = model.base.regressor(loopid.gravity_regressor(robot, poses[0 if unit == 1.0 else 1]))
         turning = [name not in np.array(robot.coordinates)[robot.prismatic] for name in names]

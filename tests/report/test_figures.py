@@ -10,6 +10,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from loopid import load_mechanism
+from loopid.diagnosis import examine
 from loopid.errors import MissingExtraError
 from loopid.identification import (
     find_force_model,
@@ -29,12 +30,12 @@ from loopid.report.look import (
     RESOLUTION,
     thinned,
 )
-from made_runs import ARM, modelled, stand, wander
+from made_runs import ARM, modelled, quietly, stand, wander
 
 DRAWERS = {
-    "forces": (draw_forces, "identification"),
+    "forces": (draw_forces, "study"),
     "parameters": (draw_parameters, "identification"),
-    "reduction": (draw_reduction, "identification"),
+    "reduction": (draw_reduction, "reduction"),
     "spectrum": (draw_spectrum, "support"),
 }
 
@@ -42,15 +43,17 @@ DRAWERS = {
 @pytest.fixture(scope="module")
 def knee_log(knee):
     """Identifiability from a log in which no motor moves."""
-    model, motion = find_force_model(knee), stand(knee, seconds=5.0)
+    model, motion = find_force_model(knee, joint_terms=None), stand(knee, seconds=5.0)
     return identifiability(model, [modelled(model, motion, model.prior)])
 
 
 @pytest.fixture(scope="module")
-def parts(identification):
+def parts(study):
     return {
-        "identification": identification,
-        "support": identification.identifiability,
+        "study": study,
+        "identification": study.identification,
+        "reduction": study.reduction,
+        "support": study.identification.identifiability,
     }
 
 
@@ -122,13 +125,12 @@ def axes_of(monkeypatch, module, drawer, part):
     return kept[0].axes
 
 
-def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, identification):
-    axes = axes_of(monkeypatch, identify_figures, draw_forces, identification)
+def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, study):
+    axes = axes_of(monkeypatch, identify_figures, draw_forces, study)
+    identification = study.identification
     recording = identification.validation[0]
     W = identification.force_model.samples(recording).regressor
-    predictions = [
-        W @ candidate.values for candidate in (identification.baseline, identification.essential)
-    ]
+    predictions = [W @ candidate.values for candidate in (identification.baseline, study.essential)]
     assert len(recording) < MOST_POINTS
     for k, ax in enumerate(axes):
         for line, values in zip(ax.lines, (recording.force, *predictions), strict=True):
@@ -139,10 +141,10 @@ def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, identifi
         assert ax.get_ylabel() == "force (N)"
 
 
-def test_a_turning_joint_has_its_force_in_newton_metres(identification, knee):
+def test_a_turning_joint_has_its_force_in_newton_metres(study):
     unit = identify_figures.force_unit
-    assert unit(identification, "leg1_stroke") == "N"
-    assert unit(identification, "leg4_revolute") == "N m"
+    assert unit(study.identification, "leg1_stroke") == "N"
+    assert unit(study.identification, "leg4_revolute") == "N m"
 
 
 def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_log):
@@ -158,10 +160,11 @@ def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_log):
     np.testing.assert_array_equal(places, np.arange(1, knee_log.structural_rank + 1))
 
 
-def test_parameters_are_shown_against_the_robot_file(monkeypatch, identification):
+def test_parameters_are_shown_against_the_robot_file(monkeypatch, study):
+    identification = study.identification
     (ax,) = axes_of(monkeypatch, identify_figures, draw_parameters, identification)
     bodies = identification.force_model.body_columns
-    fit, prior = identification.fit, identification.force_model.prior
+    fit, prior = identification["all parameters"].fit, identification.force_model.prior
     off = ((fit.values - prior) / fit.standard_errors)[bodies]
     np.testing.assert_allclose(ax.lines[0].get_xdata(), off)
     names = [text.get_text().split()[0] for text in ax.get_yticklabels()]
@@ -170,20 +173,23 @@ def test_parameters_are_shown_against_the_robot_file(monkeypatch, identification
     assert names == [shown[k] for k in order]
 
 
-def test_bars_of_the_parameters_are_the_intervals_of_the_fit(monkeypatch, identification):
+def test_bars_of_the_parameters_are_the_intervals_of_the_fit(monkeypatch, study):
+    identification = study.identification
+    whole = identification["all parameters"]
     # Few degrees of freedom make them wider than 1.96 standard errors.
-    few = replace(identification.fit, degrees_of_freedom=4.0)
-    found = replace(identification, fit=few)
+    few = replace(whole.fit, degrees_of_freedom=4.0)
+    candidates = identification.candidates | {"all parameters": replace(whole, fit=few)}
+    found = replace(identification, candidates=candidates)
     (ax,) = axes_of(monkeypatch, identify_figures, draw_parameters, found)
     reach = np.ptp(few.intervals(), axis=1) / few.standard_errors
     ends = [np.ptp(np.array(bar)[:, 0]) for bar in ax.collections[0].get_segments()]
     np.testing.assert_allclose(ends, reach[identification.force_model.body_columns])
 
 
-def test_the_chosen_number_of_corrections_is_marked(monkeypatch, identification):
-    (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, identification)
+def test_the_chosen_number_of_corrections_is_marked(monkeypatch, study):
+    (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, study.reduction)
     chosen = [line for line in ax.lines if line.get_label() == "essential"]
-    assert list(chosen[0].get_xdata()) == [len(identification.reduction.columns)] * 2
+    assert list(chosen[0].get_xdata()) == [len(study.reduction.columns)] * 2
 
 
 @pytest.mark.parametrize("count", [1, 2, MOST_POINTS, 40_000])
@@ -195,23 +201,24 @@ def test_long_lines_are_thinned_from_end_to_end(count):
     assert len(rows) < 3 or np.ptp(np.diff(rows)) <= 1
 
 
-def test_without_matplotlib_the_extra_is_named(monkeypatch, identification):
+def test_without_matplotlib_the_extra_is_named(monkeypatch, study):
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingExtraError, match=r"matplotlib is not installed.*loopid\[plot\]"):
-        draw_reduction(identification)
+        draw_reduction(study.reduction)
 
 
 def test_a_serial_robot_has_a_row_for_each_of_its_motors(monkeypatch, tmp_path):
     (tmp_path / "arm.urdf").write_text(ARM)
     arm = load_mechanism(tmp_path / "arm.urdf")
-    model = find_force_model(arm)
+    model = find_force_model(arm, joint_terms=None)
     runs = [
         [modelled(model, wander(arm, seed, seconds=20.0, size=(1.0, 1.0)), model.prior, seed=seed)]
         for seed in (1, 2)
     ]
-    axes = axes_of(monkeypatch, identify_figures, draw_forces, identify(model, *runs))
+    found = quietly(identify, model, runs[0], validation=runs[1])
+    axes = axes_of(monkeypatch, identify_figures, draw_forces, quietly(examine, found))
     assert [ax.get_title() for ax in axes] == ["shoulder", "elbow"]
     assert {ax.get_ylabel() for ax in axes} == {"force (N m)"}
 

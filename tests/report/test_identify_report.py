@@ -22,8 +22,8 @@ LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
 @pytest.fixture(scope="module")
-def files(identification):
-    return identification_files(identification)
+def files(study):
+    return identification_files(study)
 
 
 def printed(table, width):
@@ -32,19 +32,18 @@ def printed(table, width):
     return stream.getvalue()
 
 
-def judged(identification, **changes):
-    """The identification with other verdicts on its candidates."""
-    candidates = [
-        replace(candidate, **changes.get(name, {}))
-        for name, candidate in zip(
-            ("baseline", "full", "supported", "informed"), identification.candidates, strict=True
-        )
-    ]
-    return replace(identification, candidates=tuple(candidates))
+def judged(study, **changes):
+    """The study with other verdicts on its candidates."""
+    names = {"full": "all parameters", "informed": "robot file as prior"}
+    found = study.identification
+    others = {
+        names[name]: replace(found[names[name]], **change) for name, change in changes.items()
+    }
+    return replace(study, identification=replace(found, candidates=found.candidates | others))
 
 
-def test_the_page_holds_all_tables(files, identification):
-    for table in identification_tables(identification):
+def test_the_page_holds_all_tables(files, study):
+    for table in identification_tables(study):
         assert str(table.title) in files["report.md"]
 
 
@@ -55,15 +54,15 @@ def test_every_figure_is_on_the_page_and_every_link_leads_to_a_file(files):
     assert {name.replace(".svg", ".png") for name in linked} <= set(files)
 
 
-def test_the_record_is_beside_the_page(files, identification):
+def test_the_record_is_beside_the_page(files, study):
     record = json.loads(files["identification.json"])
-    assert record == identification_record(identification)
+    assert record == identification_record(study)
 
 
 @pytest.mark.parametrize("width", [80, 120])
-def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(identification, width):
+def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(study, width):
     cut = set()
-    for table in identification_tables(identification):
+    for table in identification_tables(study):
         text = printed(table, width)
         assert max(map(len, text.splitlines())) <= width
         numbers = {
@@ -77,64 +76,64 @@ def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(identification, 
     assert cut == set()
 
 
-def test_values_in_the_tables_are_those_of_the_fit(identification):
-    table = identification_tables(identification)[0]
+def test_values_in_the_tables_are_those_of_the_fit(study):
+    table = identification_tables(study)[0]
     cells = [[str(cell) for cell in column.cells] for column in table.columns]
-    fit = identification.fit
+    fit = study.identification["all parameters"].fit
     assert cells[0] == list(fit.parameters.labels)
     np.testing.assert_allclose([float(x) for x in cells[1]], fit.values, rtol=1e-3, atol=1e-12)
     np.testing.assert_allclose([float(x) for x in cells[2]], fit.standard_errors, rtol=0.06)
 
 
-def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(identification):
-    table = identification_tables(identification)[1]
+def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(study):
+    table = identification_tables(study)[1]
     names, values, _, known, _ = ([str(cell) for cell in column.cells] for column in table.columns)
-    columns = identification.reduction.columns
-    model = identification.force_model
+    columns = study.reduction.columns
+    model = study.identification.force_model
     assert names == [model.base.expressions[j] for j in columns]
     assert [cell == "-" for cell in known] == [j in model.joint_columns for j in columns]
-    result = identification.reduction.result
+    result = study.reduction.result
     np.testing.assert_allclose([float(x) for x in values], result.values, rtol=1e-3)
 
 
-def test_what_was_left_out_is_listed(identification):
-    tables = identification_tables(identification)
+def test_what_was_left_out_is_listed(study):
+    tables = identification_tables(study)
     (table,) = [table for table in tables if str(table.title) == "left out"]
     reasons = [str(cell) for cell in table.columns[1].cells]
-    assert reasons == [part.reason for part in identification.training[0].dropped]
+    assert reasons == [part.reason for part in study.identification.training[0].dropped]
     assert "leg4_stroke stands still" in reasons
 
 
-def test_suspicions_are_findings_and_gains_are_listed(identification):
-    record = identification_record(identification)
+def test_suspicions_are_findings_and_gains_are_listed(study):
+    record = identification_record(study)
     (listed,) = record["suspicions"]
     assert (listed["recording"], listed["sentences"]) == ("run", [])
     assert [gain["joint"] for gain in listed["gains"]] == record["actuators"]
-    (found,) = identification.suspicions
+    (found,) = study.suspicions
     told = replace(found, sentences=("the force of leg1_stroke is 1000 times",))
-    suspected = replace(identification, suspicions=(told,))
+    suspected = replace(study, suspicions=(told,))
     assert "In run, the force of leg1_stroke is 1000 times." in findings(suspected)
 
 
-def blaming(identification):
+def blaming(study):
     """The sentence that names weak parameters, if any."""
-    found = [text for text in findings(identification) if "not significant" in text]
+    found = [text for text in findings(study) if "not significant" in text]
     assert len(found) <= 1
     return "".join(found)
 
 
-def test_parameters_that_are_not_significant_are_named(identification):
-    worse = judged(identification, full={"error_ratio": (1.5, 0.1)})
-    assert not worse.candidates[1].beats_baseline
-    weak = identification.fit.insignificant()
-    assert 0 < len(weak) < len(identification.fit.values)
+def test_parameters_that_are_not_significant_are_named(study):
+    worse = judged(study, full={"error_ratio": (1.5, 0.1)})
+    assert not worse.identification["all parameters"].beats_baseline
+    weak = study.identification["all parameters"].fit.insignificant()
+    assert 0 < len(weak) < len(study.identification["all parameters"].fit.values)
     assert blaming(worse).endswith(f": {', '.join(weak)}.")
 
 
-def test_nobody_is_blamed_where_all_parameters_are_sure(identification):
-    fit = identification.fit
-    sure = replace(identification, fit=replace(fit, covariance=1e-12 * fit.covariance))
-    assert sure.fit.insignificant() == ()
+def test_nobody_is_blamed_where_all_parameters_are_sure(study):
+    fit = study.identification["all parameters"].fit
+    sure = judged(study, full={"fit": replace(fit, covariance=1e-12 * fit.covariance)})
+    assert sure.identification["all parameters"].fit.insignificant() == ()
     assert "none alone" in blaming(judged(sure, full={"error_ratio": (1.5, 0.1)}))
     assert blaming(judged(sure, full={"error_ratio": (0.5, 0.1)})) == ""
 
@@ -149,49 +148,51 @@ def test_nobody_is_blamed_where_all_parameters_are_sure(identification):
         ((1.21, 0.1), ": worse than it."),
     ],
 )
-def test_verdicts_take_two_standard_errors(identification, ratio, verdict):
-    found = judged(identification, full={"error_ratio": ratio})
+def test_verdicts_take_two_standard_errors(study, ratio, verdict):
+    found = judged(study, full={"error_ratio": ratio})
     (sentence,) = [text for text in findings(found) if "all parameters the mean" in text]
     assert sentence.endswith(verdict)
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_the_recommended_fit_is_said_listed_and_saved(files, identification):
-    found = identification
-    assert found.recommended is found.candidates[3]
+def test_the_recommended_fit_is_said_listed_and_saved(files, study):
+    found = study.identification
+    assert found.recommended is found["robot file as prior"]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
         for name in ("parameters.yaml", "all_parameters.yaml")
     }
-    for fit, entries in zip((found.informed, found.fit), saved.values(), strict=True):
+    fits = found.fit, found["all parameters"].fit
+    for fit, entries in zip(fits, saved.values(), strict=True):
         np.testing.assert_array_equal([entry["value"] for entry in entries], fit.values)
-    (said,) = [text for text in findings(found) if "Recommended" in text]
+    (said,) = [text for text in findings(study) if "Recommended" in text]
     assert "parameters.yaml: robot file as prior" in said
     assert "recommended: robot file as prior" in files["report.md"]
     record = json.loads(files["identification.json"])
     assert record["recommended"] == "robot file as prior"
-    assert record["recommended_fit"] == SavedFit.of(found.force_model, found.informed).record()
-    worse = judged(found, informed={"error_ratio": (2.0, 0.1)})
-    assert worse.recommended is worse.candidates[0]
+    assert record["recommended_fit"] == SavedFit.of(found.force_model, found.fit).record()
+    assert record["verdict"] == found.verdict
+    worse = judged(study, informed={"error_ratio": (2.0, 0.1)})
+    other = worse.identification
+    assert other.recommended is other["robot file"]
     (said,) = [text for text in findings(worse) if "Recommended" in text]
     assert "robot file with fitted joint terms, as all parameters are clearly worse" in said
     bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
-    assert worse.recommended_fit.assumed == tuple(bodies)
-    np.testing.assert_array_equal(worse.recommended_fit.values, worse.baseline.values)
+    assert other.fit.assumed == tuple(bodies)
 
 
-def test_findings_are_sentences_and_count_the_essential_parameters(identification):
-    said = findings(identification)
+def test_findings_are_sentences_and_count_the_essential_parameters(study):
+    said = findings(study)
     assert all(
         (text[0].isupper() or text[0].isdigit()) and text.endswith(".") and "\n" not in text
         for text in said
     )
-    kept = len(identification.reduction.result.parameters)
+    kept = len(study.reduction.result.parameters)
     assert any(text.startswith(f"{kept} of 23 parameters are essential") for text in said)
-    cutoff = identification.training[0].cutoff
+    cutoff = study.identification.training[0].cutoff
     assert any(f"cut-off of the filter: {cutoff:.3g} Hz" in text for text in said)
-    plain = tuple(replace(part, cutoff=None) for part in identification.training)
-    said = findings(replace(identification, training=plain))
+    plain = tuple(replace(part, cutoff=None) for part in study.identification.training)
+    said = findings(replace(study, identification=replace(study.identification, training=plain)))
     assert any("unfiltered" in text for text in said)
 
 
@@ -202,25 +203,25 @@ def assert_strict(record):
     assert json.loads(json.dumps(record, allow_nan=False)) == record
 
 
-def test_an_identification_is_recorded_whole(identification):
-    record, found = identification_record(identification), identification
+def test_an_identification_is_recorded_whole(study):
+    record, found = identification_record(study), study.identification
     model, count = found.force_model, len(found.fit.values)
     assert (record["mechanism"], record["model"]) == ("3ups_rpu", "gravity")
     assert record["actuators"] == list(model.mechanism.actuated)
     assert record["expressions"] == list(model.base.expressions)
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
-    np.testing.assert_array_equal(record["essential"], found.essential.values)
-    assert record["fit"] == SavedFit.of(model, found.fit).record()
-    corrected = [model.parameters.labels[j] for j in found.reduction.columns]
+    np.testing.assert_array_equal(record["essential"], study.essential.values)
+    assert record["fit"] == SavedFit.of(model, found["all parameters"].fit).record()
+    corrected = [model.parameters.labels[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 
 
-def test_recordings_are_recorded_with_what_was_left_out(identification):
-    record = identification_record(identification)
+def test_recordings_are_recorded_with_what_was_left_out(study):
+    record = identification_record(study)
     for part, recordings in (
-        (record["training"], identification.training),
-        (record["validation"], identification.validation),
+        (record["training"], study.identification.training),
+        (record["validation"], study.identification.validation),
     ):
         (entry,), (recording,) = part, recordings
         assert (entry["name"], entry["samples"]) == ("run", len(recording))
@@ -229,10 +230,12 @@ def test_recordings_are_recorded_with_what_was_left_out(identification):
         assert any("stands still" in reason for reason in entry["dropped"])
 
 
-def test_candidates_are_recorded_with_their_errors(identification):
-    record = identification_record(identification)
+def test_candidates_are_recorded_with_their_errors(study):
+    record = identification_record(study)
     assert len(record["candidates"]) == 4
-    for entry, candidate in zip(record["candidates"], identification.candidates, strict=True):
+    start, whole, informed = study.identification.candidates.values()
+    candidates = start, whole, study.essential, informed
+    for entry, candidate in zip(record["candidates"], candidates, strict=True):
         assert (entry["name"], entry["fitted"]) == (candidate.name, candidate.fitted)
         assert entry["beats_baseline"] is candidate.beats_baseline
         ratio = entry["error_ratio"], entry["error_ratio_standard_error"]
@@ -243,10 +246,10 @@ def test_candidates_are_recorded_with_their_errors(identification):
             np.testing.assert_array_equal(entry[part]["r_squared"], quality.r_squared)
 
 
-def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(identification):
-    found, record = identification.term_sets, identification_record(identification)
+def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
+    found, record = study.term_sets, identification_record(study)
     assert record["joint_terms"] == {
-        joint: ["Fc", "Fv"] for joint in identification.force_model.mechanism.actuated
+        joint: ["Fc", "Fv"] for joint in study.identification.force_model.mechanism.actuated
     }
     assert [entry["terms"] for entry in record["term_sets"]] == ["none", "Fv", "Fc,Fv", "Fc,Fv,Fo"]
     assert [entry["chosen"] for entry in record["term_sets"]] == [False, False, True, False]
@@ -254,20 +257,19 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(identificati
         for k, bodies in enumerate(("robot_file", "fitted_bodies")):
             assert entry[bodies]["error"] == each.errors[k].mean
             assert entry[bodies]["enough"] == (found.enough[k] is each)
-    assert "Joint terms: Fc,Fv." in findings(identification)
-    (sentence,) = [text for text in findings(identification) if "On new data" in text]
+    assert "Joint terms: Fc,Fv." in findings(study)
+    (sentence,) = [text for text in findings(study) if "On new data" in text]
     assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
-    other = replace(identification, term_sets=replace(found, chosen=found.sets[0]))
+    other = replace(study, term_sets=replace(found, chosen=found.sets[0]))
     assert any("Try --terms Fc,Fv." in text for text in findings(other))
 
 
-def test_what_is_not_finite_is_null(identification):
-    candidate = identification.candidates[1]
+def test_what_is_not_finite_is_null(study):
+    candidate = study.identification["all parameters"]
     empty = replace(candidate.validation, residual_rms=np.full(4, np.nan))
-    odd = replace(candidate, validation=empty, error_ratio=(np.inf, np.nan))
-    candidates = (identification.candidates[0], odd, *identification.candidates[2:])
-    record = identification_record(replace(identification, candidates=candidates))
+    odd = {"validation": empty, "error_ratio": (np.inf, np.nan)}
+    record = identification_record(judged(study, full=odd))
     assert_strict(record)
     entry = record["candidates"][1]
     assert entry["validation"]["rms"] == [None] * 4

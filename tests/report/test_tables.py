@@ -41,8 +41,8 @@ def assert_same_cells(table: Table):
     assert len(body) == table.row_count
 
 
-def test_tables_of_an_identification_have_the_same_cells(identification):
-    for table in identification_tables(identification):
+def test_tables_of_an_identification_have_the_same_cells(study):
+    for table in identification_tables(study):
         assert_same_cells(table)
 
 
@@ -71,9 +71,11 @@ def test_what_is_said_below_a_table_is_on_the_page_too():
 
 
 @pytest.mark.parametrize("name", ["run[old]", "leg[1]"])
-def test_names_with_brackets_are_no_markup(name, identification):
-    recordings = tuple(replace(part, name=name) for part in identification.training)
-    tables = identification_tables(replace(identification, training=recordings))
+def test_names_with_brackets_are_no_markup(name, study):
+    found = study.identification
+    recordings = tuple(replace(part, name=name) for part in found.training)
+    renamed = replace(study, identification=replace(found, training=recordings))
+    tables = identification_tables(renamed)
     assert any(name in unescape(markdown_table(table)) for table in tables)
 
 

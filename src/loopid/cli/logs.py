@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
@@ -29,7 +26,6 @@ from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
 
 if TYPE_CHECKING:
-    from loopid.logs.recording import Recording
     from loopid.robot.mechanism import Mechanism
 
 LOGS = Argument(
@@ -40,8 +36,7 @@ LOGS = Argument(
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
-# Terms of identify by default, and the choice that a comparison decides, of these and springs too.
-FRICTION, AUTOMATIC, SPRINGS = "Fc,Fv,file", "auto", "Fc,Fv,Ks,file"
+FRICTION = "Fc,Fv,file"  # terms of identify by default
 
 
 @of_robot
@@ -75,8 +70,8 @@ def identify(
         None, metavar="YAML", help="As --mapping, of the --reference logs."
     ),
     cutoff: float | None = CUTOFF,
-    train: float = Option(
-        0.6, help="Part of each log's moving samples that is fitted; the rest validates."
+    fraction: float = Option(
+        0.6, "--train", help="Part of each log's moving samples that is fitted; the rest validates."
     ),
     validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
     start: float = Option(0.0, "--from", metavar="S", help="Of each LOG, in s from its start."),
@@ -90,8 +85,11 @@ def identify(
     as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
-    from loopid import identification
-    from loopid.regressors.joint_terms import JointTerms
+    from loopid.diagnosis.study import (
+        StudyOptions,
+        study_logs,
+    )
+    from loopid.identification.options import FitOptions
     from loopid.report.identify import (
         identification_files,
         identification_record,
@@ -99,53 +97,40 @@ def identify(
     )
     from loopid.report.look import require_report
 
-    if not 0 < train < 1:
-        raise OptionError(f"--train must be between 0 and 1, not {train}")
     if not start < end:
         raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
+    options = StudyOptions(
+        model=model,
+        terms=terms,
+        compared=tuple(compare_terms or ()),
+        consistent=consistent,
+        repair=repair,
+        fit=FitOptions(
+            estimator=estimator,
+            unidentifiable=unidentifiable,
+            prior_deviation=prior_deviation,
+            fraction=fraction,
+            n_jobs=n_jobs,
+        ),
+    )
+    options.require_terms(robot)
     require_report(out, str(robot.path), mapping, *logs, *(validate or ()))
-    JointTerms.of(robot, FRICTION if terms == AUTOMATIC else terms)
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     runs = recordings(robot, logs, mapping, cutoff, rows)
-    training: Sequence[Recording] = [run.between(start, end) for run in runs]
-    validation: Sequence[Recording] = recordings(robot, validate, mapping, cutoff)
-    if not validation:
-        training, validation = identification.split_recordings(training, train)
+    judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, reference_mapping, cutoff)
     friction = recordings(robot, friction_log, mapping, cutoff)
-
-    def identified(choice: str, others: Sequence[str] | None) -> identification.Identification:
-        joint_terms = JointTerms.of(robot, choice)
-        with progress_bar("poses") as report:
-            force_model = identification.find_force_model(
-                robot, model, joint_terms, progress=report
-            )
-        return identification.identify(
-            force_model,
-            training,
-            validation,
-            estimator,
-            friction,
-            n_jobs,
-            unidentifiable,
-            [each.motion for each in commanded],
-            prior_deviation,
-            consistent,
-            repair,
-            others,
+    with progress_bar("poses") as report:
+        found = study_logs(
+            robot,
+            [run.between(start, end) for run in runs],
+            validation=judging or None,
+            friction=friction,
+            references=[each.motion for each in commanded],
+            options=options,
+            progress=report,
         )
-
-    if terms == AUTOMATIC:
-        with warnings.catch_warnings():  # of terms that need not be the chosen ones
-            warnings.simplefilter("ignore")
-            compared = identified(FRICTION, [*(compare_terms or ()), SPRINGS]).term_sets
-        assert compared is not None
-        best = compared.enough[1]
-        found = identified(best.choice, None)
-        found = replace(found, term_sets=replace(compared, chosen=best))
-    else:
-        found = identified(terms, compare_terms or ())
     save(out, partial(identification_files, found))
     show(identification_record(found), identification_tables(found), as_json)
 

@@ -1,18 +1,22 @@
 from .bands import (
     BandSweep as BandSweep,
+    sweep_bands as sweep_bands,
 )
 from .elimination import (
     PredictionError as PredictionError,
     Reduction as Reduction,
     ReductionStep as ReductionStep,
     eliminate as eliminate,
+    eliminate_parameters as eliminate_parameters,
     influence as influence,
+    judge_essential as judge_essential,
     prediction_errors as prediction_errors,
     truncated_values as truncated_values,
 )
 from .log_mistakes import (
     MotorGain as MotorGain,
     Suspicions as Suspicions,
+    diagnose as diagnose,
     suspicions as suspicions,
     warn_of_suspicions as warn_of_suspicions,
 )
@@ -25,6 +29,12 @@ from .payload import (
     PayloadFit as PayloadFit,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
+)
+from .study import (
+    Study as Study,
+    StudyOptions as StudyOptions,
+    examine as examine,
+    study_logs as study_logs,
 )
 from .term_sets import (
     TermComparison as TermComparison,

@@ -8,23 +8,24 @@ band differ by more than the noise of the forces explains, they are biased.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
-    frozen,
+    checked,
 )
 from loopid.errors import (
     DataWarning,
     warn,
 )
+from loopid.identification.pipeline import Identification
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.logs.recording import Recording
 from loopid.motion.filtering import LowPass
+from loopid.records import record
 from loopid.workers import one_blas_thread
 
 # Cut-offs that are tried, in parts of the recordings'.
@@ -37,7 +38,7 @@ LARGE_SHIFT, CLEAR_SHIFT = 1.0, 6.0
 MOST_SAMPLES = 50_000
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class BandSweep:
     """Estimates from narrower bands.
 
@@ -65,18 +66,33 @@ class BandSweep:
                 f"estimates of {', '.join(self.moved)} change by up to "
                 f"{np.abs(self.shifts).max():.1f} standard errors when the filter is narrower: "
                 "noise of the positions biases them, and intervals do not allow for it; a lower "
-                "cut-off may help (--cutoff, lowpass)",
+                "cut-off may help",
                 DataWarning,
             )
 
 
-def band_sweep(
+@checked
+def sweep_bands(found: Identification) -> BandSweep | None:
+    """Repeat the weighted least squares fit of an identification in narrower bands.
+
+    None where another estimator was asked for, joint terms come from an experiment of their own, a
+    combination is unidentifiable, a recording was not filtered, or too little is left of the
+    motion.
+    """
+    whole = found["all parameters"].fit
+    if (
+        not found.options.weighs_robot_file
+        or found.friction
+        or found.identifiability.unidentifiable
+    ):
+        return None
+    return sweep_fit(found.data, found.training, whole)
+
+
+def sweep_fit(
     samples: FitSamples, recordings: Sequence[Recording], fit: FitResult
 ) -> BandSweep | None:
-    """Repeat a weighted least squares fit of all samples of recordings in narrower bands.
-
-    None where a recording was not filtered, or too little is left of the motion.
-    """
+    """As ``sweep_bands``, for a weighted least squares fit of all samples of recordings."""
     cutoffs = [recording.cutoff for recording in recordings]
     if None in cutoffs:
         return None
@@ -123,7 +139,7 @@ def band_sweep(
     shift, deviation = np.abs(shifts), np.array(deviations)
     large = (shift > LARGE_SHIFT) & (shift > CLEAR_SHIFT * deviation)
     moved = tuple(fit.parameters.labels[j] for j in np.flatnonzero(large.any(axis=0)))
-    return BandSweep(tuple(done), frozen(np.array(shifts)), frozen(deviation), moved)
+    return BandSweep(tuple(done), np.array(shifts), deviation, moved)
 
 
 def _rate(time: FloatArray) -> float:

@@ -3,36 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import (
-    ComparedByFields,
     FloatArray,
     checked,
     finite,
-    frozen,
 )
 from loopid.errors import (
     DataError,
     OptionError,
 )
-from loopid.identification.correlation import (
+from loopid.identification.autoregression import (
     Autoregression,
     burg_covariances,
     run_lengths,
+)
+from loopid.identification.candidate import (
+    Candidate,
+    judge,
+)
+from loopid.identification.directions import Excitation
+from loopid.identification.estimator import (
+    Estimator,
+    WorkingFit,
+    chosen_estimator,
 )
 from loopid.identification.fitting import (
     quiet_fit,
     working_fit,
 )
-from loopid.identification.least_squares import (
-    Estimator,
-    WorkingFit,
-)
+from loopid.identification.pipeline import Identification
 from loopid.identification.problem import (
     FitProblem,
     FitSamples,
@@ -45,6 +50,7 @@ from loopid.parameters import (
     ParameterSet,
     html_table,
 )
+from loopid.records import record
 
 # Standard errors of a difference that make it clear.
 CLEARLY = 2.0
@@ -54,8 +60,8 @@ NO_CONSEQUENCE = 0.02
 LISTED = 12
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ReductionStep(ComparedByFields):
+@record
+class ReductionStep:
     """A fit of some of the parameters, the others at their reference.
 
     Errors are mean squares in units of the error variance of the full model, each actuator's own.
@@ -89,9 +95,6 @@ class ReductionStep(ComparedByFields):
     excess: float
     excess_error: float
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", frozen(self.values))
-
     def __repr__(self) -> str:
         return (
             f"ReductionStep({len(self.labels)} parameters, dropped={self.dropped!r}, "
@@ -99,8 +102,8 @@ class ReductionStep(ComparedByFields):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Reduction(ComparedByFields):
+@record
+class Reduction:
     """The parameters that are worth fitting.
 
     Attributes
@@ -123,27 +126,29 @@ class Reduction(ComparedByFields):
     chosen: ReductionStep
     result: FitResult
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "reference", frozen(self.reference))
-
     @property
     def columns(self) -> tuple[int, ...]:
         """Columns of the supported parameters among all."""
         return tuple(self.parameters.labels.index(label) for label in self.result.parameters.labels)
 
     @property
-    def values(self) -> FloatArray:
-        """All parameters (n,): as fitted where supported, the reference elsewhere."""
-        values = self.reference.copy()
-        values[list(self.columns)] = self.result.values
-        return values
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Of all parameters (n, n), zero for those at their reference."""
-        covariance = np.zeros((len(self.parameters), len(self.parameters)))
-        covariance[np.ix_(self.columns, self.columns)] = self.result.covariance
-        return covariance
+    def fit(self) -> FitResult:
+        """All parameters: as fitted where supported, elsewhere ``assumed`` at their reference."""
+        columns, n = list(self.columns), len(self.parameters)
+        values, covariance = self.reference.copy(), np.zeros((n, n))
+        values[columns] = self.result.values
+        covariance[np.ix_(columns, columns)] = self.result.covariance
+        freedom = np.full(n, self.result.degrees_of_freedom.min())
+        freedom[columns] = self.result.degrees_of_freedom
+        kept = (*self.result.parameters.labels,)
+        return replace(
+            self.result,
+            parameters=self.parameters,
+            values=values,
+            covariance=covariance,
+            degrees_of_freedom=freedom,
+            assumed=tuple(name for name in self.parameters.labels if name not in kept),
+        )
 
     def __repr__(self) -> str:
         labels = self.result.parameters.labels
@@ -165,9 +170,49 @@ class Reduction(ComparedByFields):
 
 
 @checked
-def eliminate(
+def eliminate(found: Identification) -> Reduction:
+    """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
+
+    Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
+    is unidentifiable is dropped from the start. What is essential is not for a prior to say:
+    weighted least squares stands in for Bayes.
+    """
+    prior, estimator = found.force_model.prior, chosen_estimator(found.options.estimator_beside)
+    held = Excitation.of(found.force_model, found.data.problem).held
+    if not len(held):
+        return eliminate_parameters(found.data, found.new, estimator=estimator, reference=prior)
+    free = np.setdiff1d(np.arange(len(prior)), held)
+    parts = (part.reduced(free, prior) for part in (found.data, found.new))
+    reduction = eliminate_parameters(*parts, estimator=estimator, reference=prior[free])
+
+    def whole(values: FloatArray) -> FloatArray:
+        all_values = prior.copy()
+        all_values[free] = values
+        return all_values
+
+    steps = tuple(replace(step, values=whole(step.values)) for step in reduction.steps)
+    chosen = steps[[step is reduction.chosen for step in reduction.steps].index(True)]
+    return replace(
+        reduction,
+        parameters=found.data.parameters,
+        reference=prior,
+        steps=steps,
+        chosen=chosen,
+    )
+
+
+@checked
+def judge_essential(found: Identification, reduction: Reduction) -> Candidate:
+    """The essential parameters as one more candidate of an identification."""
+    data = found.data, found.new
+    return judge(reduction.fit, *data, name="essential parameters", against=found.baseline.fit)
+
+
+@checked
+def eliminate_parameters(
     training: FitSamples,
     validation: FitSamples,
+    *,
     estimator: str | Estimator = "wls",
     reference: FloatArray | None = None,
     keep: Sequence[str] = (),
@@ -207,7 +252,7 @@ def eliminate(
     ...     W = rng.normal(size=(500, 1, 3))
     ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
     ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> loopid.diagnosis.eliminate(log(0), log(1)).result.parameters.labels
+    >>> loopid.diagnosis.eliminate_parameters(log(0), log(1)).result.parameters.labels
     ('arm.m', 'arm.mx')
     """
     names = training.parameters

@@ -30,7 +30,8 @@ from loopid.errors import (
     DataWarning,
     warn,
 )
-from loopid.identification.force_model import body_sizes
+from loopid.identification.pipeline import Identification
+from loopid.identification.robot_prior import body_sizes
 from loopid.kinematics.assembly import (
     JointCoordinates,
     try_assemble,
@@ -41,6 +42,7 @@ from loopid.kinematics.projection import (
 )
 from loopid.logs.options import MaskOptions
 from loopid.logs.recording import Recording
+from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
@@ -81,7 +83,7 @@ MOVES = "shift", "stretch"  # kinds of mistakes in the positions
 INTERVAL, TINY, HOPELESS = 1.96, 1e-300, 1e9  # the first in standard deviations
 
 
-@dataclass(frozen=True)
+@record
 class MotorGain:
     """Measured force of a motor over what the bodies and the other motors let expect.
 
@@ -99,7 +101,7 @@ class MotorGain:
     interval: tuple[float, float]
 
 
-@dataclass(frozen=True)
+@record
 class Suspicions:
     """What is suspected of a log.
 
@@ -165,6 +167,40 @@ def suspicions(
     return Suspicions(recordings[0].name, gains, tuple(sentences))
 
 
+@checked
+def diagnose(found: Identification) -> tuple[Suspicions, ...]:
+    """Look for mistakes in each log of an identification, its parts taken together.
+
+    Examples
+    --------
+    A log whose motors' forces are in mN m:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(50.0, 5.0))
+    >>> force = 1e3 * loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
+    >>> loopid.diagnose(found)[0].sentences[0][:20]
+    'all forces are about'
+    """
+    runs = (*found.training, *found.validation, *found.friction)
+    model = found.force_model
+    return tuple(
+        suspicions(model.mechanism, parts, model.joint_terms) for parts in _by_log(runs).values()
+    )
+
+
+def _by_log(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Parts of one log, which have one name, together."""
+    logs: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        logs.setdefault(recording.name, []).append(recording)
+    return logs
+
+
 def warn_of_suspicions(
     mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[Suspicions, ...]:
@@ -175,10 +211,8 @@ def warn_of_suspicions(
     DataWarning
         Of each mistake.
     """
-    logs: dict[str, list[Recording]] = {}
-    for recording in recordings:
-        logs.setdefault(recording.name, []).append(recording)
-    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
+    logs = _by_log(recordings).values()
+    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs)
     for one in found:
         for sentence in one.sentences:
             warn(f"{one.recording}: {sentence}", DataWarning)

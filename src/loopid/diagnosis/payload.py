@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -24,13 +24,15 @@ from loopid.errors import (
     OptionError,
     RankError,
 )
-from loopid.identification.fitting import (
+from loopid.identification.estimator import (
+    Estimator,
     chosen_estimator,
+)
+from loopid.identification.fitting import (
     fit,
     quiet_fit,
 )
 from loopid.identification.force_model import ForceModel
-from loopid.identification.least_squares import Estimator
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.logs.recording import Recording
@@ -42,6 +44,7 @@ from loopid.parameters import (
     ParameterSet,
     html_table,
 )
+from loopid.records import record
 from loopid.scratch import (
     row_blocks,
     spooled,
@@ -52,7 +55,7 @@ PAYLOAD = "payload"
 CONVERGED, MOST_STEPS = 1e-9, 50
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class PayloadFit:
     """What two runs say of a body that one of them carried.
 
@@ -151,7 +154,7 @@ class PayloadFit:
         return f"<p>payload on {escape(self.link)}</p>{html_table(head, self._rows())}"
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class GainFit:
     """Drive gains: what a motor's true force is for each unit of the logged one.
 
@@ -233,7 +236,7 @@ def identify_payload(
 
     >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity")
+    >>> model = loopid.find_force_model(robot, "gravity", None)
     >>> plan = loopid.read_motion_program("five_bar").motion("sweep", 20)
     >>> motion = loopid.joint_motion(robot, plan)
     >>> load = np.zeros(robot.standard_parameters("full").size)
@@ -311,7 +314,7 @@ def drive_gains(
 
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity")
+    >>> model = loopid.find_force_model(robot, "gravity", None)
     >>> loopid.drive_gains(model, "left_coupler", -2.0, [0.1, 0.0, 0.0], [], [])
     Traceback (most recent call last):
         ...
@@ -353,8 +356,15 @@ def drive_gains(
         )
         # c ≈ s₀ (K Φ + K_L δ) + (s - s₀) (K Φ₀ + K_L δ), linear in Φ and s.
         target = samples.force + scales * (rigid - extra)
-        data = slopes, target, samples.used, samples.stretches
-        step = quiet_fit(FitSamples.of(names, samples.actuators, *data), chosen)
+        data = FitSamples.of(
+            names,
+            samples.actuators,
+            slopes,
+            target,
+            used=samples.used,
+            stretches=samples.stretches,
+        )
+        step = quiet_fit(data, chosen)
         change = np.abs(step.values[n:] / scales - 1).max()
         values, scales = step.values[:n], step.values[n:]
         if (scales <= 0).any():
@@ -418,5 +428,4 @@ def _augmented(
         np.concatenate([samples.regressor[rows], load[rows]], axis=2)
         for rows in row_blocks(len(run))
     )
-    data = samples.force, samples.used, samples.stretches, samples.least_errors
-    return FitSamples.of(names, samples.actuators, W, *data)
+    return replace(samples, parameters=names, regressor=W)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -17,15 +17,16 @@ from loopid.diagnosis.elimination import (
     PredictionError,
     prediction_errors,
 )
+from loopid.errors import DataError
 from loopid.identification.force_model import (
     ForceModel,
-    body_sizes,
     find_force_model,
 )
-from loopid.identification.problem import FitSamples
-from loopid.identification.result import NoiseModel
-from loopid.logs.recording import Recording
+from loopid.identification.pipeline import Identification
+from loopid.identification.robot_prior import body_sizes
+from loopid.identification.samples import samples_of
 from loopid.parameters import KINDS
+from loopid.records import record
 from loopid.regressors.joint_terms import (
     NO_TERMS,
     JointTerms,
@@ -38,14 +39,14 @@ NO_EFFECT = 1e-10
 ROUND_OFF = 1e-9
 
 
-@dataclass(frozen=True)
+@record
 class TermSet:
     """A set of joint terms, fitted with the bodies of the robot file and together with them.
 
     Attributes
     ----------
     choice : str
-        As of ``--terms``.
+        As of ``JointTerms.of``.
     parameters : tuple of int
         What is fitted with the bodies of the robot file, and together with them.
     errors : tuple of PredictionError
@@ -58,7 +59,7 @@ class TermSet:
     errors: tuple[PredictionError, PredictionError]
 
 
-@dataclass(frozen=True)
+@record
 class TermComparison:
     """What each set of joint terms buys, from ``compare_terms``.
 
@@ -100,38 +101,27 @@ def _enough(sets: Sequence[TermSet], k: int) -> int:
 
 
 @checked
-def compare_terms(
-    force_model: ForceModel,
-    training: Sequence[Recording],
-    validation: Sequence[Recording],
-    noise: NoiseModel,
-    prior_deviation: float | None = None,
-    choices: Sequence[str] = (),
-    n_jobs: int = 1,
-) -> TermComparison:
-    """Fit sets of joint terms, and judge each on data that it has not seen.
+def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> TermComparison:
+    """Fit sets of joint terms to the training data of an identification, and judge each on the new.
 
-    All are fitted to the same data with the same weights.
+    The terms of its force model are compared with parts of them, with constant forces of the
+    motors, and with the choices; all with the weights of its fit.
 
     Parameters
     ----------
-    force_model : ForceModel
-        Its joint terms are compared with parts of them, and with constant forces of the motors.
-    training, validation : sequence of Recording
-    noise : NoiseModel
-        Errors of the fit of all parameters, that actuators are weighted by.
-    prior_deviation : float, optional
-        Of the robot file as the prior of the bodies, relative to their sizes; without it they are
-        left to the data.
     choices : sequence of str
         Further sets, as of ``JointTerms.of``.
+
+    Raises
+    ------
+    DataError
+        When the fit has no model of its errors.
 
     Examples
     --------
     A five-bar that has viscous friction only:
 
     >>> import loopid, numpy as np
-    >>> from loopid.diagnosis import compare_terms
     >>> robot = loopid.load_mechanism("five_bar")
     >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
     >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
@@ -141,20 +131,21 @@ def compare_terms(
     ...     robot, motion, loopid.Noise(gaussian=0.01), 0, None, friction, values
     ... )
     >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
-    >>> model = loopid.find_force_model(robot, "gravity", loopid.JointTerms.of(robot, "Fc,Fv"))
-    >>> found = loopid.identify(model, *loopid.split_recordings([run], 0.5))
-    >>> told = compare_terms(model, found.training, found.validation, found.fit.noise)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
+    >>> told = loopid.diagnosis.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice
     (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
     """
+    force_model, noise = found.force_model, found["all parameters"].fit.noise
+    if noise is None:
+        raise DataError("the fit has no model of its errors that sets could be weighted by")
+    training, validation = found.training, found.validation
+    prior_deviation, n_jobs = found.prior_deviation, found.options.n_jobs
     mechanism, own = force_model.mechanism, force_model.joint_terms
     asked = [JointTerms.of(mechanism, choice) for choice in choices]
     sets = _each_once([*_sets(mechanism, own), *({} if t is None else t.of_joints for t in asked)])
     whole = _model_of_all(force_model, sets)
-    data, unseen = (
-        FitSamples.combined([whole.samples(recording, n_jobs) for recording in recordings])
-        for recordings in (training, validation)
-    )
+    data, unseen = (samples_of(whole, runs, n_jobs=n_jobs) for runs in (training, validation))
     deviation = np.maximum(noise.deviation, ROUND_OFF * data.problem.force_rms)
     deviation = np.maximum(deviation, data.least_errors)
     present = (noise.samples > 0) & (deviation > 0)
@@ -230,7 +221,7 @@ def _model_of_all(force_model: ForceModel, sets: Sequence[Kinds]) -> ForceModel:
     mechanism, own = force_model.mechanism, force_model.joint_terms
     with warnings.catch_warnings():  # the same as of the force model
         warnings.simplefilter("ignore")
-        bodies = find_force_model(mechanism, force_model.model, search="qr")
+        bodies = find_force_model(mechanism, force_model.model, None, search="qr")
     terms, base = JointTerms.of_kinds(_together(*sets)), bodies.base
     if terms is None:
         return bodies

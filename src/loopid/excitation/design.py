@@ -59,14 +59,14 @@ from loopid.excitation.shapes import (
     PosesShape,
     Shape,
 )
+from loopid.identification.directions import (
+    Excitation,
+    excited_samples,
+)
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import (
     ForceModel,
     find_force_model,
-)
-from loopid.identification.information import (
-    Excitation,
-    excited_samples,
 )
 from loopid.identification.problem import FitSamples
 from loopid.kinematics.assembly import JointCoordinates

@@ -148,7 +148,7 @@ def export_regressor(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"))
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     [path.name for path in loopid.export_regressor(model, folder)]
     ['five_bar.h', 'five_bar.c']

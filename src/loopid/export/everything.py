@@ -63,7 +63,11 @@ def export_fit(
         saved.content(yaml)
         require_other_file(yaml, *robot_files(mechanism))
     model, written = saved.find_force_model(mechanism), list[Path]()
-    standard = None if robot is None else saved.find_standard_parameters(model, repair, any_mass)
+    standard = (
+        None
+        if robot is None
+        else saved.find_standard_parameters(model, repair=repair, any_mass=any_mass)
+    )
     code = None if c is None else regressor_code(model, name, saved.values)
     if robot is not None and standard is not None:
         written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))

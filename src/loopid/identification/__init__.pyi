@@ -1,7 +1,17 @@
+from .autoregression import (
+    Autoregression as Autoregression,
+    CorrelationOptions as CorrelationOptions,
+)
 from .bayes import (
     BayesianRidge as BayesianRidge,
     Prior as Prior,
     evidence_scale as evidence_scale,
+)
+from .candidate import (
+    Candidate as Candidate,
+    judge as judge,
+    prediction_error as prediction_error,
+    prediction_reach as prediction_reach,
 )
 from .consistent import (
     ConsistentFit as ConsistentFit,
@@ -15,9 +25,21 @@ from .consistent_prior import (
 from .consistent_program import (
     REGULARISATIONS as REGULARISATIONS,
 )
-from .fitting import (
+from .directions import (
+    Excitation as Excitation,
+    excited_samples as excited_samples,
+    fit_excited as fit_excited,
+)
+from .distributed import (
+    distributed_problem as distributed_problem,
+)
+from .estimator import (
     ESTIMATORS as ESTIMATORS,
+    Estimator as Estimator,
+    WorkingFit as WorkingFit,
     chosen_estimator as chosen_estimator,
+)
+from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
     quiet_fit as quiet_fit,
@@ -26,16 +48,11 @@ from .fitting import (
 )
 from .force_model import (
     ForceModel as ForceModel,
-    cad_prior as cad_prior,
-    distributed_problem as distributed_problem,
     find_force_model as find_force_model,
-    reference_instruments as reference_instruments,
 )
 from .information import (
-    Excitation as Excitation,
     Identifiability as Identifiability,
     WeakDirection as WeakDirection,
-    excited_samples as excited_samples,
     identifiability as identifiability,
 )
 from .instrumental import (
@@ -43,21 +60,20 @@ from .instrumental import (
 )
 from .least_squares import (
     LEAST_EXCITATION as LEAST_EXCITATION,
-    Estimator as Estimator,
     OrdinaryLeastSquares as OrdinaryLeastSquares,
     WeightedLeastSquares as WeightedLeastSquares,
-    WorkingFit as WorkingFit,
     excited_rank as excited_rank,
 )
-from .pipeline import (
-    DEFAULT_FRACTION as DEFAULT_FRACTION,
+from .options import (
     UNIDENTIFIABLE as UNIDENTIFIABLE,
-    Candidate as Candidate,
+    FitOptions as FitOptions,
+)
+from .pipeline import (
     Identification as Identification,
+    fit_all as fit_all,
+    fit_joint_terms as fit_joint_terms,
     identify as identify,
-    prediction_error as prediction_error,
-    prediction_reach as prediction_reach,
-    split_recordings as split_recordings,
+    likely_deviation as likely_deviation,
 )
 from .prediction import (
     Prediction as Prediction,
@@ -75,8 +91,17 @@ from .result import (
     Robustness as Robustness,
     fit_quality as fit_quality,
 )
+from .robot_prior import (
+    body_sizes as body_sizes,
+    cad_prior as cad_prior,
+)
 from .robust import (
     Bisquare as Bisquare,
+)
+from .samples import (
+    reference_instruments as reference_instruments,
+    samples_of as samples_of,
+    split_recordings as split_recordings,
 )
 from .saved import (
     SavedFit as SavedFit,

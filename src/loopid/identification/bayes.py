@@ -31,9 +31,11 @@ from loopid.errors import (
     OptionError,
 )
 from loopid.identification.correlation import with_correlated_errors
-from loopid.identification.least_squares import (
+from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
+)
+from loopid.identification.least_squares import (
     least_squares_weights,
     leverages,
     result_of,

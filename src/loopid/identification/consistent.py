@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import (
-    ComparedByFields,
     FloatArray,
     Number,
     checked,
@@ -38,6 +36,7 @@ from loopid.parameters import (
     ParameterSet,
     html_table,
 )
+from loopid.records import record
 from loopid.workers import one_blas_thread
 
 # Least eigenvalue of a pseudo-inertia relative to the prior's.
@@ -53,8 +52,8 @@ CLOSE = 1e-7  # relative: base parameters that are missed by less are not named
 MOST_NAMED = 5
 
 
-@dataclass(frozen=True, eq=False)
-class FitCost(ComparedByFields):
+@record
+class FitCost:
     """Residuals with and without the constraints.
 
     Attributes
@@ -76,8 +75,8 @@ class FitCost(ComparedByFields):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ConsistentFit(ComparedByFields):
+@record
+class ConsistentFit:
     """Physically consistent standard parameters, fitted to data.
 
     Attributes
@@ -118,10 +117,6 @@ class ConsistentFit(ComparedByFields):
     regularisation: str
     strength: float
     margin: float
-
-    def __post_init__(self) -> None:
-        for name in ("standard_parameters", "values", "margins"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -212,7 +207,7 @@ def consistent_fit(
     --------
     >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot)
+    >>> model = loopid.find_force_model(robot, joint_terms=None)
     >>> q, at_rest = loopid.random_configurations(robot, 50), np.zeros((50, 2))
     >>> W = model.base.regressor(model.standard_regressor(q, at_rest, at_rest))
     >>> force = W @ model.prior + np.random.default_rng(0).normal(size=(50, 2))
@@ -307,7 +302,7 @@ def consistent_parameters(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full")
+    >>> model = loopid.find_force_model(robot, "full", None)
     >>> heavier = 1.2 * model.prior
     >>> standard = loopid.consistent_parameters(model.base, heavier, model.standard_prior)
     >>> bool(abs(model.base.values(standard) - heavier).max() < 1e-9)
@@ -379,6 +374,5 @@ def _conflict(
     reach = f"; out of reach: {listed}" if listed else ", but some come within round-off"
     return (
         f"no physically consistent parameters{at} have these base parameters{reach}; a consistent "
-        "fit to the same data comes close (loopid identify --consistent entropic): use its "
-        "standard_parameters.yaml"
+        "fit to the same data comes close (consistent='entropic'): use its standard parameters"
     )

@@ -1,10 +1,9 @@
-"""Errors that are not independent: autoregressive ones, and estimates that vary between recordings.
+"""Covariances of estimates whose errors are not independent: of one time to the next, of runs.
 
-Errors of each actuator are an autoregressive process, by Burg's estimate [Percival1993]. Residuals
-are smaller, and less autocorrelated, than the errors are, because a fit takes up whatever of the
-errors its regressor can express. A model of slow errors that is fitted to residuals alone gives
-intervals that are too narrow; what was taken up has a known expectation and is added back
-[Worsley2002].
+Errors of each actuator are an autoregressive process. Residuals are smaller, and less
+autocorrelated, than the errors are, because a fit takes up whatever of the errors its regressor can
+express. A model of slow errors that is fitted to residuals alone gives intervals that are too
+narrow; what was taken up has a known expectation and is added back [Worsley2002].
 
 What differs from recording to recording, such as friction by temperature, does not show in the
 autocorrelation. With three recordings or more, the scatter of the estimates between these tells it
@@ -13,211 +12,57 @@ autocorrelation. With three recordings or more, the scatter of the estimates bet
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
-    IntArray,
 )
 from loopid.errors import (
     DataWarning,
     warn,
 )
-from loopid.identification.least_squares import WorkingFit
-from loopid.identification.problem import (
-    ROUND_OFF,
-    FitSamples,
+from loopid.identification.autoregression import (
+    Autoregression,
+    CorrelationOptions,
+    burg_covariances,
+    run_lengths,
 )
+from loopid.identification.estimator import WorkingFit
+from loopid.identification.problem import ROUND_OFF
 from loopid.identification.result import (
     FitResult,
     NoiseModel,
 )
-from loopid.scratch import (
-    mapped_rows,
-    row_blocks,
-)
+from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
-# Keeps models of very slow errors stationary.
-LARGEST_REFLECTION = 0.9999
-LARGEST_ORDER = 20
-# Pairs of samples that each further coefficient must rest on.
-PAIRS_PER_COEFFICIENT = 10
-# White noise, as part of the variance, that errors count as if they had: models of errors that were
-# filtered would otherwise spend their coefficients on frequencies where nothing is left.
-WHITE_FLOOR = 0.001
-# Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much.
-CORRECTIONS = 6
-# Parts of a correction that are tried, and the part of the innovations' variance that must stay.
+# Parts of a correction that are tried, until one leaves innovations enough.
 DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
-KEPT_INNOVATION = 0.5
-# Effective samples, relative to all, below which a user is warned.
-CLEARLY_FEWER = 0.5
-# Probability that a user is warned of a scatter between recordings that is chance.
-FALSE_ALARM = 0.01
-# Fewest recordings whose scatter counts.
-LEAST_RUNS = 3
 # Part in a combination of parameters that one recording may have for its scatter to be known.
 MOST_SHARE = 1.0 - 1e-6
 
 
-@dataclass(frozen=True)
-class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, ε independent: ``coefficients`` c_k (p,), ``variance`` of ε."""
-
-    coefficients: FloatArray
-    variance: float
-
-    @classmethod
-    def of_covariances(cls, covariances: FloatArray) -> Autoregression:
-        """The model with autocovariances (p + 1,) at lags 0 to p, by Levinson's recursion.
-
-        No process has covariances that ask for a reflection coefficient of 1 or more; where they
-        do, the model ends at that lag with the largest allowed.
-        """
-        polynomial, variance = np.ones(1), float(covariances[0])
-        for k in range(1, len(covariances)):
-            asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
-            polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
-            if reflection != asked:
-                break
-        return cls(-polynomial[1:], variance)
-
-    @property
-    def order(self) -> int:
-        """Number p of coefficients."""
-        return len(self.coefficients)
-
-    @property
-    def polynomial(self) -> FloatArray:
-        """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
-        return np.append(1.0, -self.coefficients)
-
-    @cached_property
-    def covariances(self) -> FloatArray:
-        """Autocovariances (p + 1,) at lags 0 to p, by the equations of Yule and Walker."""
-        matrix, lags = np.zeros((self.order + 1, self.order + 1)), np.arange(self.order + 1)
-        for j, a in enumerate(self.polynomial):
-            np.add.at(matrix, (lags, np.abs(lags - j)), a)
-        right = np.append(self.variance, np.zeros(self.order))
-        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-
-    def past_part(
-        self, rows: FloatArray, state: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Contribution of the rows X (L, m) up to each one to Ω X, and the state for the next rows.
-
-        Ω is the covariance of evenly spaced errors, one a row. Autocovariances follow the recursion
-        of the process, so a filter N / A with as many coefficients has them as its impulse
-        response: Ω X is X filtered forwards and backwards in time, less γ_0 X, which both count.
-        """
-        # Slow to import, and only needed where errors are correlated.
-        from scipy.signal import lfilter
-
-        if state is None:
-            state = np.zeros((self.order, rows.shape[1]))
-        numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
-        past, state = lfilter(numerator, self.polynomial, rows, axis=0, zi=state)
-        return np.asarray(past, dtype=np.float64), np.asarray(state, dtype=np.float64)
-
-    def sum_variance(self, present: BoolArray, pieces: tuple[slice, ...]) -> float:
-        """Variance of the sum of errors over the samples (N,) that are present.
-
-        ``pieces`` are the rows of evenly sampled stretches; errors of different ones are
-        independent.
-        """
-        ones = np.asarray(present, dtype=np.float64)[:, None]
-        past = sum(float(np.vdot(ones[piece], self.past_part(ones[piece])[0])) for piece in pieces)
-        return 2 * past - float(self.covariances[0]) * float(ones.sum())
-
-
-def run_lengths(used: BoolArray, pieces: tuple[slice, ...]) -> IntArray:
-    """Length of the unbroken run of used samples of its piece that ends with each sample (N,)."""
-    places = np.arange(1, len(used) + 1)
-    breaks = np.where(used, 0, places)
-    for piece in pieces:
-        breaks[piece] = np.maximum.accumulate(np.maximum(breaks[piece], piece.start))
-    return places - breaks
-
-
-def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
-    """Autocovariances (p + 1,) of a model of errors (N,), its order p chosen by BIC [Schwarz1978].
-
-    Forward and backward predictions within unbroken runs only [Burg1975], so that gaps are never
-    predicted across; ``runs`` (N,) are as of ``run_lengths``, 0 where a sample is not used. The
-    errors count as if a little white noise had been added to them, by what it adds to the sums on
-    average.
-    """
-    products, rows = _window_products(errors, runs)
-    observed = float(products[0, 0, 0] / rows[0])
-    white = WHITE_FLOOR * observed
-    polynomial, variance = np.ones(1), observed + white
-    covariances, criteria = [variance], [0.0]
-    for k in range(1, LARGEST_ORDER + 1):
-        if rows[k] < PAIRS_PER_COEFFICIENT * k or not observed > 0:
-            break
-        window, past = products[k, : k + 1, : k + 1], polynomial[1:]
-        # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-        ahead = np.append(polynomial, 0.0)
-        behind = ahead[::-1]
-        common = ahead @ window @ behind + rows[k] * white * (past @ past[::-1])
-        energy = ahead @ window @ ahead + behind @ window @ behind
-        energy += 2 * rows[k] * white * (polynomial @ polynomial)
-        reflection = -2 * float(common / energy)
-        covariances.append(-reflection * variance - float(past @ covariances[:0:-1]))
-        polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
-        criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
-    best = int(np.argmin(criteria))
-    return np.array(covariances[: best + 1]) / (1 + WHITE_FLOOR)
-
-
-def _window_products(errors: FloatArray, runs: IntArray) -> tuple[FloatArray, IntArray]:
-    """For each k to the largest order, Σ w wᵀ over the rows whose run is longer, and their number.
-
-    w = (e_t, e_{t-1}, ...) up to that order, of which the first k + 1 are within the run. All that
-    Burg's recursion adds up are quadratic forms of these sums, so one pass serves every order.
-    """
-    width = LARGEST_ORDER + 1
-    products, counts = np.zeros((width, width, width)), np.zeros(width, dtype=np.int64)
-    for rows in row_blocks(len(errors)):
-        first = max(rows.start - LARGEST_ORDER, 0)
-        missing = LARGEST_ORDER - (rows.start - first)
-        series = np.where(runs[first : rows.stop] > 0, errors[first : rows.stop], 0.0)
-        windows = sliding_window_view(np.pad(series, (missing, 0)), width)[:, ::-1]
-        reach = np.minimum(runs[rows], width)
-        for length in np.unique(reach[reach > 0]):
-            inside = windows[reach == length, :length]
-            products[length - 1, :length, :length] += inside.T @ inside
-            counts[length - 1] += len(inside)
-    return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
-
-
-def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
-    """The polynomial of one order more."""
-    longer = np.append(polynomial, 0.0)
-    return np.asarray(longer + reflection * longer[::-1], dtype=np.float64)
-
-
-def with_correlated_errors(fit: WorkingFit) -> WorkingFit:
+def with_correlated_errors(
+    fit: WorkingFit, options: CorrelationOptions = CorrelationOptions()
+) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
     Variances of estimates that scatter more between recordings are those of the scatter, with as
     many degrees of freedom as there are recordings, less one.
     """
-    return with_scatter(within_runs(fit))
+    return with_scatter(within_runs(fit, options), options)
 
 
-def with_scatter(found: WorkingFit) -> WorkingFit:
+def with_scatter(
+    found: WorkingFit, options: CorrelationOptions = CorrelationOptions()
+) -> WorkingFit:
     """Of a fit ``within_runs``, what its estimates scatter between recordings included."""
     with one_blas_thread():
-        scatter, runs = _between_runs(found)
+        scatter, runs = _between_runs(found, options.least_runs)
     result, within = found.result, np.diag(found.result.covariance)
     varied = (within > 0) & (scatter > within)
     if not varied.any():
@@ -232,7 +77,7 @@ def with_scatter(found: WorkingFit) -> WorkingFit:
     return replace(found, result=result)
 
 
-def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
+def _between_runs(fit: WorkingFit, least_runs: int) -> tuple[FloatArray, int]:
     """Variances (n,) of the estimates by their scatter between recordings, and the number of these.
 
     By the jackknife: estimates without a recording, whose orthonormal columns x and residuals r
@@ -244,7 +89,7 @@ def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
     parts = [slice(*pair) for pair in pairwise(bounds)]
     parts = [rows for rows in parts if samples.used[rows].any()]
     squares = np.zeros(width)
-    if len(parts) < LEAST_RUNS:
+    if len(parts) < least_runs:
         return squares, len(parts)
     inverse = np.linalg.inv(fit.factor[:width, :width])
     for part in parts:
@@ -261,28 +106,29 @@ def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
     return (1.0 - 1.0 / len(parts)) * squares, len(parts)
 
 
-def within_runs(fit: WorkingFit) -> WorkingFit:
+def within_runs(fit: WorkingFit, options: CorrelationOptions = CorrelationOptions()) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
-    The covariance is (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors; errors of
-    different actuators count as independent. Rows of a prior are in X, their errors in Ω. A
-    posterior stays the same where errors are independent: their size may be known beforehand.
+    The covariance is a sandwich, (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors;
+    errors of different actuators count as independent. Rows of a prior are in X, their errors in Ω.
+    A posterior stays the same where errors are independent: their size may be known beforehand.
     """
     result, width = fit.result, len(fit.result.parameters)
     with one_blas_thread():
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
         prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
-        models = _error_models(fit, inverse)
+        models = _error_models(fit, inverse, options)
 
-        def sums() -> FloatArray:
+        def filling() -> FloatArray:
+            """XᵀΩX of orthonormal columns."""
             parts = (model.sums for model in models.values())
             return np.asarray(sum(parts, prior.T @ prior), dtype=np.float64)
 
-        for _ in range(CORRECTIONS):
-            total = sums()
+        for _ in range(options.corrections):
+            total = filling()
             for model in models.values():
                 model.correct(total)
-        covariance = inverse @ sums() @ inverse.T
+        covariance = inverse @ filling() @ inverse.T
     noise = _noise_model(result, models)
     if fit.prior is not None and not noise.coefficients.any():
         return replace(fit, result=replace(result, noise=noise))
@@ -295,7 +141,9 @@ def within_runs(fit: WorkingFit) -> WorkingFit:
     return replace(fit, result=found)
 
 
-def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:
+def _error_models(
+    fit: WorkingFit, inverse: FloatArray, options: CorrelationOptions
+) -> dict[int, ErrorModel]:
     """A model for each actuator that has samples, by its number."""
     result, samples, problem, models = fit.result, fit.samples, fit.samples.problem, {}
     residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
@@ -304,19 +152,14 @@ def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]
     for i in map(int, np.flatnonzero(problem.samples)):
         weight = float(result.weights[i])
         models[i] = ErrorModel(
-            columns=_columns(samples, i, weight * inverse),
+            columns=(samples.regressor[:, i] @ (weight * inverse)) * samples.used[:, i, None],
             residual=(0.0 if exact[i] else weight) * residual[:, i],
             used=samples.used[:, i],
             pieces=samples.pieces,
             least=weight * float(samples.least_errors[i]),
+            options=options,
         )
     return models
-
-
-def _columns(samples: FitSamples, i: int, turn: FloatArray) -> FloatArray:
-    """Regressor (N, n) of one actuator times a matrix, zero where it is not used."""
-    W, used = samples.regressor[:, i], samples.used[:, i, None]
-    return mapped_rows(lambda rows: (W[rows] @ turn) * used[rows], len(samples))
 
 
 def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
@@ -350,9 +193,10 @@ class ErrorModel:
         used: BoolArray,
         pieces: tuple[slice, ...],
         least: float = 0.0,
+        options: CorrelationOptions = CorrelationOptions(),
     ) -> None:
         self._columns, self._used, self._pieces = columns, used, pieces
-        self._observed = burg_covariances(residual, run_lengths(used, pieces))
+        self._observed = burg_covariances(residual, run_lengths(used, pieces), options)
         self._observed[0] = max(self._observed[0], least**2)
         order = len(self._observed) - 1
         self._grams = lagged_grams(columns, pieces, order)
@@ -361,7 +205,7 @@ class ErrorModel:
         self.samples = int(self._pairs[0])
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
-        self._least_innovation = KEPT_INNOVATION * start.variance * freedom / self.samples
+        self._least_innovation = options.kept_innovation * start.variance * freedom / self.samples
         self._adopt(start)
 
     def taken_up(self, sums: FloatArray) -> FloatArray:
@@ -454,11 +298,13 @@ def past_sums(
     return sums, shared
 
 
-def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
+def warn_of_correlation(
+    result: FitResult, independent: FitResult, options: CorrelationOptions = CorrelationOptions()
+) -> None:
     """Name the actuators that have clearly fewer effective samples than rows."""
     noise = result.noise
     assert noise is not None
-    few = np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
+    few = np.flatnonzero(noise.effective_samples < options.clearly_fewer * noise.samples)
     if not len(few):
         return
     actuators = "; ".join(
@@ -476,11 +322,13 @@ def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
     warn(f"autocorrelated residuals of {actuators}: {consequence}", DataWarning)
 
 
-def warn_of_scatter(result: FitResult, within: FitResult) -> None:
+def warn_of_scatter(
+    result: FitResult, within: FitResult, options: CorrelationOptions = CorrelationOptions()
+) -> None:
     """Name the parameters whose estimates clearly vary from recording to recording."""
     from scipy.special import chdtri  # slow to import
 
-    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
+    freedom, chance = result.degrees_of_freedom, options.false_alarm / len(result.values)
     ratios = result.standard_errors / np.where(
         within.standard_errors > 0, within.standard_errors, np.inf
     )

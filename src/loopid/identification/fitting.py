@@ -13,7 +13,7 @@ from loopid.errors import (
     OptionError,
     warn,
 )
-from loopid.identification.bayes import BayesianRidge
+from loopid.identification.autoregression import CorrelationOptions
 from loopid.identification.correlation import (
     warn_of_correlation,
     warn_of_scatter,
@@ -21,12 +21,10 @@ from loopid.identification.correlation import (
     with_scatter,
     within_runs,
 )
-from loopid.identification.instrumental import InstrumentalVariables
-from loopid.identification.least_squares import (
+from loopid.identification.estimator import (
     Estimator,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
     WorkingFit,
+    chosen_estimator,
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
@@ -34,19 +32,15 @@ from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
-from loopid.identification.robust import Bisquare
-
-ESTIMATORS: dict[str, type[Estimator]] = {
-    "ols": OrdinaryLeastSquares,
-    "wls": WeightedLeastSquares,
-    "bisquare": Bisquare,
-    "iv": InstrumentalVariables,
-    "bayes": BayesianRidge,
-}
 
 
 @checked
-def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
+def fit(
+    samples: FitSamples,
+    estimator: str | Estimator = "wls",
+    *,
+    correlation: CorrelationOptions = CorrelationOptions(),
+) -> FitResult:
     """Estimate parameters, with intervals that allow for autocorrelated residuals.
 
     Of three recordings or more, intervals also hold what differs between these, such as friction.
@@ -57,6 +51,8 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     estimator : str or Estimator
         A name of ``ESTIMATORS``, or an estimator with its options. ``"iv"`` needs samples with
         instruments; ``"bayes"`` a prior, ``BayesianRidge(prior)``.
+    correlation : CorrelationOptions, optional
+        How errors that are not independent are modelled.
 
     Returns
     -------
@@ -84,7 +80,7 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
 
     >>> import loopid, numpy as np
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity")
+    >>> model = loopid.find_force_model(robot, "gravity", None)
     >>> poses = loopid.random_configurations(robot, 200, seed=0)
     >>> W = model.base.regressor(loopid.gravity_regressor(robot, poses))
     >>> truth, rng = model.prior, np.random.default_rng(0)
@@ -94,39 +90,44 @@ def fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    return _warned(samples, estimator).result
+    return _warned(samples, estimator, correlation).result
 
 
 @checked
-def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> FitResult:
+def quiet_fit(
+    samples: FitSamples,
+    estimator: str | Estimator = "wls",
+    *,
+    correlation: CorrelationOptions = CorrelationOptions(),
+) -> FitResult:
     """As ``fit``, without warnings."""
-    return working_fit(samples, estimator).result
+    return working_fit(samples, estimator, correlation=correlation).result
 
 
 @checked
-def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
+def working_fit(
+    samples: FitSamples,
+    estimator: str | Estimator = "wls",
+    *,
+    correlation: CorrelationOptions = CorrelationOptions(),
+) -> WorkingFit:
     """As ``quiet_fit``, with the least squares that the fit amounts to."""
-    return with_correlated_errors(chosen_estimator(estimator).fit_samples(samples))
+    return with_correlated_errors(chosen_estimator(estimator).fit_samples(samples), correlation)
 
 
-def _warned(samples: FitSamples, estimator: str | Estimator) -> WorkingFit:
+def _warned(
+    samples: FitSamples,
+    estimator: str | Estimator,
+    correlation: CorrelationOptions = CorrelationOptions(),
+) -> WorkingFit:
     """As ``working_fit``, with warnings."""
     independent = chosen_estimator(estimator).fit_samples(samples)
-    within = within_runs(independent)
-    found = with_scatter(within)
-    warn_of_correlation(within.result, independent.result)
-    warn_of_scatter(found.result, within.result)
+    within = within_runs(independent, correlation)
+    found = with_scatter(within, correlation)
+    warn_of_correlation(within.result, independent.result, correlation)
+    warn_of_scatter(found.result, within.result, correlation)
     warn_of_insignificant(found.result)
     return found
-
-
-def chosen_estimator(estimator: str | Estimator) -> Estimator:
-    """An estimator, or the one with a name."""
-    if isinstance(estimator, Estimator):
-        return estimator
-    if estimator not in ESTIMATORS:
-        raise OptionError.unknown("estimator", estimator, ESTIMATORS)
-    return ESTIMATORS[estimator]()
 
 
 def warn_of_insignificant(result: FitResult) -> None:
@@ -148,6 +149,7 @@ def fit_in_steps(
     first: FitSamples,
     second: FitSamples,
     known: Sequence[str],
+    *,
     estimator: str | Estimator = "wls",
 ) -> FitResult:
     """Take known parameters from a first experiment, and the rest from a second.

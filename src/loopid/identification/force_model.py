@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,7 +11,6 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     checked,
-    finite,
 )
 from loopid.base_parameters.base import (
     BaseParameters,
@@ -22,17 +18,10 @@ from loopid.base_parameters.base import (
 )
 from loopid.base_parameters.choice import SearchStrategy
 from loopid.errors import (
-    DataError,
-    MissingExtraError,
     ModelWarning,
-    OptionError,
     warn,
 )
-from loopid.identification.bayes import Prior
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
+from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import (
     ClosedMotion,
     closed_motion,
@@ -49,6 +38,7 @@ from loopid.parameters import (
     ParameterSet,
     html_table,
 )
+from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import (
     JointState,
@@ -58,19 +48,14 @@ from loopid.regressors.joint_terms import (
 )
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import (
-    mapped_rows,
-    row_blocks,
-    spooled,
-)
+from loopid.scratch import row_blocks
 from loopid.workers import (
     Progress,
     ordered_map,
 )
 
-# A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
-Source: TypeAlias = Recording | Callable[[], Recording] | Any
-
+# Joint terms by default: Coulomb and viscous friction of the motors, and what the file gives.
+USUAL_TERMS = "Fc,Fv,file"
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
 # Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
@@ -81,15 +66,9 @@ SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that tell whether closures are redundant
-# Steps of the reference, before its start and after its end, that the log may reach.
-OVERHANG = 1.0
-# Standard deviation of the robot file as a prior, in sizes of the parameters.
-PRIOR_DEVIATION = 0.3
-# Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
-LEAST_MASS, LEAST_REACH = 0.01, 0.01
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class ForceModel:
     """Forces of the independent coordinates, linear in the n parameters that can be identified.
 
@@ -196,7 +175,7 @@ class ForceModel:
             (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
             for rows in row_blocks(len(motion.time), CHUNK)
         )
-        return spooled(ordered_map(self._regressor_at, states, n_jobs))
+        return np.concatenate(list(ordered_map(self._regressor_at, states, n_jobs)))
 
     def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
         return self.base.regressor(self.standard_regressor(*state))
@@ -213,51 +192,52 @@ class ForceModel:
         used, least = recording.used, None
         free = np.isin(recording.actuators, self.mechanism.free)
         if free.any():
-            prior = self.prior
-            blocks = list(row_blocks(len(W)))
-            largest = np.max([np.abs(W[rows]).max(axis=(0, 2)) for rows in blocks], axis=0)
-            squares = np.sum([((W[rows] * prior) ** 2).sum(axis=(0, 2)) for rows in blocks], axis=0)
-            silent = free & (largest <= SILENT * largest.max(initial=0.0))
-            used = mapped_rows(lambda rows: recording.used[rows] & ~silent, len(W))
+            largest = np.abs(W).max(axis=(0, 2))
+            squares = ((W * self.prior) ** 2).sum(axis=(0, 2))
+            used = used & ~(free & (largest <= SILENT * largest.max(initial=0.0)))
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
-        data = self.parameters, recording.actuators, W, recording.force
-        return FitSamples.of(*data, used, recording.stretches, least)
+        return FitSamples.of(
+            self.parameters,
+            recording.actuators,
+            W,
+            recording.force,
+            used=used,
+            stretches=recording.stretches,
+            least_errors=least,
+        )
 
     def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
         """The regressor (N, dof, n) with friction that jumps filtered as the forces are.
 
         What is smooth comes out the same whether the motion is filtered or the forces are.
         """
-        history, steps, terms = recording.history, {}, self.joint_terms or JointTerms(())
-        for j in self.joint_columns:
-            parameter = self.parameters[j]
-            joint, law = parameter.link, joint_term(parameter.kind)
-            if history and law.jumps:
+        history, terms = recording.history, self.joint_terms or JointTerms(())
+        jumping = [j for j in self.joint_columns if joint_term(self.parameters[j].kind).jumps]
+        if not (history and jumping):
+            return W
+        rates = self.mechanism.velocity_indices([self.parameters[j].link for j in jumping])
+        blocks = (recording.motion.configurations[rows] for rows in row_blocks(len(W)))
+        shares = np.concatenate([project(self.mechanism, q).G[:, rates] for q in blocks])
+        stepped = np.array(W)
+        for k, j in enumerate(jumping):
+            joint, law = self.parameters[j].link, joint_term(self.parameters[j].kind)
 
-                def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
-                    return terms.loads(self.mechanism, motion)[0][joint]
+            def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
+                return terms.loads(self.mechanism, motion)[0][joint]
 
-                (index,) = self.mechanism.velocity_indices([joint])
-                rate = history.of_joint(self.mechanism, joint)
-                loads = history.of_motion(self.mechanism, load) if law.needs_load else None
-                signal = law.signal(JointState(None, rate, None, loads), terms, np)
-                steps[j] = int(index), history.lowpassed(np.asarray(signal))
-
-        def stepped(rows: slice) -> FloatArray:
-            block = np.array(W[rows])
-            G = project(self.mechanism, recording.motion.configurations[rows]).G
-            for j, (index, column) in steps.items():
-                block[:, :, j] = G[:, index] * column[rows, None]
-            return block
-
-        return mapped_rows(stepped, len(W)) if steps else W
+            rate = history.of_joint(self.mechanism, joint)
+            loads = history.of_motion(self.mechanism, load) if law.needs_load else None
+            signal = law.signal(JointState(None, rate, None, loads), terms, np)
+            stepped[:, :, j] = shares[:, k] * history.lowpassed(np.asarray(signal))[:, None]
+        return stepped
 
 
 @checked
 def find_force_model(
     mechanism: Mechanism,
     model: str = "gravity",
-    joint_terms: JointTerms | None = None,
+    joint_terms: JointTerms | str | None = USUAL_TERMS,
+    *,
     search: str | SearchStrategy = "exact",
     seed: int = 0,
     progress: Progress | None = None,
@@ -268,8 +248,10 @@ def find_force_model(
     ----------
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
-    joint_terms : JointTerms, optional
-        Friction, drive inertias, springs and offsets to be identified with the bodies.
+    joint_terms : JointTerms or str, optional
+        Friction, drive inertias, springs and offsets to be identified with the bodies, or a choice
+        as of ``JointTerms.of``; by default Coulomb and viscous friction of the motors and what the
+        robot file gives. None for none.
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
 
@@ -283,10 +265,11 @@ def find_force_model(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> friction = loopid.JointTerms(robot.actuated, ("Fc", "Fv"))
-    >>> loopid.find_force_model(robot, "full", friction)
+    >>> loopid.find_force_model(robot, "full")
     ForceModel(five_bar, full: 11 base parameters of bodies, 4 of joint terms)
     """
+    if isinstance(joint_terms, str):
+        joint_terms = JointTerms.of(mechanism, joint_terms)
     warn_of_omitted(mechanism, joint_terms)
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
@@ -310,183 +293,3 @@ def find_force_model(
                 ModelWarning,
             )
     return ForceModel(mechanism, model, joint_terms, base)
-
-
-@checked
-def reference_instruments(
-    force_model: ForceModel, recording: Recording, reference: JointMotion, n_jobs: int = 1
-) -> FloatArray:
-    """Instruments (N, dof, n) for the samples of a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    reference : JointMotion
-        What was commanded, or simulated, by the clock of the recording. Instruments need to follow
-        the motion, not to match it, so that the sample of the nearest time is taken.
-    n_jobs : int
-        As of ``ForceModel.samples``.
-
-    Raises
-    ------
-    DataError
-        When the reference does not last as long as the recording, or is of another mechanism.
-    """
-    nq = recording.motion.configurations.shape[1]
-    if reference.configurations.shape[1] != nq:
-        raise DataError(
-            f"the reference must have configurations of {nq} numbers, as the recording has, not "
-            f"{reference.configurations.shape[1]}"
-        )
-    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
-    return force_model.regressor(reference.select(rows), n_jobs)
-
-
-def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
-    """Numbers (N,) of the times nearest to wanted ones."""
-    if len(times) < 2:
-        raise DataError(f"the reference must have at least two samples, not {len(times)}")
-    reach = OVERHANG * float(np.diff(times).max())
-    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
-        raise DataError(
-            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
-            f"{wanted.min():.6g} to {wanted.max():.6g} s"
-        )
-    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    earlier = wanted - times[after - 1] < times[after] - wanted
-    return np.asarray(after - earlier, dtype=np.int64)
-
-
-def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
-    """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
-
-    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
-    square: what uncertainties are compared with.
-    """
-    values = mechanism.standard_parameters("full").reshape(-1, len(KINDS))
-    mass = np.abs(values[:, 0])
-    mass = np.maximum(mass, LEAST_MASS * (mass.mean() or 1.0))
-    traces = values[:, [KINDS.index(kind) for kind in ("Ixx", "Iyy", "Izz")]].sum(axis=1)
-    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * mechanism.length) ** 2))
-    powers = mechanism.parameters(model).length_powers.reshape(len(values), -1)
-    return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
-
-
-def _joint_sizes(force_model: ForceModel) -> FloatArray:
-    """Sizes (k,) of the joint terms that the robot file gives; infinite of all others."""
-    mechanism, sizes = force_model.mechanism, np.abs(force_model.joint_values)
-    names = force_model.base.parameters.parameters[-len(sizes) :] if len(sizes) else ()
-    for j, name in enumerate(names):
-        # The constant part of a spring is that of an unknown position where it is slack.
-        stiffness = np.nan_to_num(mechanism.joint_values.get(name.link, {}).get("Ks", 0.0))
-        if name.kind == "Fo" and stiffness:
-            (unit,) = mechanism.coordinate_scales[mechanism.velocity_indices([name.link])]
-            sizes[j] = max(np.nan_to_num(sizes[j]), abs(stiffness) * unit)
-    return np.where(sizes > 0, sizes, np.inf)
-
-
-@checked
-def cad_prior(
-    force_model: ForceModel,
-    relative: float = PRIOR_DEVIATION,
-    joint_values: FloatArray | None = None,
-    joint_deviations: FloatArray | None = None,
-) -> Prior:
-    """A prior of the base parameters from the robot file, for ``BayesianRidge``.
-
-    The standard parameters of each body count as independent of each other and of other bodies,
-    with standard deviations of a part of its mass m, of m ℓ for first moments and of m ℓ² for
-    inertias; ℓ is the root mean square distance of the body's mass from its origin. Base parameters
-    are combinations of these, whose covariance follows.
-
-    Parameters
-    ----------
-    relative : float
-        That part.
-    joint_values, joint_deviations : FloatArray, optional
-        (k,), what is known of ``force_model.joint_terms``; by default what the robot file gives,
-        with deviations as large as the values themselves where the part is 0.3.
-
-    Raises
-    ------
-    OptionError
-        When the part is not above 0.
-    DataError
-        When shapes are wrong, or no body has a mass.
-    """
-    if not 0 < relative < np.inf:
-        raise OptionError(f"the relative deviation must be above 0, not {relative}")
-    mechanism, M = force_model.mechanism, force_model.base.matrix
-    if not force_model.has_masses:
-        raise DataError(f"no body of {mechanism.name} has a mass: there is no prior")
-    sizes = relative * body_sizes(mechanism, force_model.model)
-    bodies, count = len(sizes), M.shape[1] - len(sizes)
-    values = np.nan_to_num(force_model.joint_values)
-    if joint_values is not None:
-        values = finite(joint_values, "joint values")
-    deviations = relative / PRIOR_DEVIATION * _joint_sizes(force_model)
-    if joint_deviations is not None:
-        deviations = finite(joint_deviations, "joint deviations")
-    if not values.shape == deviations.shape == (count,):
-        raise DataError(
-            f"joint values and deviations must have shape ({count},), not {values.shape} and "
-            f"{deviations.shape}"
-        )
-    known = np.isfinite(deviations)
-    D = np.concatenate([sizes, np.where(known, deviations, 0.0)])
-    covariance = (M * D**2) @ M.T
-    unknown = (M[:, bodies:][:, ~known] != 0).any(axis=1)
-    covariance[unknown], covariance[:, unknown] = 0.0, 0.0
-    covariance[unknown, unknown] = np.inf
-    mean = M @ np.concatenate([mechanism.standard_parameters(force_model.model), values])
-    return Prior(force_model.parameters, mean, covariance)
-
-
-@checked
-def distributed_problem(
-    force_model: ForceModel, sources: Iterable[Source], **options: Any
-) -> FitProblem:
-    """Reduce recordings where they lie, by Dask: only triangular factors travel.
-
-    Map: a recording becomes the factors of its samples. Reduce: stacked factors are factored again,
-    in pairs. What comes out are the factors of all samples together, to round-off.
-
-    Parameters
-    ----------
-    force_model : ForceModel
-    sources : iterable
-        For each recording itself, a function without arguments that loads it (where the log is), or
-        a ``dask.delayed`` one.
-    options
-        Of ``dask.compute``, such as ``scheduler="processes"``.
-
-    Returns
-    -------
-    FitProblem
-        For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
-        intervals are those of independent errors: factors do not tell autocorrelated ones.
-
-    Raises
-    ------
-    MissingExtraError
-        When Dask is not installed.
-    DataError
-        When there are no recordings.
-    """
-    try:
-        import dask
-    except ImportError as error:
-        raise MissingExtraError.of("dask", "distributed") from error
-    model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
-    level = [dask.delayed(_reduced)(model, source) for source in sources]
-    if not level:
-        raise DataError("there are no recordings to reduce")
-    while len(level) > 1:
-        level = [merged(level[k : k + 2]) for k in range(0, len(level), 2)]
-    problem: FitProblem = dask.compute(level[0], **options)[0]
-    return problem
-
-
-def _reduced(force_model: ForceModel, source: Recording | Callable[[], Recording]) -> FitProblem:
-    recording = source if isinstance(source, Recording) else source()
-    return force_model.samples(recording).problem

@@ -2,210 +2,51 @@
 
 A combination of base parameters is *unidentifiable* from a log where no force of the log depends on
 it, and *weakly identifiable* where its standard error is above its size in the robot file.
-
-Sizes make the question independent of units and of the choice of base parameters. With D the sizes
-of the standard parameters (``body_sizes``) and Φ_base = M Φ, base parameters are φ = L x with
-L Lᵀ = M D² Mᵀ, and forces count in parts of what each motor gave. The singular values of the
-regressor W L are then effects: what a change of one size along each direction does to the forces,
-in the root mean square over the data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from shlex import quote
 
 import numpy as np
 
 from loopid.arguments import (
     FloatArray,
-    IntArray,
     checked,
-    frozen,
 )
 from loopid.base_parameters.base import expression
 from loopid.errors import (
     DataError,
+    DataWarning,
     RankError,
+    warn,
+)
+from loopid.identification.directions import (
+    Excitation,
+    excited_samples,
 )
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_model import (
-    ForceModel,
-    body_sizes,
-)
+from loopid.identification.force_model import ForceModel
 from loopid.identification.least_squares import (
     LEAST_EXCITATION,
-    Estimator,
     OrdinaryLeastSquares,
-    excited_rank,
 )
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
-from loopid.identification.result import (
-    FitResult,
-    fit_quality,
-)
+from loopid.identification.problem import FitSamples
+from loopid.identification.samples import samples_of
 from loopid.logs.recording import Recording
 from loopid.parameters import ParameterSet
-from loopid.scratch import mapped_rows
+from loopid.records import record
 
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
 WEAK = 1.0
-# Part of a parameter's size that must be unidentifiable for its value to rest on the robot file.
-INVOLVED = 1e-3
-# Part of its effect in random states below which a joint term counts as not moved at all.
-HARDLY_MOVED = 1e-3
 # Coefficients below this part of the largest, in sizes, are round-off in an unidentifiable
 # combination, or not worth naming in a weak one, of which at most so many terms are named.
 ROUND_OFF, MINOR, MOST_TERMS = 1e-6, 0.1, 4
 # Combinations that a message names.
 NAMED = 3
-# Relative difference of norms that are the same but for round-off: the first one is taken.
-TIE = 1e-6
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Excitation:
-    """Directions of n parameters, by what they do to the forces of some data.
-
-    Attributes
-    ----------
-    weights : FloatArray
-        (dof,), one over the rms force of each motor.
-    factor : FloatArray
-        (n, n), triangular L of φ = L x.
-    effects : FloatArray
-        (n,), descending: rms effect on the forces of a change of one size along each direction.
-    directions : FloatArray
-        (n, n), columns are the directions x, orthonormal.
-    structural : FloatArray
-        (n,), effects in random states of the robot, descending.
-    joint_sizes : FloatArray
-        (k,), sizes of all joint terms: each alone would make all of the force.
-    rank : int
-        Directions that the data excite, by the limit that a fit is refused by.
-    """
-
-    weights: FloatArray
-    factor: FloatArray
-    effects: FloatArray
-    directions: FloatArray
-    structural: FloatArray
-    joint_sizes: FloatArray
-    rank: int
-
-    @classmethod
-    def of(cls, force_model: ForceModel, problem: FitProblem) -> Excitation:
-        """Of a fit problem of some or all parameters of a force model."""
-        base, columns = force_model.base, force_model.columns_of(problem.parameters)
-        bodies = body_sizes(force_model.mechanism, force_model.model)
-        random = force_model.random_states[1]
-        usual = (random[:, :, : len(bodies)] @ force_model.standard_prior[: len(bodies)]) ** 2
-        squares = problem.force_squares() / np.maximum(problem.samples, 1)
-        force = np.sqrt(np.where(squares > 0, squares, usual.mean(axis=0)))
-        weights = 1.0 / np.where(force > 0, force, 1.0)
-        K, n = weights[:, None] * random, len(columns)
-        R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
-        # A joint term has its effect in the data, or that in random states if they hardly move it.
-        effect, leading = np.sqrt((K**2).mean(axis=(0, 1))), base.base[columns]
-        effect[base.base] *= HARDLY_MOVED
-        effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
-        joints = effect[len(bodies) :]
-        joint_sizes = 1.0 / np.where(joints > 0, joints, 1.0)
-        scaled = base.matrix[columns] * np.concatenate([bodies, joint_sizes])
-        L = np.asarray(np.linalg.qr(scaled.T, mode="r")).T
-        _, effects, right = np.linalg.svd(R @ L)
-        rows = K[:, :, leading].reshape(-1, n) @ L
-        structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
-        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
-
-    def __post_init__(self) -> None:
-        for field in fields(self)[:-1]:
-            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
-
-    def __repr__(self) -> str:
-        spread = ", ".join(f"{effect:.2g}" for effect in self.effects[[0, -1]])
-        return f"Excitation(rank {self.rank} of {len(self.effects)}, effects {spread})"
-
-    @property
-    def sizes(self) -> FloatArray:
-        """Sizes (n,) of the parameters."""
-        return np.asarray(np.linalg.norm(self.factor, axis=1))
-
-    @property
-    def excited(self) -> FloatArray:
-        """Changes (n, rank) of the parameters, one size each, that the data excite."""
-        return np.asarray(self.factor @ self.directions[:, : self.rank])
-
-    @property
-    def unidentifiable(self) -> FloatArray:
-        """Changes (n, n - rank), one size each, that no force of the data depends on."""
-        return np.asarray(self.factor @ self.directions[:, self.rank :])
-
-    @property
-    def held(self) -> IntArray:
-        """As many parameters as are unidentifiable, (n - rank,); the others alone are excited.
-
-        Those with most of their size in what is unidentifiable, by pivoting; ties go to the first.
-        """
-        rows, held = self.unidentifiable / self.sizes[:, None], []
-        for _ in range(rows.shape[1]):
-            left = np.linalg.norm(rows, axis=1)
-            lead = int(np.argmax(left >= (1 - TIE) * left.max()))
-            unit = rows[lead] / left[lead]
-            rows = rows - np.outer(rows @ unit, unit)
-            held.append(lead)
-        return np.sort(np.array(held, dtype=np.int64))
-
-    def assumed(self, parameters: ParameterSet) -> tuple[str, ...]:
-        """Names of the n parameters that the data do not determine: part is unidentifiable."""
-        part = np.linalg.norm(self.unidentifiable, axis=1) / self.sizes
-        return tuple(parameters.labels[j] for j in np.flatnonzero(part > INVOLVED))
-
-
-def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitation) -> FitSamples:
-    """Samples of z in φ = φ₀ + B z: changes of the prior (n,) along what the data excite."""
-    B, W, Z = excitation.excited, samples.regressor, samples.instruments
-    names = ParameterSet.from_labels([f"combination.{k + 1}" for k in range(B.shape[1])])
-    return replace(
-        samples.less(samples.predicted(prior)),
-        parameters=names,
-        regressor=mapped_rows(lambda rows: W[rows] @ B, len(samples)),
-        instruments=None if Z is None else mapped_rows(lambda rows: Z[rows] @ B, len(samples)),
-    )
-
-
-def fit_excited(
-    samples: FitSamples,
-    prior: FloatArray,
-    excitation: Excitation,
-    estimator: str | Estimator = "wls",
-) -> FitResult:
-    """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
-
-    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
-    unidentifiable directions the covariance is that of the robot file, one size; parameters that
-    have a part there are ``assumed``.
-    """
-    found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
-    B, U = excitation.excited, excitation.unidentifiable
-    values, covariance = prior + B @ found.values, B @ found.covariance @ B.T + U @ U.T
-    return replace(
-        found,
-        parameters=samples.parameters,
-        values=values,
-        covariance=(covariance + covariance.T) / 2,
-        # Each value is a sum of what is excited, whose least sure deviation counts for all.
-        degrees_of_freedom=np.full(len(values), found.degrees_of_freedom.min(initial=np.inf)),
-        quality=fit_quality(samples.problem, values),
-        assumed=excitation.assumed(samples.parameters),
-    )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@record
 class WeakDirection:
     """A change of parameters that is unidentifiable from a log, or weakly identifiable.
 
@@ -230,9 +71,6 @@ class WeakDirection:
     effect: float
     standard_error: float
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "change", frozen(self.change))
-
     def __repr__(self) -> str:
         return f"WeakDirection({self.said})"
 
@@ -254,7 +92,7 @@ class WeakDirection:
         return self.text + error
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@record
 class Identifiability:
     """What a log tells of the base parameters.
 
@@ -272,8 +110,6 @@ class Identifiability:
         in no other one.
     weak : tuple of WeakDirection
         Weakly identifiable combinations, the least known first.
-    design : str
-        The command that designs a motion for this robot and model, but for the combinations.
     """
 
     parameters: ParameterSet
@@ -281,7 +117,6 @@ class Identifiability:
     standard_errors: FloatArray
     unidentifiable: tuple[WeakDirection, ...]
     weak: tuple[WeakDirection, ...]
-    design: str
 
     def __repr__(self) -> str:
         head = (
@@ -314,23 +149,23 @@ class Identifiability:
         return self.excitation.assumed(self.parameters)
 
     @property
+    def leads(self) -> tuple[str, ...]:
+        """Names that lead what is unidentifiable or weak: parameters that a motion should excite.
+
+        ``design_excitation(model, parameters=leads, after=recordings)`` finds such a motion.
+        """
+        both = (*self.unidentifiable, *self.weak)
+        return tuple(dict.fromkeys(next(iter(each.terms)) for each in both))
+
+    @property
     def unidentifiable_message(self) -> str:
-        """Which combinations are unidentifiable, and the command that excites them."""
+        """Which combinations are unidentifiable, and what excites them."""
         effects = self.excitation.effects
         return (
             f"{len(self.unidentifiable)} of {len(self.parameters)} combinations of parameters are "
             f"unidentifiable from the data: {_listed(self.unidentifiable)}; relative effect on the "
             f"forces {effects[-1] / (effects[0] or 1.0):.1e} (singular values must be above "
-            f"{LEAST_EXCITATION:g} of the largest); add the motion that "
-            f"{self.command} designs"
-        )
-
-    @property
-    def refusal(self) -> str:
-        """Why a fit of all parameters is refused, and what to do."""
-        return (
-            f"{self.unidentifiable_message}, or keep the robot file's values there, "
-            "unidentifiable='prior' (--unidentifiable prior)"
+            f"{LEAST_EXCITATION:g} of the largest); {self._advice}"
         )
 
     @property
@@ -339,28 +174,30 @@ class Identifiability:
         return (
             f"{len(self.weak)} of {len(self.parameters)} combinations of parameters are weakly "
             f"identifiable, known worse than by the robot file: {_listed(self.weak)}; "
-            f"add the motion that {self.command} designs, or use the robot file as a prior, "
-            "estimator='bayes' (--estimator bayes)"
+            f"{self._advice}, or use the robot file as a prior, estimator='bayes'"
         )
 
     @property
-    def command(self) -> str:
-        """What designs a motion for all these combinations, typed after the log LOG."""
-        leads = dict.fromkeys(next(iter(each.terms)) for each in (*self.unidentifiable, *self.weak))
-        return " ".join([self.design, *(f"--for {quote(lead)}" for lead in leads)])
+    def refusal(self) -> RankError:
+        """Why a fit of all parameters is refused, and what to do."""
+        return RankError(
+            f"{self.unidentifiable_message}, or keep the robot file's values there, "
+            "unidentifiable='prior'",
+            unidentifiable=tuple(each.text for each in self.unidentifiable),
+            leads=self.leads,
+            tolerance=LEAST_EXCITATION,
+        )
 
+    @property
+    def _advice(self) -> str:
+        return f"add a motion that excites them (design_excitation with parameters={self.leads})"
 
-def _design_command(force_model: ForceModel) -> str:
-    """``loopid excite`` for a robot as it was loaded, and its model."""
-    mechanism, terms = force_model.mechanism, force_model.joint_terms
-    words = ["loopid excite", quote(str(mechanism.path)), "--out DIR --model", force_model.model]
-    if terms is not None:
-        words += ["--terms", quote(terms.choice(mechanism))]
-    for option, value in mechanism.options.items():
-        name = "--" + option.replace("_", "-")
-        joints = [value] if isinstance(value, str) else value
-        words += [name] if value is True else [f"{name} {quote(j)}" for j in joints or ()]
-    return " ".join([*words, "--after LOG"])
+    def warn(self) -> None:
+        """Tell what is unidentifiable and what is weak, each by a DataWarning."""
+        if self.unidentifiable:
+            warn(self.unidentifiable_message, DataWarning)
+        if self.weak:
+            warn(self.weak_message, DataWarning)
 
 
 def _listed(directions: Sequence[WeakDirection]) -> str:
@@ -373,18 +210,14 @@ def _listed(directions: Sequence[WeakDirection]) -> str:
 
 @checked
 def identifiability(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    samples: FitSamples | None = None,
+    force_model: ForceModel, data: FitSamples | Sequence[Recording]
 ) -> Identifiability:
-    """Compare what the structure lets be identified with what recordings excite.
+    """Compare what the structure lets be identified with what data excite.
 
     Parameters
     ----------
-    recordings : sequence of Recording
-    samples : FitSamples, optional
-        The same as samples of a fit, where they are known already; of some of the parameters only,
-        if the others are not to be fitted.
+    data : FitSamples, or sequence of Recording
+        Samples may be of some of the parameters only, if the others are not to be fitted.
 
     Raises
     ------
@@ -402,14 +235,12 @@ def identifiability(
     >>> motion = loopid.joint_motion(robot, series.motion(2.0, 20.0))
     >>> force = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
     >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
-    >>> found = loopid.identifiability(loopid.find_force_model(robot, "full"), [run])
+    >>> model = loopid.find_force_model(robot, "full", None)
+    >>> found = loopid.identifiability(model, [run])
     >>> found.rank < found.structural_rank
     True
     """
-    if not recordings:
-        raise DataError("there are no recordings to say what they identify")
-    if samples is None:
-        samples = FitSamples.combined([force_model.samples(each) for each in recordings])
+    samples = data if isinstance(data, FitSamples) else samples_of(force_model, data)
     columns, parameters = force_model.columns_of(samples.parameters), samples.parameters
     excitation = Excitation.of(force_model, samples.problem)
     errors, turns = _standard_errors(samples, force_model.prior[columns], excitation)
@@ -421,9 +252,7 @@ def identifiability(
         terms = {parameters.labels[j]: float(change[j] / change[order[0]]) for j in order}
         found = WeakDirection(parameters, change, terms, effect, error)
         (unidentifiable if found.unidentifiable else weak).append(found)
-    known = frozen(errors)
-    weakest = tuple(unidentifiable), tuple(weak), _design_command(force_model)
-    return Identifiability(parameters, excitation, known, *weakest)
+    return Identifiability(parameters, excitation, errors, tuple(unidentifiable), tuple(weak))
 
 
 # A change (n,) of one size, its main columns, and its standard error in sizes.

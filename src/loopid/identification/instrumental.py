@@ -17,12 +17,14 @@ from loopid.errors import (
     OptionError,
     RankError,
 )
-from loopid.identification.least_squares import (
+from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
+    require_rows,
+)
+from loopid.identification.least_squares import (
     converged_weights,
     require_excitation,
-    require_rows,
     result_of,
 )
 from loopid.identification.problem import (

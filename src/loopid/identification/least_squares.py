@@ -1,40 +1,26 @@
-"""Ordinary and weighted least squares on triangular factors, which all estimators build on.
-
-An estimator may clip forces, project regressors or use prior knowledge; its estimates still solve
-Σ x_t (y_t - x_tᵀ φ) = 0 for some regressor x and forces y, the *working* samples. Their residuals
-are the errors that add up in the estimates, so that one computation of the uncertainty, which
-allows for autocorrelated residuals, serves all estimators.
-"""
+"""Ordinary and weighted least squares on triangular factors, which all estimators build on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 
-from loopid.arguments import (
-    ComparedByFields,
-    FloatArray,
-)
+from loopid.arguments import FloatArray
 from loopid.errors import (
     DataError,
-    OptionError,
     RankError,
 )
+from loopid.identification.estimator import Estimator
 from loopid.identification.problem import (
     ROUND_OFF,
     FitProblem,
-    FitSamples,
 )
 from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
-from loopid.scratch import row_blocks
-from loopid.workers import one_blas_thread
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
@@ -44,68 +30,6 @@ WEIGHT_ITERATIONS = 500
 # Change of the weights that ends the iteration: relative, or round-off of the forces relative to
 # the errors, which is all that is known of these where they are small.
 WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF = 1e-10, 1e-13
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class WorkingFit(ComparedByFields):
-    """A fit, and the least squares that it amounts to."""
-
-    result: FitResult
-    # Working samples: with the weights of the result, and the rows of the prior, their least
-    # squares are the values of the result
-    samples: FitSamples
-    # (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance
-    prior: FloatArray | None = None
-
-    @property
-    def factor(self) -> FloatArray:
-        """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
-        return self.samples.problem.weighted(self.result.weights, self.prior)
-
-    def response(self, force: FloatArray) -> FloatArray:
-        """Change of the estimates (n, k) with further forces (N, dof, k)."""
-        width = len(self.result.parameters)
-        sums = np.zeros((width, force.shape[2]))
-        for rows in row_blocks(len(self.samples)):
-            weights = self.result.weights**2 * self.samples.used[rows]
-            columns = self.samples.regressor[rows] * weights[:, :, None]
-            sums += np.einsum("tij,tik->jk", columns, force[rows], optimize=True)
-        return np.asarray(cho_solve((self.factor[:width, :width], False), sums))
-
-
-class Estimator:
-    """A way of finding parameters: subclasses have ``_fit``, or ``fit_samples`` if they need those.
-
-    Triangular factors are enough for ``_fit``, which finds a ``FitResult`` for independent errors.
-    """
-
-    name: ClassVar[str]
-
-    def fit(self, problem: FitProblem) -> FitResult:
-        """Estimate the parameters, with the covariance for independent errors.
-
-        Raises
-        ------
-        OptionError
-            When the estimator needs the samples themselves.
-        DataError
-            When there are not more rows than parameters.
-        RankError
-            When the data do not excite a combination of parameters.
-        """
-        require_rows(problem)
-        with one_blas_thread():
-            return self._fit(problem)
-
-    def fit_samples(self, samples: FitSamples) -> WorkingFit:
-        """Estimate the parameters as ``fit``, and state the least squares that they solve."""
-        return WorkingFit(self.fit(samples.problem), samples)
-
-    def _fit(self, problem: FitProblem) -> FitResult:
-        raise OptionError(
-            f"{self.name} needs the samples, not only their triangular factors: "
-            "use fit(samples, estimator)"
-        )
 
 
 class OrdinaryLeastSquares(Estimator):
@@ -226,13 +150,6 @@ def result_of(
         quality=fit_quality(problem, values),
         weights=weights,
     )
-
-
-def require_rows(problem: FitProblem) -> None:
-    """Refuse problems with no more rows than parameters."""
-    if problem.freedom < 1:
-        count = len(problem.parameters)
-        raise DataError(f"{problem.rows} rows cannot determine {count} parameters")
 
 
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:

@@ -124,7 +124,7 @@ def predict(fit: SavedFit, mechanism: Mechanism, recording: Recording) -> Predic
     --------
     >>> import loopid, tempfile, numpy as np
     >>> robot = loopid.load_mechanism("four_bar")
-    >>> model = loopid.find_force_model(robot, "full")
+    >>> model = loopid.find_force_model(robot, "full", None)
     >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
     >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
     >>> run = loopid.simulate_measurement(robot, motion)

@@ -8,39 +8,32 @@ factored again, are those of the whole.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from loopid.arguments import (
     BoolArray,
-    ComparedByFields,
     FloatArray,
     IntArray,
     checked,
     finite,
-    frozen,
     rectangular,
 )
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
-from loopid.scratch import (
-    mapped_rows,
-    row_blocks,
-    spooled,
-)
+from loopid.records import record
+from loopid.scratch import row_blocks
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FitProblem(ComparedByFields):
+@record
+class FitProblem:
     """Forces and regressors of several actuators, reduced to triangular factors.
 
     Attributes
@@ -86,10 +79,10 @@ class FitProblem(ComparedByFields):
         total = self.samples * self.mean_force + other.samples * other.mean_force
         return replace(
             self,
-            factors=frozen(factors),
-            samples=frozen(counts, np.int64),
-            mean_force=frozen(total / np.maximum(counts, 1)),
-            least_errors=frozen(np.maximum(self.least_errors, other.least_errors)),
+            factors=factors,
+            samples=counts,
+            mean_force=total / np.maximum(counts, 1),
+            least_errors=np.maximum(self.least_errors, other.least_errors),
         )
 
     @property
@@ -125,8 +118,8 @@ class FitProblem(ComparedByFields):
         return np.asarray((self.factors[:, :, -1] ** 2).sum(axis=1), dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FitSamples(ComparedByFields):
+@record
+class FitSamples:
     """Forces of several actuators over time, and their regressor.
 
     Attributes
@@ -178,6 +171,7 @@ class FitSamples(ComparedByFields):
         actuators: Sequence[str],
         regressor: FloatArray,
         force: FloatArray,
+        *,
         used: BoolArray | None = None,
         stretches: IntArray | None = None,
         least_errors: FloatArray | None = None,
@@ -210,9 +204,9 @@ class FitSamples(ComparedByFields):
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
         if least.shape != (dof,) or (least < 0).any():
             raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
-        places = frozen(parts, np.int64), frozen(np.zeros(len(tau)), np.int64)
-        arrays = frozen(W), frozen(tau), frozen(mask, np.bool_), *places, frozen(least)
-        return cls(parameters, tuple(actuators), *arrays)
+        runs = np.zeros(len(tau), dtype=np.int64)
+        places = parts.astype(np.int64, copy=False), runs
+        return cls(parameters, tuple(actuators), W, tau, mask, *places, least)
 
     def __len__(self) -> int:
         return len(self.force)
@@ -230,8 +224,8 @@ class FitSamples(ComparedByFields):
         triangles = triangular_factor((augmented * scale[:, :, None]).transpose(1, 0, 2))
         counts = used.sum(axis=0)
         mean = (force * scale).sum(axis=0) / np.maximum(counts, 1)
-        numbers = frozen(counts, np.int64), frozen(mean), self.least_errors
-        return FitProblem(self.parameters, self.actuators, frozen(triangles), *numbers)
+        numbers = counts, mean, self.least_errors
+        return FitProblem(self.parameters, self.actuators, triangles, *numbers)
 
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
@@ -241,11 +235,11 @@ class FitSamples(ComparedByFields):
 
     def predicted(self, values: FloatArray) -> FloatArray:
         """Forces (N, dof) at parameter values (n,)."""
-        return mapped_rows(lambda rows: self.regressor[rows] @ values, len(self))
+        return np.asarray(self.regressor @ values, dtype=np.float64)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Force less prediction (N, dof) at parameter values (n,), also where not used."""
-        return mapped_rows(lambda rows: self.force[rows] - self.regressor[rows] @ values, len(self))
+        return np.asarray(self.force - self.regressor @ values, dtype=np.float64)
 
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
@@ -253,8 +247,8 @@ class FitSamples(ComparedByFields):
         return replace(
             self,
             parameters=self.parameters.select(chosen),
-            regressor=mapped_rows(lambda rows: W[rows][:, :, chosen], len(W)),
-            instruments=None if Z is None else mapped_rows(lambda r: Z[r][:, :, chosen], len(Z)),
+            regressor=np.take(W, chosen, axis=2),
+            instruments=None if Z is None else np.take(Z, chosen, axis=2),
         )
 
     def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
@@ -266,7 +260,7 @@ class FitSamples(ComparedByFields):
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
-        return replace(self, force=frozen(_force(force, self.regressor)))
+        return replace(self, force=_force(force, self.regressor))
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
@@ -285,7 +279,7 @@ class FitSamples(ComparedByFields):
             raise DataError(
                 f"instruments must have the regressor's shape {self.regressor.shape}, not {Z.shape}"
             )
-        return replace(self, instruments=frozen(Z))
+        return replace(self, instruments=Z)
 
     @classmethod
     def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:
@@ -304,20 +298,17 @@ class FitSamples(ComparedByFields):
         def numbered(each: Sequence[IntArray]) -> IntArray:
             offsets = np.cumsum([0, *(int(part.max()) + 1 for part in each[:-1])])
             shifted = [part + k for part, k in zip(each, offsets, strict=True)]
-            return frozen(np.concatenate(shifted), np.int64)
-
-        def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
-            return spooled(array[rows] for array in arrays for rows in row_blocks(len(array)))
+            return np.concatenate(shifted)
 
         return replace(
             first,
-            regressor=joined([part.regressor for part in parts]),
-            force=joined([part.force for part in parts]),
-            used=joined([part.used for part in parts]),
+            regressor=np.concatenate([part.regressor for part in parts]),
+            force=np.concatenate([part.force for part in parts]),
+            used=np.concatenate([part.used for part in parts]),
             stretches=numbered([part.stretches for part in parts]),
             runs=numbered([part.runs for part in parts]),
             least_errors=np.max([part.least_errors for part in parts], axis=0),
-            instruments=joined(instruments) if instruments else None,
+            instruments=np.concatenate(instruments) if instruments else None,
         )
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Iterator
+from dataclasses import fields
+from difflib import SequenceMatcher
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from loopid.arguments import (
-    ComparedByFields,
     FloatArray,
     IntArray,
     checked,
@@ -23,6 +25,10 @@ from loopid.parameters import (
     ParameterSet,
     html_table,
 )
+from loopid.records import record
+
+if TYPE_CHECKING:
+    import polars
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -32,8 +38,8 @@ LEAST_FREEDOM = 1.0
 LISTED = 7
 
 
-class _Record(ComparedByFields):
-    """A dataclass whose arrays are read-only copies."""
+class _OfArrays:
+    """Lists, as files have them, become arrays."""
 
     def __post_init__(self) -> None:
         kinds = {"FloatArray": np.float64, "IntArray": np.int64}
@@ -43,8 +49,8 @@ class _Record(ComparedByFields):
                 object.__setattr__(self, field.name, array)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Quality(_Record):
+@record
+class Quality(_OfArrays):
     """Residuals of parameters on data, by actuator; NaN where it has no samples.
 
     Attributes
@@ -83,8 +89,8 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     return Quality(np.sqrt(mean), r_squared, problem.samples)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class NoiseModel(_Record):
+@record
+class NoiseModel(_OfArrays):
     """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
 
     Actuators without samples have NaN for all that is not a count.
@@ -116,8 +122,8 @@ class NoiseModel(_Record):
     effective_samples: FloatArray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Robustness(_Record):
+@record
+class Robustness(_OfArrays):
     """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples.
 
     Attributes
@@ -132,41 +138,40 @@ class Robustness(_Record):
     down_weighted: FloatArray
 
 
-@dataclass(frozen=True)
+@record
 class Estimate:
     """All numbers about one parameter.
 
     Attributes
     ----------
-    number : int
-        From 1 on.
-    name, unit : str
     value, standard_error : float
-    relative_std : float
-        In %; infinite for an estimate of zero.
     interval : tuple of float
         Of 95 %; infinite where the data determine none.
+    unit, name : str
     """
 
-    number: int
-    name: str
-    unit: str
     value: float
     standard_error: float
-    relative_std: float
     interval: tuple[float, float]
+    unit: str
+    name: str
+
+    @property
+    def relative_std(self) -> float:
+        """Standard error in % of the value; infinite for a value of zero."""
+        return 100 * self.standard_error / abs(self.value) if self.value else np.inf
 
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.number:3} {self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}"
+            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}"
             f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FitResult(_Record):
-    """Estimated parameters with their uncertainty.
+@record
+class FitResult(_OfArrays):
+    """Estimated parameters with their uncertainty, found by their names.
 
     Attributes
     ----------
@@ -202,8 +207,8 @@ class FitResult(_Record):
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
     >>> found = loopid.fit(loopid.identification.FitSamples.of(names, ["motor"], W, force))
-    >>> found.values.round(1).tolist()
-    [2.0, 0.5]
+    >>> round(found["arm.m"].value, 1), found["arm.m"].unit
+    (2.0, 'kg')
     >>> low, high = found.intervals(0.999).T
     >>> bool(((low < [2.0, 0.5]) & ([2.0, 0.5] < high)).all())
     True
@@ -257,14 +262,44 @@ class FitResult(_Record):
         reach[[name in self.assumed for name in self.parameters.labels]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
+    def __getitem__(self, name: str) -> Estimate:
+        labels = self.parameters.labels
+        if name not in labels:
+            raise OptionError.unknown("parameter", name, nearest_first(name, labels))
+        return self.estimates[labels.index(name)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parameters.labels)
+
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """All numbers about each parameter."""
-        columns = (self.values, self.standard_errors, self.relative_std, self.intervals())
+        columns = self.values.tolist(), self.standard_errors.tolist(), self.intervals().tolist()
         return tuple(
-            Estimate(k, p.label, p.unit, float(x), float(s), float(r), (float(i[0]), float(i[1])))
-            for k, (p, x, s, r, i) in enumerate(zip(self.parameters, *columns, strict=True), 1)
+            Estimate(value, error, (low, high), parameter.unit, parameter.label)
+            for parameter, value, error, (low, high) in zip(self.parameters, *columns, strict=True)
         )
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of a table, one a parameter."""
+        return [
+            {"parameter": e.name, "value": e.value, "standard_error": e.standard_error}
+            | {"low": e.interval[0], "high": e.interval[1], "unit": e.unit}
+            for e in self.estimates
+        ]
+
+    def to_polars(self) -> polars.DataFrame:
+        """The rows as a data frame of Polars."""
+        import polars
+
+        return polars.DataFrame(self.rows)
+
+    def to_pandas(self) -> Any:
+        """The rows as a data frame of pandas, which must be installed."""
+        import pandas  # type: ignore[import-untyped]
+
+        return pandas.DataFrame(self.rows)
 
     def insignificant(self, limit: float | None = None) -> tuple[str, ...]:
         """Names of the parameters whose 95 % interval includes zero.
@@ -311,9 +346,9 @@ class FitResult(_Record):
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        head = ("", "parameter", "value", "standard error", "unit", "% std", "95 % from", "to")
+        head = ("parameter", "value", "standard error", "unit", "% std", "95 % from", "to")
         rows = [
-            (e.number, e.name, e.value, e.standard_error, e.unit, e.relative_std, *e.interval)
+            (e.name, e.value, e.standard_error, e.unit, e.relative_std, *e.interval)
             for e in self.estimates
         ]
         return html_table(head, rows)
@@ -324,3 +359,8 @@ def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
     relative = np.full(len(values), np.inf)
     np.divide(100 * errors, np.abs(values), out=relative, where=values != 0)
     return relative
+
+
+def nearest_first(name: str, names: tuple[str, ...]) -> list[str]:
+    """Names that a given one may stand for, the most similar first."""
+    return sorted(names, key=lambda each: -SequenceMatcher(None, name, each).ratio())

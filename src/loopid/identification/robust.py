@@ -24,10 +24,12 @@ from loopid.errors import (
     DataError,
     OptionError,
 )
-from loopid.identification.least_squares import (
+from loopid.identification.estimator import (
     Estimator,
-    WeightedLeastSquares,
     WorkingFit,
+)
+from loopid.identification.least_squares import (
+    WeightedLeastSquares,
     inverse_deviations,
     leverages,
     result_of,

@@ -325,7 +325,7 @@ class SavedFit(_Record):
                 raise ValueError("configurations of the states differ in length")
         if self.estimate is not None and self.covariance is None:
             raise ValueError("an estimate needs a covariance")
-        if self.consistency is not None and not np.isfinite(self._standard_values).all():
+        if self.consistency is not None and not np.isfinite(self.standard_values).all():
             raise ValueError("a consistent fit needs the values of all standard parameters")
         _ = self.result  # refused where its columns do not fit together
         return self
@@ -388,7 +388,7 @@ class SavedFit(_Record):
         if self.consistency is not None:
             return ConsistentFit(
                 parameters=self.standard,
-                standard_parameters=self._standard_values,
+                standard_parameters=self.standard_values,
                 base_parameters=self.parameters,
                 values=self.values,
                 **dict(self.consistency),
@@ -403,7 +403,8 @@ class SavedFit(_Record):
         )
 
     @property
-    def _standard_values(self) -> FloatArray:
+    def standard_values(self) -> FloatArray:
+        """Values (p,) of the standard parameters; NaN where the file gives none."""
         return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
 
     @checked
@@ -508,7 +509,7 @@ class SavedFit(_Record):
 
     @checked
     def find_standard_parameters(
-        self, model: ForceModel, repair: bool = False, any_mass: bool = False
+        self, model: ForceModel, *, repair: bool = False, any_mass: bool = False
     ) -> FloatArray:
         """Physically consistent standard parameters (p,) with the base parameters of the fit.
 
@@ -531,7 +532,7 @@ class SavedFit(_Record):
             Naming bodies, when there are none, or when one would be that heavy.
         """
         if self.consistency is not None:
-            return self._standard_values
+            return self.standard_values
         prior, columns = model.standard_prior, self.standard
         if repair:
             prior = repaired_prior(columns, prior)
@@ -546,12 +547,15 @@ class SavedFit(_Record):
         if ratios[worst] > MOST_MASS and not any_mass:
             j = masses[worst]
             bayes = self.estimate is not None and self.estimate.estimator == "bayes"
-            other = "" if bayes else "it as a prior (loopid identify --estimator bayes), or "
+            other = "" if bayes else "it as a prior (estimator='bayes'), or "
             raise DataError(
                 f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
                 f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
-                "(loopid identify --consistent entropic, which writes standard_parameters.yaml); "
-                "if the robot is that heavy, any_mass=True (--any-mass)"
+                "(consistent='entropic', which writes standard_parameters.yaml); if the robot is "
+                "that heavy, any_mass=True",
+                parameter=columns[j].label,
+                mass=float(standard[j]),
+                ratio=float(ratios[worst]),
             )
         return standard
 
@@ -652,7 +656,7 @@ def save_fit(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"))
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     loopid.save_fit(f"{folder}/fit.json", model, model.prior).name
     'fit.json'
@@ -678,7 +682,7 @@ def read_fit(path: str | Path) -> SavedFit:
     --------
     >>> import loopid, tempfile
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot)
+    >>> model = loopid.find_force_model(robot, joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = loopid.save_fit(f"{folder}/fit.yaml", model, 1.1 * model.prior)
     ...     saved = loopid.read_fit(path)

@@ -35,24 +35,22 @@ from loopid.errors import (
     SearchError,
 )
 from loopid.identification.bayes import BayesianRidge
+from loopid.identification.candidate import prediction_reach
 from loopid.identification.fitting import (
     fit_in_steps,
     quiet_fit,
 )
 from loopid.identification.force_model import (
     ForceModel,
-    cad_prior,
     find_force_model,
-)
-from loopid.identification.pipeline import (
-    prediction_reach,
-    split_recordings,
 )
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
+from loopid.identification.robot_prior import cad_prior
+from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.options import FilterOptions
@@ -436,7 +434,7 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
         warnings.simplefilter("ignore", DataWarning)
         warnings.simplefilter("ignore", DataWarning)
-        in_steps = fit_in_steps(warm_up, main, friction, "ols")
+        in_steps = fit_in_steps(warm_up, main, friction, estimator="ols")
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 
 

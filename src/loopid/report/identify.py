@@ -13,19 +13,23 @@ from loopid.arguments import (
     FloatArray,
 )
 from loopid.diagnosis.bands import BandSweep
-from loopid.diagnosis.elimination import PredictionError
+from loopid.diagnosis.elimination import (
+    PredictionError,
+    Reduction,
+)
 from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
+from loopid.identification.candidate import (
+    Candidate,
+    prediction_reach,
+)
 from loopid.identification.consistent import ConsistentFit
 from loopid.identification.information import (
     Identifiability,
     WeakDirection,
 )
-from loopid.identification.pipeline import (
-    Candidate,
-    Identification,
-    prediction_reach,
-)
+from loopid.identification.pipeline import Identification
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
@@ -62,9 +66,10 @@ LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
 LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
-def identification_record(found: Identification) -> dict[str, Any]:
-    """All findings of an identification, ready for JSON."""
-    model, told, consistent = found.force_model, found.identifiability, found.consistent
+def identification_record(study: Study) -> dict[str, Any]:
+    """All findings of a study, ready for JSON."""
+    found, reduction = study.identification, study.reduction
+    model, told, consistent = found.force_model, found.identifiability, study.consistent
     terms = model.joint_terms
     return {
         "mechanism": model.mechanism.name,
@@ -74,15 +79,17 @@ def identification_record(found: Identification) -> dict[str, Any]:
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
         "robot_file": json_value(model.prior),
-        "fit": SavedFit.of(model, found.fit).record(),
+        "fit": SavedFit.of(model, found["all parameters"].fit).record(),
         "recommended": found.recommended.name,
-        "recommended_fit": SavedFit.of(model, found.recommended_fit).record(),
+        "recommended_fit": SavedFit.of(model, found.fit).record(),
+        "verdict": found.verdict,
         "prior_deviation": json_value(found.prior_deviation),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
-        "term_sets": found.term_sets and _term_sets(found.term_sets),
-        "fitted_bodies_pay": found.term_sets and found.term_sets.bodies_pay,
+        "term_sets": _term_sets(study.term_sets),
+        "fitted_bodies_pay": study.term_sets.bodies_pay,
         "identifiability": {
-            **json_fields(told, "structural_rank", "rank", "command"),
+            **json_fields(told, "structural_rank", "rank"),
+            "command": excite_command(found),
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
             "structural_effects": json_value(told.excitation.structural),
@@ -91,12 +98,36 @@ def identification_record(found: Identification) -> dict[str, Any]:
             "weak": [_direction(direction) for direction in told.weak],
         },
         "consistent": consistent and SavedFit.of(model, consistent).record(),
-        "essential": json_value(found.essential.values),
-        "essential_parameters": list(found.reduction.result.parameters.labels),
-        "candidates": [_candidate(candidate) for candidate in found.candidates],
-        "suspicions": [_suspicions(one) for one in found.suspicions],
-        "findings": findings(found),
+        "essential": json_value(study.essential.values),
+        "essential_parameters": list(reduction.result.parameters.labels),
+        "candidates": [_candidate(candidate) for candidate in _candidates(study)],
+        "suspicions": [_suspicions(one) for one in study.suspicions],
+        "findings": findings(study),
     }
+
+
+def _candidates(study: Study) -> tuple[Candidate, ...]:
+    """The robot file, all parameters, the essential ones, and the robot file as prior."""
+    start, whole, *others = study.identification.candidates.values()
+    return (start, whole, study.essential, *others)
+
+
+def excite_command(found: Identification) -> str:
+    """``loopid excite`` for a robot as it was loaded, its model and what the data tell little of.
+
+    To be typed after the log LOG.
+    """
+    mechanism, terms = found.force_model.mechanism, found.force_model.joint_terms
+    words = ["loopid excite", quote(str(mechanism.path)), "--out DIR"]
+    words.append(f"--model {found.force_model.model}")
+    if terms is not None:
+        words += ["--terms", quote(terms.choice(mechanism))]
+    for option, value in mechanism.options.items():
+        name = "--" + option.replace("_", "-")
+        joints = [value] if isinstance(value, str) else value
+        words += [name] if value is True else [f"{name} {quote(j)}" for j in joints or ()]
+    leads = (f"--for {quote(lead)}" for lead in found.identifiability.leads)
+    return " ".join([*words, "--after LOG", *leads])
 
 
 def _suspicions(found: Suspicions) -> dict[str, Any]:
@@ -159,13 +190,15 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(found: Identification) -> list[str]:
+def findings(study: Study) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
+    found = study.identification
     cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
     filters = ", ".join("unfiltered" if c is None else f"{c:.3g} Hz" for c in cutoffs)
-    told, essential = found.identifiability, found.reduction.result.parameters.labels
+    told, essential = found.identifiability, study.reduction.result.parameters.labels
+    whole = found["all parameters"]
     said = [
-        f"Condition number of the weighted regressor: {found.fit.condition_number:.4g}; cut-off of "
+        f"Condition number of the weighted regressor: {whole.fit.condition_number:.4g}; cut-off of "
         f"the filter: {filters}.",
         f"{told.structural_rank} combinations of parameters are structurally identifiable; the "
         f"data excite {told.rank} of them, and tell {told.well_determined} better than the robot "
@@ -174,11 +207,10 @@ def findings(found: Identification) -> list[str]:
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     said.append(f"Joint terms: {choice}.")
-    said += [f"In {one.recording}, {text}." for one in found.suspicions for text in one.sentences]
-    if found.term_sets is not None:
-        said.append(_terms_finding(found.term_sets))
-    if found.sweep is not None:
-        said.append(_sweep_finding(found.sweep))
+    said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
+    said.append(_terms_finding(study.term_sets))
+    if study.sweep is not None:
+        said.append(_sweep_finding(study.sweep))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
@@ -187,20 +219,20 @@ def findings(found: Identification) -> list[str]:
     if told.unidentifiable or told.weak:
         said.append(
             "What is unidentifiable or weakly identifiable is excited by the motion that "
-            f"{told.command} designs."
+            f"{excite_command(found)} designs."
         )
-    if found.consistent is not None:
-        said += _consistent_findings(found.consistent)
-    said += [_verdict(candidate) for candidate in found.candidates[1:]]
+    if study.consistent is not None:
+        said += _consistent_findings(study.consistent)
+    said += [candidate.verdict for candidate in _candidates(study)[1:]]
     said.append(_recommendation(found))
-    insignificant = found.fit.insignificant()
-    if insignificant or not found.candidates[1].beats_baseline:
+    insignificant = whole.fit.insignificant()
+    if insignificant or not whole.beats_baseline:
         said.append(
             "Of all parameters together, these are not significant (the 95 % interval includes "
             f"zero): {', '.join(insignificant) or 'none alone'}."
         )
     said.append(
-        f"{len(essential)} of {len(found.fit.parameters)} parameters are essential for "
+        f"{len(essential)} of {len(whole.values)} parameters are essential for "
         "predictions; their ± holds if the others are as in the robot file, and joint terms that "
         "it gives no value of are zero."
     )
@@ -239,7 +271,7 @@ def _sweep_finding(sweep: BandSweep) -> str:
 
 def _recommendation(found: Identification) -> str:
     said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
-    if found.recommended is found.candidates[0]:
+    if found.recommended is found.baseline:
         return (
             f"{said} with fitted joint terms, as all parameters are clearly worse on new data even "
             "with the robot file as prior."
@@ -249,18 +281,6 @@ def _recommendation(found: Identification) -> str:
     return (
         f"{said}; its parameters count as known to {100 * found.prior_deviation:.2g} % of their "
         "sizes, as the data say."
-    )
-
-
-def _verdict(candidate: Candidate) -> str:
-    verdict = "not clearly better than"
-    if candidate.beats_baseline or candidate.loses_to_baseline:
-        verdict = "better than" if candidate.beats_baseline else "worse than"
-    ratio, error = candidate.error_ratio
-    return (
-        f"With {candidate.name} the mean squared error on data that were not fitted is "
-        f"{ratio:.2f} ± {error:.2f} times that of the robot file with fitted joint terms: "
-        f"{verdict} it."
     )
 
 
@@ -280,24 +300,26 @@ def _consistent_findings(found: ConsistentFit) -> list[str]:
     return said
 
 
-def identification_tables(found: Identification) -> list[Table]:
+def identification_tables(study: Study) -> list[Table]:
     """Parameters, prediction errors, what was left out, findings."""
-    told, name = found.identifiability, found.force_model.mechanism.name
-    title = f"{name}: all parameters by {found.fit.estimator}"
-    tables = [_estimates_table(title, found.fit)]
+    found = study.identification
+    told, name, whole = (
+        found.identifiability,
+        found.force_model.mechanism.name,
+        found["all parameters"],
+    )
+    tables = [_estimates_table(f"{name}: all parameters by {whole.fit.estimator}", whole.fit)]
     if told.unidentifiable or told.weak:
         tables.append(_weak_table(told))
-    tables.append(_essential_table(found))
-    if found.consistent is not None:
-        tables.append(_consistent_table(found.consistent))
-    tables.append(_candidates_table(found))
-    if found.term_sets is not None:
-        tables.append(_terms_table(found.term_sets))
-    tables += [_noise_table(found), _gains_table(found), _dropped_table(found)]
-    if found.recommended_fit is not found.fit:
+    tables.append(_essential_table(study))
+    if study.consistent is not None:
+        tables.append(_consistent_table(study.consistent))
+    tables += [_candidates_table(study), _terms_table(study.term_sets)]
+    tables += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
+    if found.recommended is not whole:
         title = f"recommended: {found.recommended.name}"
-        tables.append(_estimates_table(title, found.recommended_fit))
-    return [*tables, plain_table("findings", ("",), ([text] for text in findings(found)))]
+        tables.append(_estimates_table(title, found.fit))
+    return [*tables, plain_table("findings", ("",), ([text] for text in findings(study)))]
 
 
 def _estimates_table(title: str, fit: FitResult) -> Table:
@@ -323,10 +345,11 @@ def _weak_table(found: Identifiability) -> Table:
     return plain_table("unidentifiable and weakly identifiable combinations", columns, rows)
 
 
-def _essential_table(found: Identification) -> Table:
-    result, prior = found.reduction.result, found.force_model.prior
+def _essential_table(study: Study) -> Table:
+    found, reduction = study.identification, study.reduction
+    result, prior = reduction.result, found.force_model.prior
     joints, rows = set(found.force_model.joint_columns), []
-    for column, estimate in zip(found.reduction.columns, result.estimates, strict=True):
+    for column, estimate in zip(reduction.columns, result.estimates, strict=True):
         known = f"{prior[column]:.4g}" if prior[column] or column not in joints else "-"
         numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
         rows.append((found.force_model.base.expressions[column], *numbers, estimate.unit))
@@ -343,9 +366,9 @@ def _consistent_table(found: ConsistentFit) -> Table:
     return plain_table(f"physically consistent parameters ({found.regularisation})", columns, rows)
 
 
-def _candidates_table(found: Identification) -> Table:
+def _candidates_table(study: Study) -> Table:
     """Prediction errors of the robot file, all parameters and the essential ones."""
-    candidates, rows = found.candidates, list[list[object]]()
+    found, candidates, rows = study.identification, _candidates(study), list[list[object]]()
     rows.append(["parameters fitted", *(c.fitted for c in candidates)])
     for k, actuator in enumerate(found.force_model.mechanism.independent):
         for part, name in enumerate(("fit", "new")):
@@ -375,8 +398,8 @@ def _terms_table(found: TermComparison) -> Table:
     return plain_table(title, columns, rows)
 
 
-def _noise_table(found: Identification) -> Table:
-    noise, rows = found.fit.noise, []
+def _noise_table(fit: FitResult) -> Table:
+    noise, rows = fit.noise, []
     if noise is not None:
         for k, actuator in enumerate(noise.actuators):
             counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
@@ -385,10 +408,10 @@ def _noise_table(found: Identification) -> Table:
     return plain_table("residuals of the fit", columns, rows)
 
 
-def _gains_table(found: Identification) -> Table:
+def _gains_table(study: Study) -> Table:
     rows = (
         (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
-        for one in found.suspicions
+        for one in study.suspicions
         for g in one.gains
     )
     columns = "recording", "motor", ">gain", ">95 % interval"
@@ -408,18 +431,18 @@ def _dropped_table(found: Identification) -> Table:
     )
 
 
-def identification_files(found: Identification) -> dict[str, bytes | str]:
+def identification_files(study: Study) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
-    figures = identification_figures(found)
+    figures, found = identification_figures(study), study.identification
     captions = {name: text for name, text in CAPTIONS.items() if f"{name}.svg" in figures}
     title = f"Identification of {found.force_model.mechanism.name}"
     page, data, *names = RESULTS
-    chosen = found.recommended_fit
-    other = None if chosen is found.fit else found.fit
-    fits = dict(zip(names, (chosen, other, found.consistent), strict=True))
+    whole = found["all parameters"]
+    other = None if found.recommended is whole else whole.fit
+    fits = dict(zip(names, (found.fit, other, study.consistent), strict=True))
     return {
-        page: markdown_page(title, identification_tables(found), captions),
-        data: json_text(identification_record(found)) + "\n",
+        page: markdown_page(title, identification_tables(study), captions),
+        data: json_text(identification_record(study)) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()
@@ -429,16 +452,17 @@ def identification_files(found: Identification) -> dict[str, bytes | str]:
     }
 
 
-def identification_figures(found: Identification) -> dict[str, bytes]:
+def identification_figures(study: Study) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
-    spectrum = draw_spectrum(found.identifiability)
-    rest = draw_forces(found) | spectrum | draw_parameters(found) | draw_reduction(found)
-    return rest | draw_filter(found)
+    found = study.identification
+    first = draw_forces(study) | draw_spectrum(found.identifiability) | draw_parameters(found)
+    return first | draw_reduction(study.reduction) | draw_filter(study)
 
 
-def draw_filter(found: Identification) -> dict[str, bytes]:
+def draw_filter(study: Study) -> dict[str, bytes]:
     """Spectrum of the first log, and how estimates move at lower cut-offs, where known."""
-    recording, sweep = found.training[0], found.sweep
+    found, sweep = study.identification, study.sweep
+    recording = found.training[0]
     told = recording.spectrum
     if told is None or sweep is None or not len(told.frequency):
         return {}
@@ -464,14 +488,15 @@ def draw_filter(found: Identification) -> dict[str, bytes]:
         return rendered(figure, "filter")
 
 
-def draw_forces(found: Identification) -> dict[str, bytes]:
+def draw_forces(study: Study) -> dict[str, bytes]:
     """Forces of each actuator on the first validation recording, measured and predicted."""
+    found = study.identification
     recording, joints = found.validation[0], found.force_model.mechanism.independent
     rows = thinned(len(recording))
     time, gaps = recording.motion.time[rows], ~recording.used[rows]
-    W = found.samples[1].regressor[rows]
-    baseline, essential = W @ found.baseline.values, W @ found.essential.values
-    reach = prediction_reach(W, found.essential.covariance)
+    W = found.new.regressor[rows]
+    baseline, essential = W @ found.baseline.values, W @ study.essential.values
+    reach = prediction_reach(W, study.essential.covariance)
     with drawing(len(joints), height=1.3) as (figure, axes):
         for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
             ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
@@ -525,18 +550,19 @@ def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
 
 def draw_parameters(found: Identification) -> dict[str, bytes]:
     """Intervals of all parameters about the robot file's values, in standard errors."""
-    labels, error = found.fit.parameters.labels, found.fit.standard_errors
+    fit = found["all parameters"].fit
+    labels, error = fit.parameters.labels, fit.standard_errors
     bodies = found.force_model.body_columns
     place = np.arange(len(bodies))[::-1]
-    offset = (found.fit.values - found.force_model.prior)[bodies] / error[bodies]
-    reach = np.ptp(found.fit.intervals(), axis=1) / 2
+    offset = (fit.values - found.force_model.prior)[bodies] / error[bodies]
+    reach = np.ptp(fit.intervals(), axis=1) / 2
     with drawing(height=0.7 + 0.16 * len(bodies)) as (figure, axes):
         ax = axes[0, 0]
         bars = (reach / error)[bodies]
         ax.errorbar(offset, place, xerr=bars, fmt="o", color=BLUE, markersize=3, linewidth=1)
         ax.axvline(0.0, color=GREY, linewidth=0.8)
         names = [
-            f"{drawn(labels[j], LONGEST_LABEL)}  ±{reach[j]:.2g} {found.fit.parameters[j].unit}"
+            f"{drawn(labels[j], LONGEST_LABEL)}  ±{reach[j]:.2g} {fit.parameters[j].unit}"
             for j in bodies
         ]
         ax.set_yticks(place, names)
@@ -545,16 +571,16 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
         return rendered(figure, "parameters")
 
 
-def draw_reduction(found: Identification) -> dict[str, bytes]:
+def draw_reduction(reduction: Reduction) -> dict[str, bytes]:
     """Validation error by the number of fitted parameters, and the number that was chosen."""
-    steps = found.reduction.steps
+    steps = reduction.steps
     count = np.array([len(step.labels) for step in steps])
     error = np.array([step.validation_error for step in steps])
     spread = np.array([step.standard_error for step in steps])
     with drawing(height=2.0) as (figure, axes):
         ax = axes[0, 0]
         ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
-        chosen = len(found.reduction.chosen.labels)
+        chosen = len(reduction.chosen.labels)
         ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
         ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
         ax.set(title="how many parameters are essential", yscale="log")

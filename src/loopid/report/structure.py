@@ -261,7 +261,7 @@ def base_record(
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
 ) -> dict[str, Any]:
-    """Base parameters and their search, ready for JSON, with records of the assembly modes.
+    """Base parameters and their search, ready for JSON.
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
@@ -272,7 +272,6 @@ def base_record(
         "model": model,
         "standard_parameters": len(base.parameters),
         **_choice(base),
-        "assembly_modes": _mode_records(mechanism),
         "undetermined": list(mechanism.free),
         "motors_alone": None if motors_alone is None else _choice(motors_alone),
     }

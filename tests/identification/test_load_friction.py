@@ -1,5 +1,6 @@
 """Friction by the force that a joint carries: found, covered, and told from constant friction."""
 
+from dataclasses import replace
 from shutil import copy
 
 import numpy as np
@@ -9,6 +10,7 @@ from loopid import (
     JointTerms,
     export_robot_file,
     find_force_model,
+    identify,
     load_mechanism,
     predict,
     read_fit,
@@ -21,7 +23,7 @@ from loopid.errors import (
 )
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
-from made_runs import record, wander
+from made_runs import quietly, record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"
 DRAWS = 40
@@ -74,8 +76,8 @@ def test_it_is_bought_where_it_is_there_only(loaded):
         ([run_of(loaded, k, noise, k) for k in (0, 1)], model.joint_terms),
         ([record(robot, motions[k], plain, None, noise, k) for k in (0, 1)], plain[0]),
     ):
-        errors = quiet_fit(model.samples(runs[0])).noise
-        found = compare_terms(model, runs[:1], runs[1:], errors, 0.2)
+        identified = quietly(identify, model, runs[:1], validation=runs[1:])
+        found = compare_terms(replace(identified, prior_deviation=0.2))
         assert found.enough[1].choice == enough.choice(robot)
 
 
@@ -106,7 +108,7 @@ def test_it_predicts_where_the_bodies_of_the_robot_file_are_off(loaded, draws):
     model, values, motions = loaded
     robot, terms = model.mechanism, model.joint_terms
     others = [
-        find_force_model(robot, "full", JointTerms.of(robot, choice), "qr")
+        find_force_model(robot, "full", JointTerms.of(robot, choice), search="qr")
         for choice in ("Fc,Fv", "Fc,Fv; left_crank_joint: Fc; passive: Fc")
     ]
     errors, off = [], []

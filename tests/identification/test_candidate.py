@@ -1,5 +1,7 @@
 """Candidates are judged by data that none of them has seen, with errors that hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ from loopid.identification import (
     Candidate,
     FitSamples,
     Quality,
+    fit_quality,
+    judge,
     prediction_error,
+    quiet_fit,
 )
-from loopid.identification.pipeline import judged as judge
 from loopid.parameters import ParameterSet
 
 NAMES = ParameterSet.from_labels(["body.m", "body.mx", "motor.Fc"])
@@ -25,7 +29,7 @@ def made(seed, noise_seed=None, used=None):
     generator = np.random.default_rng(seed)
     W = generator.normal(size=(ROWS, 2, 3))
     noise = np.random.default_rng([seed, noise_seed or 0]).normal(size=(ROWS, 2))
-    return FitSamples.of(NAMES, MOTORS, W, W @ TRUTH + SIGMA * noise, used)
+    return FitSamples.of(NAMES, MOTORS, W, W @ TRUTH + SIGMA * noise, used=used)
 
 
 def off(mass=0.0, lever=0.0):
@@ -33,8 +37,16 @@ def off(mass=0.0, lever=0.0):
     return TRUTH + np.array([mass, lever, 0.0])
 
 
+def fit_of(values, data):
+    """A fit of some data, with other values."""
+    quality = fit_quality(data.problem, values)
+    return replace(quiet_fit(data), values=values, quality=quality, assumed=("motor.Fc",))
+
+
 def judged(validation, values, baseline):
-    return judge("any", (1, values, np.zeros((3, 3))), (made(0), validation), baseline)
+    data = made(0)
+    others = fit_of(baseline, data)
+    return judge(fit_of(values, data), data, validation, name="any", against=others)
 
 
 def test_the_baseline_is_as_good_as_itself():
@@ -94,9 +106,8 @@ def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, basel
     [(0.9, 0.04, True), (0.9, 0.06, False), (1.0, 0.0, False), (1.2, 0.01, False)],
 )
 def test_two_standard_errors_make_a_candidate_better(ratio, error, better):
-    nothing = Quality(np.zeros(2), np.zeros(2), np.zeros(2))
-    both = (TRUTH, TRUTH)
-    found = Candidate("any", 1, TRUTH, np.eye(3), nothing, nothing, both, (ratio, error))
+    nothing = Quality(np.zeros(2), np.zeros(2), np.zeros(2, dtype=int))
+    found = Candidate("any", fit_of(TRUTH, made(0)), nothing, (SIGMA, SIGMA), (ratio, error))
     assert found.beats_baseline is better
 
 
@@ -111,7 +122,7 @@ def test_round_off_makes_no_candidate_better():
 
 def test_qualities_are_those_of_the_data_they_are_named_after():
     training, validation = made(0), made(8)
-    found = judge("any", (2, TRUTH, np.eye(3)), (training, validation), TRUTH)
+    found = judged(validation, TRUTH, TRUTH)
     for quality, samples in ((found.training, training), (found.validation, validation)):
         expected = np.sqrt((samples.residual(TRUTH) ** 2).mean(axis=0))
         np.testing.assert_allclose(quality.residual_rms, expected, rtol=1e-9)

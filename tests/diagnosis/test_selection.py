@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.diagnosis import (
-    eliminate,
+    eliminate_parameters,
     influence,
     truncated_values,
 )
@@ -35,7 +35,7 @@ def make_data(seed=0, start=0.0, coefficient=0.8):
 
 @runs(6, 60)
 def test_what_matters_is_kept_and_standard_errors_are_the_spread(runs):
-    found = [eliminate(*make_data(seed)) for seed in range(runs)]
+    found = [eliminate_parameters(*make_data(seed)) for seed in range(runs)]
     assert all({0, 2, 5} <= set(one.columns) for one in found)
     assert np.mean([len(one.columns) for one in found]) < 3.7
     spread = np.std([one.steps[3].validation_error for one in found])
@@ -45,7 +45,7 @@ def test_what_matters_is_kept_and_standard_errors_are_the_spread(runs):
 
 def test_steps_go_from_all_to_one_by_the_least_certain():
     training, validation = make_data()
-    found = eliminate(training, validation)
+    found = eliminate_parameters(training, validation)
     full = quiet_fit(training)
     assert [len(step.labels) for step in found.steps] == [6, 5, 4, 3, 2, 1]
     assert found.steps[0].dropped is None
@@ -59,7 +59,7 @@ def test_steps_go_from_all_to_one_by_the_least_certain():
 
 def test_each_step_is_a_weighted_fit_of_its_own():
     training, validation = make_data()
-    found, weights = eliminate(training, validation), quiet_fit(training).weights
+    found, weights = eliminate_parameters(training, validation), quiet_fit(training).weights
     for step in found.steps:
         columns = [training.parameters.labels.index(label) for label in step.labels]
         X = (training.regressor * weights[:, None])[:, :, columns].reshape(-1, len(columns))
@@ -72,7 +72,7 @@ def test_each_step_is_a_weighted_fit_of_its_own():
 
 def test_standard_errors_of_steps_are_those_of_the_full_error_model():
     training, validation = make_data()
-    full, found = quiet_fit(training), eliminate(training, validation)
+    full, found = quiet_fit(training), eliminate_parameters(training, validation)
     gone = training.parameters.labels.index(found.steps[1].dropped)
     left = [j for j in range(6) if j != gone]
     X = (training.regressor * full.weights[:, None]).reshape(-1, 6)
@@ -84,7 +84,7 @@ def test_standard_errors_of_steps_are_those_of_the_full_error_model():
 
 
 def test_the_fewest_that_are_not_clearly_worse_are_chosen():
-    found = eliminate(*make_data(1))
+    found = eliminate_parameters(*make_data(1))
     errors = np.array([step.validation_error for step in found.steps])
     best = found.steps[int(errors.argmin())]
     fewer = [s for s in found.steps if len(s.labels) < len(found.chosen.labels)]
@@ -101,10 +101,10 @@ def test_the_fewest_that_are_not_clearly_worse_are_chosen():
 
 def test_what_no_step_explains_does_not_count_as_uncertainty():
     training, validation = make_data(1)
-    found = eliminate(training, validation)
+    found = eliminate_parameters(training, validation)
     # A disturbance of the validation data that is far from all regressors.
     rough = np.where(np.arange(len(validation)) % 2, 1.0, -1.0)[:, None] * 3
-    spoilt = eliminate(training, validation.with_force(validation.force + rough))
+    spoilt = eliminate_parameters(training, validation.with_force(validation.force + rough))
     assert spoilt.chosen.standard_error > found.chosen.standard_error
     assert spoilt.chosen.labels == found.chosen.labels
 
@@ -112,39 +112,39 @@ def test_what_no_step_explains_does_not_count_as_uncertainty():
 def test_dropped_parameters_go_back_to_their_reference():
     start = np.array([1.0, 2.0, -3.0, 4.0, -5.0, 6.0])
     training, validation = make_data(3, start)
-    found = eliminate(training, validation, reference=start)
-    plain = eliminate(*make_data(3))
+    found = eliminate_parameters(training, validation, reference=start)
+    plain = eliminate_parameters(*make_data(3))
     assert found.result.parameters == plain.result.parameters
-    np.testing.assert_allclose(found.values, plain.values + start, rtol=1e-9)
-    np.testing.assert_allclose(found.covariance, plain.covariance, rtol=1e-8)
+    np.testing.assert_allclose(found.fit.values, plain.fit.values + start, rtol=1e-9)
+    np.testing.assert_allclose(found.fit.covariance, plain.fit.covariance, rtol=1e-8)
     dropped = [j for j in range(6) if j not in found.columns]
-    np.testing.assert_array_equal(found.values[dropped], start[dropped])
-    assert not found.covariance[dropped].any()
+    np.testing.assert_array_equal(found.fit.values[dropped], start[dropped])
+    assert not found.fit.covariance[dropped].any()
     for step, other in zip(found.steps, plain.steps, strict=True):
         assert step.validation_error == pytest.approx(other.validation_error)
 
 
 def test_the_result_is_the_fit_of_the_supported_parameters():
     training, validation = make_data()
-    found = eliminate(training, validation, "ols")
+    found = eliminate_parameters(training, validation, estimator="ols")
     assert found.result == quiet_fit(training.select(found.columns), "ols")
     assert found.result.parameters.labels == found.chosen.labels
 
 
 def test_kept_parameters_are_never_dropped():
-    found = eliminate(*make_data(), keep=["link1.m", "link4.m"])
+    found = eliminate_parameters(*make_data(), keep=["link1.m", "link4.m"])
     assert {"link1.m", "link4.m"} <= set(found.chosen.labels)
     assert set(found.steps[-1].labels) == {"link1.m", "link4.m"}
     everything = make_data()[0].parameters.labels
-    assert len(eliminate(*make_data(), keep=everything).steps) == 1
+    assert len(eliminate_parameters(*make_data(), keep=everything).steps) == 1
 
 
 def test_an_actuator_without_training_samples_does_not_count():
     training, validation = make_data()
     used = training.used & [True, False]
     half = named_samples(training.regressor, training.force, used, training.stretches)
-    found = eliminate(half, validation)
-    alone = eliminate(*(first_actuator(data) for data in (training, validation)))
+    found = eliminate_parameters(half, validation)
+    alone = eliminate_parameters(*(first_actuator(data) for data in (training, validation)))
     assert found.chosen.labels == alone.chosen.labels
     for step, other in zip(found.steps, alone.steps, strict=True):
         assert step.validation_error == pytest.approx(other.validation_error)
@@ -158,19 +158,19 @@ def first_actuator(data):
 def test_what_cannot_be_reduced_is_refused():
     training, validation = make_data()
     with pytest.raises(DataError, match="validation data must have"):
-        eliminate(training, validation.select(range(5)))
+        eliminate_parameters(training, validation.select(range(5)))
     with pytest.raises(DataError, match=r"reference must have shape \(6,\)"):
-        eliminate(training, validation, reference=np.zeros(5))
+        eliminate_parameters(training, validation, reference=np.zeros(5))
     with pytest.raises(OptionError, match=r"to keep 'link9\.m'"):
-        eliminate(training, validation, keep=["link9.m"])
+        eliminate_parameters(training, validation, keep=["link9.m"])
     exact = training.with_force(training.regressor @ TRUTH)
     with pytest.raises(DataError, match="without error"):
-        eliminate(exact, validation, "ols")
+        eliminate_parameters(exact, validation, estimator="ols")
     unused = named_samples(
         validation.regressor, validation.force, np.zeros(validation.force.shape, dtype=bool)
     )
     with pytest.raises(DataError, match="no validation sample"):
-        eliminate(training, unused)
+        eliminate_parameters(training, unused)
 
 
 def test_outliers_count_as_little_in_subsets():
@@ -181,7 +181,9 @@ def test_outliers_count_as_little_in_subsets():
         return named_samples(W, W @ truth + errors)
 
     truth = np.array([5.0, -2.0, 3.0, 0.0, 0.0])
-    found, plain = (eliminate(made(1), made(2), name) for name in ("bisquare", "wls"))
+    found, plain = (
+        eliminate_parameters(made(1), made(2), estimator=name) for name in ("bisquare", "wls")
+    )
     full = quiet_fit(made(1), "bisquare")
     np.testing.assert_allclose(found.steps[0].values, full.values, rtol=1e-6, atol=1e-8)
     assert set(found.steps[2].labels) == {"link0.m", "link1.m", "link2.m"}
@@ -190,9 +192,9 @@ def test_outliers_count_as_little_in_subsets():
 
 
 def test_the_size_of_blocks_does_not_count(set_block_rows):
-    whole = eliminate(*make_data(2))
+    whole = eliminate_parameters(*make_data(2))
     set_block_rows(33)
-    blocked = eliminate(*make_data(2))
+    blocked = eliminate_parameters(*make_data(2))
     for one, other in zip(whole.steps, blocked.steps, strict=True):
         assert one.labels == other.labels
         for name in ("validation_error", "standard_error", "excess", "excess_error"):

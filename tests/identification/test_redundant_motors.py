@@ -98,19 +98,19 @@ def found(robot, model, tmp_path_factory):
         path = folder / f"{seed}.csv"
         path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
         recordings.append([quietly(prepare_recording, robot, quietly(read_log, path, robot))])
-    return quietly(identify, model, *recordings)
+    return quietly(identify, model, recordings[0], validation=recordings[1])
 
 
 def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
     assert [part.actuators for part in found.training] == [model.mechanism.independent]
-    fresh = found.samples[1].regressor
+    fresh = found.new.regressor
     expected = fresh @ truth
-    off = found.fit.predict(fresh) - expected
+    off = found["all parameters"].fit.predict(fresh) - expected
     assert np.sqrt((off**2).mean()) < 0.02 * np.sqrt((expected**2).mean())
     joints = model.joint_columns
-    np.testing.assert_allclose(found.fit.values[joints], truth[joints], atol=0.05)
+    np.testing.assert_allclose(found["all parameters"].values[joints], truth[joints], atol=0.05)
 
 
 def test_a_true_robot_file_is_confirmed(found):
-    assert not any(candidate.beats_baseline for candidate in found.candidates)
+    assert not any(candidate.beats_baseline for candidate in found.candidates.values())
     assert min(found.baseline.validation.r_squared) > 0.98

@@ -24,7 +24,7 @@ from loopid.identification import (
     force_model,
     quiet_fit,
 )
-from loopid.identification.force_model import body_sizes
+from loopid.identification.robot_prior import body_sizes
 from loopid.kinematics import (
     closed_motion,
     random_motions,
@@ -116,7 +116,7 @@ def test_memory_does_not_change_the_regressor(case, monkeypatch, chunk):
 
 
 def test_without_joint_terms_all_columns_are_bodies(knee):
-    model = find_force_model(knee)
+    model = find_force_model(knee, joint_terms=None)
     assert (len(model.parameters), len(model.joint_columns)) == (15, 0)
     np.testing.assert_array_equal(model.body_columns, np.arange(15))
     np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))
@@ -158,7 +158,7 @@ def test_sizes_are_those_of_the_bodies_whatever_the_link_frame_is_turned(knee):
 def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
     # By drawing robots: base parameters of bodies that differ from the file by the deviations.
     values, bodies = terms[1], knee_model.mechanism.standard_parameters("gravity")
-    prior = cad_prior(knee_model, 0.3, values, 0.5 * values)
+    prior = cad_prior(knee_model, 0.3, joint_values=values, joint_deviations=0.5 * values)
     whole = np.concatenate([bodies, values])
     np.testing.assert_allclose(prior.values, knee_model.base.values(whole))
     joints = knee_model.joint_columns
@@ -167,7 +167,7 @@ def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
     assert (prior.deviations > 0).all()
     assert prior.deviations[knee_model.body_columns].min() < 0.3 * masses.max()
     assert prior.parameters == knee_model.parameters
-    double = cad_prior(knee_model, 0.6, values, values)
+    double = cad_prior(knee_model, 0.6, joint_values=values, joint_deviations=values)
     np.testing.assert_allclose(double.covariance, 4 * prior.covariance, rtol=1e-9)
 
 
@@ -188,7 +188,7 @@ def test_priors_of_nothing_are_refused(knee_model):
     with pytest.raises(OptionError, match="relative"):
         cad_prior(knee_model, 0.0)
     with pytest.raises(DataError, match=r"shape \(8,\)"):
-        cad_prior(knee_model, 0.3, np.ones(3))
+        cad_prior(knee_model, 0.3, joint_values=np.ones(3))
     assert isinstance(cad_prior(knee_model), Prior)
 
 

@@ -30,7 +30,7 @@ from loopid.identification import (
 )
 from made_runs import ARM, modelled, wander
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_they_are_shown_in_few_lines(model, fits):
 def test_massless_bodies_come_back_too(tmp_path):
     (tmp_path / "arm.urdf").write_text(ARM)
     arm = load_mechanism(tmp_path / "arm.urdf")
-    model = find_force_model(arm, "full")
+    model = find_force_model(arm, "full", None)
     samples = model.samples(modelled(model, wander(arm, 1, size=(1, 1)), model.prior, noise=1.0))
     prior = model.standard_prior.copy()
     prior[[j for j, p in enumerate(model.base.parameters) if p.link == "lower"]] = 0.0
@@ -177,14 +177,14 @@ def test_what_differs_is_named(tmp_path, old, new, words):
     for name, text in (("one", ARM), ("other", ARM.replace(old, new))):
         (tmp_path / f"{name}.urdf").write_text(text)
     one, other = (load_mechanism(tmp_path / f"{name}.urdf") for name in ("one", "other"))
-    model = find_force_model(one, "gravity")
+    model = find_force_model(one, "gravity", None)
     with pytest.raises(DataError, match=words):
         SavedFit.of(model, model.prior).find_force_model(other)
 
 
 def test_other_options_of_loading_are_refused(load_once):
     tied = load_mechanism("3rrr", tied=True)
-    model = find_force_model(tied)
+    model = find_force_model(tied, joint_terms=None)
     saved = SavedFit.of(model, model.prior)
     assert dict(saved.robot.options)["tied"]
     saved.require(load_mechanism("3rrr", **dict(saved.robot.options)))
@@ -204,7 +204,7 @@ def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
 
 def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
     """The choice of a search that another machine, or clock, would not repeat."""
-    hurried = find_force_model(model.mechanism, "full", search=ExactSearch(time_limit=1e-3))
+    hurried = find_force_model(model.mechanism, "full", None, search=ExactSearch(time_limit=1e-3))
     path = save_fit(tmp_path / "fit.yaml", hurried, hurried.prior)
     monkeypatch.setattr(SearchStrategy, "search", lambda *_: pytest.fail("searched again"))
     assert read_fit(path).find_force_model(model.mechanism).base.names == hurried.base.names
@@ -312,6 +312,6 @@ def test_other_refusals(model, fits, tmp_path):
         save_fit(tmp_path / "file" / "fit.json", model, fits["plain"])
     with pytest.raises(DataError, match=r"with values \(3,\) is none of"):
         save_fit(tmp_path / "fit.json", model, np.zeros(3))
-    other = find_force_model(model.mechanism, "full")
+    other = find_force_model(model.mechanism, "full", None)
     with pytest.raises(DataError, match="is none of the"):
         save_fit(tmp_path / "fit.json", other, fits["plain"])

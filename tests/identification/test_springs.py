@@ -1,12 +1,13 @@
 """Springs in logs: they are found, intervals cover them, and they are rejected where none is."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify
-from loopid.diagnosis import compare_terms
+from loopid.diagnosis import StudyOptions, compare_terms, examine, study_logs
 from loopid.errors import ModelWarning
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
@@ -71,9 +72,9 @@ def logs(suspected, values, seed):
 
 def comparison(suspected, values, seed, choices=(), deviation=0.2):
     """Term sets judged on the log of such a robot."""
-    model, (fitted, unseen) = suspected[0], logs(suspected, values, seed)
-    noise = quiet_fit(model.samples(fitted[0])).noise
-    return compare_terms(model, fitted, unseen, noise, deviation, choices)
+    fitted, unseen = logs(suspected, values, seed)
+    found = quietly(identify, suspected[0], fitted, validation=unseen)
+    return compare_terms(replace(found, prior_deviation=deviation), choices=choices)
 
 
 @pytest.mark.parametrize("draws", [4, pytest.param(200, marks=pytest.mark.validate)])
@@ -119,13 +120,15 @@ def test_sets_are_fitted_by_least_squares(suspected):
         assert error.mean == pytest.approx(squares[unseen.used].mean(), rel=0.05)
 
 
-def test_identify_compares_where_it_is_asked(suspected):
-    model = suspected[0]
-    runs = logs(suspected, "Fc=0.1,Fv=0.05", 0)
-    assert quietly(identify, model, *runs).term_sets is None
-    told = quietly(identify, model, *runs, term_sets=["Fc~0.1"]).term_sets
-    assert told.sets[-1].choice == "Fc~0.1"
-    assert told.enough[1].choice == "Fc,Fv"
+def test_a_study_finds_the_terms_by_itself(suspected):
+    robot = suspected[0].mechanism
+    fitted, unseen = logs(suspected, "Fc=0.1,Fv=0.05; left_crank_joint: Ks=4,Fo=1", 0)
+    options = StudyOptions(model="full", terms="auto", compared=("Fc~0.1",))
+    study = quietly(study_logs, robot, fitted, validation=unseen, options=options)
+    told, terms = study.term_sets, study.identification.force_model.joint_terms
+    assert {"Fc~0.1", "Fc,Fv,Ks,Fo"} <= {each.choice for each in told.sets}
+    assert told.chosen == told.enough[1]
+    assert terms.choice(robot) == told.chosen.choice
 
 
 def test_terms_that_new_data_ask_for_are_warned_of(suspected, load_once):
@@ -137,7 +140,8 @@ def test_terms_that_new_data_ask_for_are_warned_of(suspected, load_once):
     model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        identify(model, *runs, term_sets=[sprung])
+        options = StudyOptions(compared=(sprung,))
+        examine(quietly(identify, model, runs[0], validation=runs[1]), options=options)
     (said,) = (str(one.message) for one in told if one.category is ModelWarning)
     assert said.startswith(f"joint terms Fc,Fv leave larger errors on new data than {sprung} (")
-    assert said.endswith(f"use --terms '{sprung}', or auto")
+    assert f'terms="{sprung}"' in said

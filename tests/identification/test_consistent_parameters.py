@@ -116,7 +116,7 @@ def test_drive_inertia_and_links_share_what_only_their_sum_shows(arm_case):
 
 def test_tied_links_are_one_body():
     robot = load_mechanism("3rrr", tied=True)
-    base, prior = find_force_model(robot, "full").base, robot.standard_parameters()
+    base, prior = find_force_model(robot, "full", None).base, robot.standard_parameters()
     truth = shaken(base.parameters, prior, 0.2, seed=1)
     found = consistent_parameters(base, base.values(truth), prior)
     np.testing.assert_allclose(

@@ -1,0 +1,258 @@
+"""A study of logs: an identification, and all that is worth asking of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+from loopid.arguments import (
+    checked,
+    checked_fields,
+)
+from loopid.diagnosis.bands import (
+    BandSweep,
+    sweep_bands,
+)
+from loopid.diagnosis.elimination import (
+    Reduction,
+    eliminate,
+    judge_essential,
+)
+from loopid.diagnosis.log_mistakes import (
+    Suspicions,
+    diagnose,
+)
+from loopid.diagnosis.term_sets import (
+    TermComparison,
+    compare_terms,
+)
+from loopid.errors import (
+    DataWarning,
+    ModelWarning,
+    warn,
+)
+from loopid.identification.candidate import Candidate
+from loopid.identification.consistent import (
+    ConsistentFit,
+    consistent_fit,
+)
+from loopid.identification.force_model import (
+    USUAL_TERMS,
+    find_force_model,
+)
+from loopid.identification.options import FitOptions
+from loopid.identification.pipeline import (
+    Identification,
+    identify,
+)
+from loopid.logs.recording import Recording
+from loopid.motion.joints import JointMotion
+from loopid.records import record
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import Mechanism
+from loopid.workers import Progress
+
+# Terms that a comparison decides, and springs of the motors, which it tries beside the usual ones.
+AUTOMATIC, SPRINGS = "auto", "Fc,Fv,Ks,file"
+
+
+@checked_fields
+@record(kw_only=True)
+class StudyOptions:
+    """What a study asks for.
+
+    Attributes
+    ----------
+    model : str
+        ``"gravity"`` or ``"full"``.
+    terms : str
+        Joint terms, a choice as of ``JointTerms.of``; ``"auto"`` for those of the usual ones and
+        springs of the motors that are enough on new data.
+    compared : tuple of str
+        Further choices that are judged on new data.
+    consistent : str, optional
+        Fit physically consistent parameters, too: the regularisation of ``consistent_fit``,
+        ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
+    repair : bool
+        Whether physically inconsistent bodies of the robot file are repaired for that.
+    fit : FitOptions
+        Of the identification.
+    """
+
+    model: str = "gravity"
+    terms: str = USUAL_TERMS
+    compared: tuple[str, ...] = ()
+    consistent: str | None = None
+    repair: bool = False
+    fit: FitOptions = FitOptions()
+
+    def require_terms(self, mechanism: Mechanism) -> None:
+        """Refuse joint terms that a mechanism cannot have, before any work is done.
+
+        Raises
+        ------
+        OptionError
+            Naming the joint or the word.
+        """
+        usual = USUAL_TERMS if self.terms == AUTOMATIC else self.terms
+        for choice in (usual, *self.compared):
+            JointTerms.of(mechanism, choice)
+
+
+@record
+class Study:
+    """An identification, and what was asked of it.
+
+    Attributes
+    ----------
+    identification : Identification
+    suspicions : tuple of Suspicions
+        What may be wrong with each log.
+    term_sets : TermComparison
+        What sets of joint terms buy on new data.
+    reduction : Reduction
+        The essential parameters, by backward elimination.
+    essential : Candidate
+        These fitted, the others as in the robot file.
+    sweep : BandSweep or None
+        Whether weighted least squares says the same of a narrower band.
+    consistent : ConsistentFit or None
+        Physically consistent parameters, where they were asked for.
+    """
+
+    identification: Identification
+    suspicions: tuple[Suspicions, ...]
+    term_sets: TermComparison
+    reduction: Reduction
+    essential: Candidate
+    sweep: BandSweep | None = None
+    consistent: ConsistentFit | None = None
+
+
+@checked
+def study_logs(
+    mechanism: Mechanism,
+    recordings: Sequence[Recording],
+    *,
+    validation: Sequence[Recording] | None = None,
+    friction: Sequence[Recording] = (),
+    references: Sequence[JointMotion] = (),
+    options: StudyOptions = StudyOptions(),
+    progress: Progress | None = None,
+) -> Study:
+    """Identify a robot from its logs, and look at the result from all sides.
+
+    Parameters
+    ----------
+    recordings, validation, friction, references
+        As of ``identify``.
+    options : StudyOptions, optional
+    progress : callable, optional
+        Called with numbers of poses that the force model was made of, done and in all.
+
+    Warns
+    -----
+    DataWarning
+        Of mistakes that would explain the forces of a log clearly better (``diagnose``), of
+        estimates that depend on the filter (``sweep_bands``), and of all that ``identify`` warns
+        of.
+    ModelWarning
+        When other joint terms predict clearly better (``compare_terms``).
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
+    >>> log = loopid.simulate_measurement(
+    ...     robot, motion, loopid.Noise(gaussian=0.01), 0, None, friction, values
+    ... )
+    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> options = loopid.diagnosis.StudyOptions(terms="auto")
+    >>> study = loopid.diagnosis.study_logs(robot, [run], options=options)
+    >>> study.term_sets.chosen.choice
+    'Fv'
+    """
+    options.require_terms(mechanism)
+
+    def identified(terms: str) -> Identification:
+        force_model = find_force_model(mechanism, options.model, terms, progress=progress)
+        return identify(
+            force_model,
+            recordings,
+            validation=validation,
+            friction=friction,
+            references=references,
+            options=options.fit,
+        )
+
+    if options.terms != AUTOMATIC:
+        return examine(identified(options.terms), options=options)
+    with warnings.catch_warnings():  # of terms that need not be the chosen ones
+        warnings.simplefilter("ignore")
+        tried = compare_terms(identified(USUAL_TERMS), choices=[*options.compared, SPRINGS])
+    tried = replace(tried, chosen=tried.enough[1])
+    return examine(identified(tried.chosen.choice), options=options, term_sets=tried)
+
+
+@checked
+def examine(
+    found: Identification,
+    *,
+    options: StudyOptions = StudyOptions(),
+    term_sets: TermComparison | None = None,
+) -> Study:
+    """Ask an identification all that a study asks; see ``study_logs``.
+
+    Parameters
+    ----------
+    options : StudyOptions, optional
+        Its model, terms and fit are those of the identification already.
+    term_sets : TermComparison, optional
+        What sets of joint terms buy, where it is known already.
+    """
+    reduction = eliminate(found)
+    study = Study(
+        found,
+        diagnose(found),
+        term_sets or compare_terms(found, choices=options.compared),
+        reduction,
+        judge_essential(found, reduction),
+        sweep_bands(found),
+        None if options.consistent is None else _consistent(found, options),
+    )
+    _warn(study)
+    return study
+
+
+def _consistent(found: Identification, options: StudyOptions) -> ConsistentFit:
+    model = found.force_model
+    return consistent_fit(
+        found.data.problem,
+        found["all parameters"].fit,
+        model.base,
+        model.standard_prior,
+        regularisation=options.consistent or "entropic",
+        repair=options.repair,
+    )
+
+
+def _warn(study: Study) -> None:
+    """Tell of mistakes, of estimates that depend on the filter, and of terms that are missing."""
+    for one in study.suspicions:
+        for sentence in one.sentences:
+            warn(f"{one.recording}: {sentence}", DataWarning)
+    if study.sweep is not None:
+        study.sweep.warn()
+    best, own = study.term_sets.enough[1], study.term_sets.chosen
+    if not own.errors[1].as_good:
+        warn(
+            f"joint terms {own.choice} leave larger errors on new data than {best.choice} (squared "
+            f"{own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals do not hold "
+            f'what no term models: use terms="{best.choice}", or terms="auto"',
+            ModelWarning,
+        )
