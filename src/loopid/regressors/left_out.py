@@ -156,7 +156,7 @@ def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
     said = [] if terms is None else [terms.choice(mechanism)]
     words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
-        f"{mechanism.path} gives {listed}, which this model leaves out: terms={words!r} "
+        f'{mechanism.path} gives {listed}, which this model leaves out: terms="{words}" '
         "includes it",
         ModelWarning,
     )
