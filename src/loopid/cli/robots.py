@@ -209,13 +209,10 @@ def excite(
         None, "--for", metavar="PARAMETER", help="Excite this one; repeatable."
     ),
     payload: str | None = Option(None, metavar="LINK", help="Only its parameters are unknown."),
-    time_limit: float = Option(60.0, help="Of the design, in s."),
     starts: int = Option(4, help="Random motions to begin with."),
-    iterations: int | None = Option(
-        None, help="Evaluations of each start; as many as the time allows."
-    ),
+    evaluations: int = Option(400, help="Of the motion in all; more never give a worse one."),
+    time_limit: float | None = Option(None, help="In s, at which the design is stopped."),
     seed: int = Option(0, help="Of the random motions."),
-    n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes, for several starts."),
     solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
     as_json: bool = JSON,
 ) -> None:
@@ -225,6 +222,8 @@ def excite(
     """
     from loopid.excitation.design import design_excitation
     from loopid.excitation.limits import MotionLimits
+    from loopid.excitation.options import DesignOptions
+    from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import (
         excitation_files,
@@ -235,39 +234,38 @@ def excite(
 
     require_report(out)
     limits = MotionLimits(
-        share,
-        ranges(limit, "--limit"),
-        sizes(max_speed, "--max-speed"),
-        sizes(max_acceleration, "--max-acceleration"),
-        sizes(max_force, "--max-force"),
-        ranges(workspace, "--workspace"),
-        margin,
-        collisions,
+        share=share,
+        positions=ranges(limit, "--limit"),
+        speeds=sizes(max_speed, "--max-speed"),
+        accelerations=sizes(max_acceleration, "--max-acceleration"),
+        forces=sizes(max_force, "--max-force"),
+        workspace=ranges(workspace, "--workspace"),
+        singularity=margin,
+        collisions=collisions,
     )
-    logs = recordings(robot, after, mapping)
+    options = DesignOptions(
+        criterion=criterion,
+        shape=shape,
+        size=size,
+        duration=duration,
+        rate=rate,
+        coordinates=coordinates,
+        noise=sizes(noise, "--noise") or None,
+        starts=starts,
+        evaluations=evaluations,
+        time_limit=time_limit,
+        solver=solver,
+        seed=seed,
+    )
     with progress_bar(criterion) as watch:
         found = design_excitation(
-            robot,
-            model,
-            JointTerms.of(robot, terms),
-            limits,
-            criterion,
-            shape,
-            duration,
-            size,
-            coordinates,
-            sizes(noise, "--noise") or None,
-            logs,
-            wanted or (),
-            payload,
-            rate,
-            time_limit,
-            starts,
-            iterations,
-            seed,
-            n_jobs,
-            solver,
-            watch,
+            find_force_model(robot, model, JointTerms.of(robot, terms)),
+            limits=limits,
+            options=options,
+            after=recordings(robot, after, mapping),
+            parameters=wanted or (),
+            payload=payload,
+            progress=watch,
         )
     save(out, partial(excitation_files, found))
     show(excitation_record(found), excitation_tables(found), as_json)
