@@ -22,7 +22,7 @@ from example_robots import robots_folder
 from loopid.arguments import FloatArray
 from loopid.errors import LoopidError
 from loopid.excitation import ExcitationDesign
-from loopid.identification import quiet_fit
+from loopid.identification import ForceModel, quiet_fit
 from loopid.logs import Log
 
 FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
@@ -31,10 +31,14 @@ FIGAROH, FIGAROH_RATE = Path(__file__).parents[1] / ".venv/peers/bin/python", 20
 KNEE = loopid.MotionLimits(singularity=0.05)
 
 
-def designed(name: str, robot: Any, **options: Any) -> ExcitationDesign:
+def designed(
+    name: str, model: ForceModel, limits: loopid.MotionLimits | None = None, **options: Any
+) -> ExcitationDesign:
     """A design, with its figures on a line."""
     wall, spent = perf_counter(), process_time()
-    found = loopid.design_excitation(robot, **options)
+    found = loopid.design_excitation(
+        model, limits=limits or loopid.MotionLimits(), options=loopid.DesignOptions(**options)
+    )
     seconds = f"{perf_counter() - wall:6.1f} s wall {process_time() - spent:6.1f} s processor"
     print(
         f"{name:34s} cond {found.criteria.condition_number:10.2f}  log det "
@@ -46,15 +50,15 @@ def designed(name: str, robot: Any, **options: Any) -> ExcitationDesign:
 
 
 def ur10() -> None:
-    """36 base parameters, limits at 90 %, 12 s from rest to rest, 20 s on one core."""
+    """36 base parameters, limits at 90 %, 12 s from rest to rest."""
     robot = loopid.load_mechanism(robots_folder() / UR10)
     model = loopid.find_force_model(robot, "full", None)
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
-        options = {"limits": limits, "duration": 12.0, "size": 7, "starts": 2, "time_limit": 20.0}
+        options: dict[str, Any] = {"duration": 12.0, "size": 7, "starts": 2, "evaluations": 200}
         for criterion in ("condition", "D"):
             name = f"UR10, {criterion}{', collisions' if collisions else ''}"
-            designed(name, model, criterion=criterion, **options)
+            designed(name, model, limits, criterion=criterion, **options)
 
 
 def figaroh(seed: int = 0) -> None:
@@ -75,7 +79,7 @@ def figaroh(seed: int = 0) -> None:
     theirs = model.base.regressor(model.standard_regressor(q, v, a)).reshape(-1, 36)
     print(f"{'FIGAROH, condition':34s} cond {np.linalg.cond(theirs):10.2f}  {wall}")
     limits = loopid.MotionLimits(share=0.9, collisions=False)
-    options = {"duration": len(q) / FIGAROH_RATE, "rate": FIGAROH_RATE, "time_limit": 80.0}
+    options = {"duration": len(q) / FIGAROH_RATE, "rate": FIGAROH_RATE}
     for criterion in ("D", "condition"):
         name = f"UR10, {criterion}, {options['duration']:g} s"
         ours = designed(
@@ -90,16 +94,18 @@ def figaroh(seed: int = 0) -> None:
 def knee() -> None:
     """3UPS+RPU: gravity in 20 s, full in 8 s with rates up to 0.3 m/s."""
     robot = loopid.load_mechanism("3ups_rpu")
-    options: dict[str, Any] = {"criterion": "condition", "starts": 2, "time_limit": 60.0}
-    designed("3UPS+RPU, gravity, 20 s", robot, limits=KNEE, duration=20.0, **options)
+    options: dict[str, Any] = {"criterion": "condition", "starts": 2}
     slow = loopid.MotionLimits(singularity=0.05, speeds={"all": 0.3})
-    designed("3UPS+RPU, full, 8 s", robot, model="full", limits=slow, duration=8.0, **options)
+    for model, limits, duration in (("gravity", KNEE, 20.0), ("full", slow, 8.0)):
+        wanted = loopid.find_force_model(robot, model, None)
+        designed(f"3UPS+RPU, {model}, {duration:g} s", wanted, limits, duration=duration, **options)
 
 
 def feasible() -> None:
-    """A design for each robot in 60 s."""
+    """A design for each robot."""
     for name in FEASIBLE:
-        designed(name, loopid.load_mechanism(name), model="full", time_limit=60.0)
+        model = loopid.find_force_model(loopid.load_mechanism(name), "full", None)
+        designed(name, model)
 
 
 def seeds() -> None:
@@ -107,9 +113,7 @@ def seeds() -> None:
     robot = loopid.load_mechanism("3ups_rpu")
     model, kept = loopid.find_force_model(robot, joint_terms=None), 0
     for seed in range(100):
-        found = designed(
-            f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, iterations=25, time_limit=60.0
-        )
+        found = designed(f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, evaluations=25)
         kept += found.violations == 0
     print(f"{kept} of 100 without violations")
 
@@ -124,9 +128,7 @@ def monte_carlo(runs: int = 1000) -> None:
         terms = loopid.JointTerms(robot.actuated, kinds) if kinds else None
         wanted = loopid.find_force_model(robot, model, terms)
         limits = KNEE if name == "3ups_rpu" else None
-        found = designed(
-            f"{name}, {model}, D", wanted, limits=limits, noise=noise, starts=2, time_limit=60.0
-        )
+        found = designed(f"{name}, {model}, D", wanted, limits=limits, noise=noise, starts=2)
         scatter(found, noise, runs)
         if name == "3ups_rpu":
             nine_motions(found)
@@ -196,7 +198,7 @@ def refusals() -> None:
     ur10_file = robots_folder() / UR10
     for name in ("3ups_rpu", "five_bar", "delta", ur10_file):
         robot = loopid.load_mechanism(name)
-        motor = robot.actuated[0]
+        model, motor = loopid.find_force_model(robot, joint_terms=None), robot.actuated[0]
         asked: list[dict[str, Any]] = [
             {"positions": {motor: (0.2, 0.1)}},
             {"forces": {"all": 1e-3}},
@@ -209,7 +211,7 @@ def refusals() -> None:
         for limits in asked:
             wall, spent = perf_counter(), process_time()
             try:
-                loopid.design_excitation(robot, limits=loopid.MotionLimits(**limits))
+                loopid.design_excitation(model, limits=loopid.MotionLimits(**limits))
             except LoopidError as error:
                 seconds = f"{perf_counter() - wall:5.1f} {process_time() - spent:5.1f}"
                 print(f"{seconds} s  {error}", flush=True)

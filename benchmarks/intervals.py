@@ -67,7 +67,11 @@ class Case:
         self.truth = self.model.base.values(np.concatenate([bodies, friction]))
         moved = joint_motion(self.robot, self.planned(name, motion, rate))
         self.exact: Measurement = simulate_measurement(
-            self.robot, moved, None, 0, bodies, terms, friction
+            self.robot,
+            moved,
+            standard_parameters=bodies,
+            joint_terms=terms,
+            joint_values=friction,
         )
 
     def planned(self, name: str, motion: str, rate: float) -> Motion:

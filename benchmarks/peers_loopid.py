@@ -8,14 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from loopid import (
-    ExactSearch,
     Mechanism,
     Observation,
     ParameterSet,
     find_base_parameters,
     load_mechanism,
 )
-from loopid.base_parameters import BaseParameters
+from loopid.base_parameters import BaseParameters, SearchEffort
 from loopid.identification import (
     FitProblem,
     FitResult,
@@ -97,7 +96,7 @@ def least_squares(both: Observation, base: BaseParameters) -> FitResult:
 
 def exact_search(observation: Observation, limit: float) -> dict[str, object]:
     """The choice that is proven best, from the same factor."""
-    search = find_base_parameters(observation, ExactSearch(time_limit=limit)).search
+    search = find_base_parameters(observation, effort=SearchEffort(time_limit=limit)).search
     return {
         "seconds": search.seconds,
         "certified": search.certified,

@@ -24,10 +24,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     analyse,
 )
-from loopid.base_parameters.choice import (
-    CHUNK,
-    promising,
-)
+from loopid.base_parameters.exhaustive import promising
 from loopid.regressors import structural_observation
 from tables import show, write_json
 
@@ -97,8 +94,8 @@ def exhaustive(observation: Observation, least: float, full: bool) -> dict[str, 
         places = np.argsort(generator.random((SAMPLE, n)), axis=1)[:, :count]
         start = perf_counter()
         # With the least value known from the start, as it soon is in a whole run.
-        for selections in np.split(places, SAMPLE // CHUNK):
-            promising(problem.vectors, selections, least)
+        for selections in np.split(places, SAMPLE // ExhaustiveSearch.chunk):
+            promising(problem.vectors, selections, least * (1 + 1e-9))
         seconds = (perf_counter() - start) * problem.candidates / SAMPLE
         value, how = float("nan"), f"extrapolated from {SAMPLE:,}"
     return {

@@ -61,28 +61,35 @@ def wander(robot, seed, seconds=60.0, rate=10.0, size=(0.06, 0.04, 0.2, 0.2), ha
 def stand(robot, seconds=20.0, rate=10.0):
     """No motion at all."""
     names, middle = centre(robot)
-    return joint_motion(robot, point_to_point(names, middle, [Waypoint(middle, seconds)], rate))
+    return joint_motion(
+        robot, point_to_point(names, middle, [Waypoint(middle, seconds)], rate=rate)
+    )
+
+
+def simulated(robot, motion, noise, seed=0, standard=None, terms=None):
+    """What sensors read; terms with their values."""
+    kinds, values = terms or (None, None)
+    options = {"joint_terms": kinds, "joint_values": values, "standard_parameters": standard}
+    return simulate_measurement(robot, motion, noise, seed=seed, **options)
 
 
 def record(robot, motion, terms=None, standard=None, noise=1.0, seed=0, name="run"):
     """A recording of a motion with normal errors; terms with their values."""
-    given = (None, None) if terms is None else terms
-    measured = simulate_measurement(robot, motion, Noise(gaussian=noise), seed, standard, *given)
-    return Recording.of_motion(name, robot.actuated, motion, measured.force)
+    measured = simulated(robot, motion, Noise(gaussian=noise), seed, standard, terms)
+    return Recording.of_motion(motion, measured.force, robot.actuated, name=name)
 
 
 def modelled(model, motion, values, noise=1.0, seed=0, name="run"):
     """A recording whose forces are those of a force model, with normal errors."""
     force = model.regressor(motion) @ values
     error = np.random.default_rng(seed).normal(scale=noise, size=force.shape)
-    return Recording.of_motion(name, model.mechanism.actuated, motion, force + error)
+    return Recording.of_motion(motion, force + error, model.mechanism.actuated, name=name)
 
 
 def logged(robot, motion, terms=None, noise=1.0, seed=0, standard=None):
     """Text of a log in CSV, encoder steps and normal errors included."""
-    given = (None, None) if terms is None else terms
     errors = Noise(gaussian=noise, encoder_step=2e-6)
-    found = simulate_measurement(robot, motion, errors, seed, standard, *given)
+    found = simulated(robot, motion, errors, seed, standard, terms)
     kinds = ("position", "force")
     names = ["time", *(f"{joint}.{kind}" for kind in kinds for joint in robot.actuated)]
     rows = np.column_stack([found.time, found.position, found.force])

@@ -18,7 +18,7 @@ from loopid.workers import (
     ordered_map,
 )
 
-# Prints the numbers of its workers, for ever.
+# Prints the numbers of its workers, for a long time.
 PARENT = """
 import os, signal, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background of a shell
@@ -74,12 +74,6 @@ def test_items_are_taken_only_as_they_are_needed():
     results = ordered_map(refuse_three, items())
     assert next(results) == 0
     assert len(taken) == 1
-    results.close()
-
-
-def test_results_that_nobody_waits_for_are_given_up_in_silence():
-    results = ordered_map(refuse_three, iter([0, 1, 2] * 10), 2)
-    assert next(results) == 0
     results.close()
 
 

@@ -30,6 +30,7 @@ from .errors import (
     LoopidError as LoopidError,
 )
 from .excitation import (
+    DesignOptions as DesignOptions,
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )

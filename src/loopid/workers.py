@@ -6,13 +6,12 @@ Small matrices are worked on by one BLAS thread: more threads only wait for each
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from threading import Lock, Thread
 from time import sleep
 from typing import Any, TypeVar
-from warnings import catch_warnings
 
 from threadpoolctl import ThreadpoolController
 
@@ -37,12 +36,26 @@ def ordered_map(
         When the number of processes is not a whole number from 1 on, or a worker died.
     """
     require_processes(n_jobs, "n_jobs")
-    import joblib  # slow, and seldom needed
+    if n_jobs == 1:
+        return (_on_one_thread(function, item) for item in items)
+    return _in_workers(function, items, n_jobs)
 
-    work = joblib.delayed(_on_one_thread)
-    tasks = (work(function, item, os.getpid()) for item in items)
+
+def _in_workers(
+    function: Callable[[Item], Result], items: Iterable[Item], n_jobs: int
+) -> Iterator[Result]:
+    import joblib  # slow, and seldom needed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    work = joblib.delayed(_in_worker)
+    tasks = (work(os.getpid(), function, item) for item in items)
     options = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
-    return _guarded(joblib.Parallel(n_jobs, **options)(tasks), n_jobs)
+    try:
+        yield from joblib.Parallel(n_jobs, **options)(tasks)
+    except TerminatedWorkerError as error:
+        raise OptionError(
+            f"a worker of n_jobs={n_jobs} died, as for want of memory: take fewer", n_jobs=n_jobs
+        ) from error
 
 
 def require_processes(count: int, name: str) -> None:
@@ -56,25 +69,12 @@ def require_processes(count: int, name: str) -> None:
         )
 
 
-def _guarded(results: Generator[Result, None, None], n_jobs: int) -> Iterator[Result]:
-    """The results, with a sentence where a worker died, and without joblib's where they end."""
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    try:
-        for result in results:  # noqa: UP028 (closed below)
-            yield result
-    except TerminatedWorkerError as error:
-        raise OptionError(
-            f"a worker of n_jobs={n_jobs} died, as for want of memory: take fewer", n_jobs=n_jobs
-        ) from error
-    finally:
-        with catch_warnings(action="ignore", category=UserWarning):  # of tasks that are cancelled
-            results.close()
+def _in_worker(parent: int, function: Callable[[Item], Result], item: Item) -> Result:
+    _end_with(parent)
+    return _on_one_thread(function, item)
 
 
-def _on_one_thread(function: Callable[[Item], Result], item: Item, parent: int) -> Result:
-    if os.getpid() != parent:
-        _end_with(parent)
+def _on_one_thread(function: Callable[[Item], Result], item: Item) -> Result:
     with one_blas_thread():
         return function(item)
 

@@ -16,7 +16,7 @@ flint.ctx.prec = 200
 def check(blocks, result):
     """Assert that the record proves a certified result, for blocks of vectors (m, k)."""
     assert result.certified
-    for entry in result.record:
+    for entry in result.proof:
         assert_partition(entry)
         assert_excluded(entry)
     assert_no_room(blocks, result)
@@ -98,7 +98,7 @@ def assert_no_room(blocks, result):
     s above l over the ratio.
     """
     ratio = (result.condition_number * (1 - result.tolerance)) ** 2
-    boxes = [(entry.above, entry.below) for entry in result.record]
+    boxes = [(entry.above, entry.below) for entry in result.proof]
     values = [np.linalg.svd(X, compute_uv=False) ** 2 for X in blocks]
     # What holds for every selection, from norms and interlacing.
     boxes.append((min(own[-1] for own in values) * (1 + 1e-10), np.inf))

@@ -1,5 +1,6 @@
 """A set of base parameters says the same in numbers, terms and text, and cannot be changed."""
 
+import pickle
 import re
 from dataclasses import FrozenInstanceError
 
@@ -9,7 +10,7 @@ from choice_problems import parameters
 from hypothesis import given, strategies as st
 
 from loopid.base_parameters import expression, find_base_parameters
-from loopid.errors import DataError
+from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
 
 TERM = re.compile(r"(?P<sign>[+-]?) ?(?:(?P<size>[\d.]+(?:e[+-]\d+)?) )?(?P<label>[A-Za-z_]\S*)")
@@ -90,6 +91,29 @@ def test_any_sum_reads_back(coefficients, digits):
 def test_ones_are_not_written():
     assert expression({"a.m": 1.0, "b.m": -1.0, "c.m": 1.00000001}) == "a.m - b.m + c.m"
     assert expression({"a.m": -1.0, "b.m": 0.25}) == "-a.m + 0.25 b.m"
+
+
+def test_a_base_parameter_by_its_name(found):
+    for name, terms, text in zip(found, found.terms, found.expressions, strict=True):
+        assert name in found
+        one = found[name]
+        assert (one.name, one.terms, one.expression) == (name, dict(terms), text)
+        assert {name: 1.0, **one.factors} == one.terms
+        assert one == found[name] == pickle.loads(pickle.dumps(one))
+    dependent = found.parameters.labels[found.dependent[0]]
+    assert dependent not in found
+    for wrong in (dependent, "m", 0, None):
+        with pytest.raises(OptionError) as refused:
+            found[wrong]
+        assert refused.value.facts == {"given": wrong, "valid": found.names}
+
+
+def test_equal_observations_have_equal_base_parameters(found):
+    again = make()
+    assert found == again == pickle.loads(pickle.dumps(found))
+    assert hash(found) == hash(again)
+    assert found != make(1)
+    assert len(repr(found).splitlines()) <= 10
 
 
 def test_nothing_can_be_changed(found):

@@ -13,14 +13,11 @@ from loopid.base_parameters import (
     CRITERIA,
     ChoiceProblem,
     ExactSearch,
+    SearchEffort,
     analyse,
-    exact,
 )
-from loopid.base_parameters.tree import (
-    Budget,
-    margin,
-    split,
-)
+from loopid.base_parameters.blocks import split
+from loopid.base_parameters.tree import margin
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9
@@ -30,7 +27,7 @@ def assert_true(problem):
     """Whatever is claimed holds; nothing is warned of."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = ExactSearch(time_limit=5.0).search(problem)
+        found = ExactSearch(SearchEffort(time_limit=5.0)).search(problem)
     reached = least(problem)
     assert found.certified == (found.reason == "")
     if found.certified:
@@ -61,7 +58,7 @@ def test_brute_force_finds_nothing_better_in_ten_thousand(kind, criterion):
 def assert_coupled(seed):
     shape, count = SHAPES[seed % 3], (5, 10, 15)[seed // 3 % 3]
     problem, reached = weakly_coupled(np.random.default_rng([seed, 77]), shape, count)
-    found = ExactSearch(time_limit=5.0).search(problem)
+    found = ExactSearch(SearchEffort(time_limit=5.0)).search(problem)
     assert found.condition_number / found.gap <= reached * (1 + found.tolerance)
 
 
@@ -80,7 +77,7 @@ def test_many_weakly_coupled_blocks_have_no_better_choice_than_certified():
 def assert_proven(problem, certified=True):
     """The recorded proof passes the independent check."""
     check = pytest.importorskip("proof_checker", reason="needs python-flint").check
-    found = ExactSearch(time_limit=60.0, record=True).search(problem)
+    found = ExactSearch(SearchEffort(time_limit=60.0), proof=True).search(problem)
     assert found.certified or not certified
     if found.certified:
         blocks, _ = split(problem)
@@ -130,8 +127,8 @@ def test_the_margin_exceeds_the_round_off_of_elimination(size):
 def test_a_proof_with_a_leaf_missing_or_a_box_too_large_is_rejected():
     checker = pytest.importorskip("proof_checker", reason="needs python-flint")
     problem = small_problem("generic", 0, "nullspace")
-    found = ExactSearch(record=True).search(problem)
-    entry = max(found.record, key=lambda one: len(one.leaves))
+    found = ExactSearch(proof=True).search(problem)
+    entry = max(found.proof, key=lambda one: len(one.leaves))
     without = type(entry)(entry.block, entry.vectors, entry.above, entry.below, entry.leaves[1:])
     with pytest.raises(AssertionError):
         checker.assert_partition(without)
@@ -153,28 +150,21 @@ def test_what_round_off_could_decide_is_not_certified_and_the_reason_is_named():
     assert (found.certified, found.reason, found.gap) == (False, "round-off", np.inf)
 
 
-def test_the_answer_does_not_depend_on_where_the_search_starts(monkeypatch):
-    """A certified choice is a property of the problem: other guesses and efforts end there too."""
-    problems = [
-        ChoiceProblem(analyse(structural_observation(load_mechanism(robot), model)), criterion)
-        for robot, model in (("delta", "full"), ("3ups_rpu", "gravity"))
-        for criterion in CRITERIA
-    ]
-    expected = [ExactSearch().search(problem) for problem in problems]
-    worst = exact.good_selection
-    monkeypatch.setattr(exact, "FIRST_NODES", 40)
-    monkeypatch.setattr(exact, "good_selection", lambda block, *_: block_start(block, worst))
-    for problem, first in zip(problems, expected, strict=True):
-        again = ExactSearch().search(problem)
-        assert again.certified
-        assert again.dependent == first.dependent
-        assert again.ties == first.ties
+def test_the_answer_does_not_depend_on_where_the_search_starts():
+    """A certified choice is a property of the problem: other guesses and efforts end there too.
 
-
-def block_start(block, guess):
-    """The regular selection of rows from the end, instead of a good one."""
-    chosen = []
-    for row in range(block.size - 1, -1, -1):
-        if np.linalg.matrix_rank(block.vectors[[*chosen, row]], tol=1e-3) > len(chosen):
-            chosen.append(row)
-    return np.sort(chosen) if len(chosen) == block.count else guess(block, Budget(np.inf))
+    Columns in another order have other guesses; ties are then broken by other columns.
+    """
+    for robot, model in (("delta", "full"), ("3ups_rpu", "gravity")):
+        structure = analyse(structural_observation(load_mechanism(robot), model))
+        order = np.random.default_rng(0).permutation(len(structure.columns))
+        for criterion in CRITERIA:
+            first = ExactSearch().search(ChoiceProblem(structure, criterion))
+            hurried = ExactSearch(SearchEffort(nodes=40))
+            again = hurried.search(ChoiceProblem(structure, criterion))
+            assert again.certified
+            assert (again.dependent, again.ties) == (first.dependent, first.ties)
+            turned = hurried.search(ChoiceProblem(structure.permuted(order), criterion))
+            assert turned.certified
+            assert turned.ties == first.ties
+            assert turned.condition_number == pytest.approx(first.condition_number, rel=1e-9)

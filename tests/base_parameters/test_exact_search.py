@@ -9,11 +9,12 @@ from hypothesis import assume, given, settings, strategies as st
 
 from loopid.base_parameters import (
     CRITERIA,
-    STRATEGIES,
+    SEARCHES,
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
     PivotedQR,
+    SearchEffort,
     SubgroupSearch,
 )
 from loopid.errors import (
@@ -70,7 +71,7 @@ def test_the_same_question_has_the_same_answer(criterion):
 @pytest.mark.parametrize(("n", "d"), [(60, 30), (70, 20)])
 def test_out_of_time_means_a_valid_choice_without_certificate(n, d, criterion):
     problem = ChoiceProblem(random_structure(n, d), criterion)
-    found = ExactSearch(time_limit=1e-6).search(problem)
+    found = ExactSearch(SearchEffort(time_limit=1e-6)).search(problem)
     assert not found.certified
     assert found.ties is None
     assert len(set(found.dependent)) == d
@@ -83,7 +84,7 @@ def test_out_of_time_means_a_valid_choice_without_certificate(n, d, criterion):
 
 def test_time_limit_is_kept():
     problem = ChoiceProblem(random_structure(80, 40))
-    found = ExactSearch(time_limit=0.2).search(problem)
+    found = ExactSearch(SearchEffort(time_limit=0.2)).search(problem)
     assert not found.certified
     assert found.gap > 1
     assert found.seconds < 5.0
@@ -92,13 +93,13 @@ def test_time_limit_is_kept():
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
 def test_a_time_limit_must_be_positive(limit):
     with pytest.raises(OptionError, match=r"time_limit must be (positive|a finite number)"):
-        ExactSearch(time_limit=limit)
+        ExactSearch(SearchEffort(time_limit=limit))
 
 
-@pytest.mark.parametrize("search", STRATEGIES)
+@pytest.mark.parametrize("search", SEARCHES)
 def test_results_say_who_found_them_and_for_what(search):
     problem = ChoiceProblem(random_structure(8, 3), "regressor")
-    found = STRATEGIES[search]().search(problem)
+    found = SEARCHES[search]().search(problem)
     assert (found.name, found.criterion) == (search, "regressor")
     assert found.candidates == 56
     assert found.seconds > 0

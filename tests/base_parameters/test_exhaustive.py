@@ -1,8 +1,7 @@
 """Exhaustive search in chunks: nothing is lost on the way."""
 
-import re
+from itertools import combinations
 from math import comb
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,8 +13,9 @@ from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
-    choice,
+    SearchEffort,
 )
+from loopid.base_parameters.exhaustive import promising
 from loopid.errors import SearchError
 
 ONE = ExhaustiveSearch()
@@ -25,8 +25,7 @@ def agree(problem, chunk):
     """Small chunks, so that the determinant screens against an incumbent from the start."""
     brute = brute_force(problem)
     assume(brute.clear)
-    with patch.object(choice, "CHUNK", chunk):
-        found = ONE.search(problem)
+    found = ExhaustiveSearch(chunk=chunk).search(problem)
     assert found.condition_number == pytest.approx(brute.least, rel=1e-9)
     assert found.ties == len(brute.tied)
     assert list(found.dependent) in brute.tied.tolist()
@@ -46,45 +45,41 @@ def test_nor_where_the_optimum_itself_is_badly_conditioned(problem, chunk):
     agree(problem, chunk)
 
 
-def test_the_screen_spares_most_singular_values(monkeypatch):
+def test_the_screen_spares_most_singular_values():
     """Five null vectors of three entries each: all but 3**5 of C(15, 5) choices are singular."""
-    problem, seen = ChoiceProblem(structure(np.kron(np.eye(5), np.ones((3, 1))))), []
-    whole = choice.condition_numbers
-
-    def counted(matrices):
-        seen.append(len(matrices))
-        return whole(matrices)
-
-    monkeypatch.setattr(choice, "CHUNK", 64)
-    monkeypatch.setattr(choice, "condition_numbers", counted)
-    assert ONE.search(problem).ties == 3**5
-    assert 3**5 <= sum(seen) < problem.candidates / 3
+    problem = ChoiceProblem(structure(np.kron(np.eye(5), np.ones((3, 1)))))
+    assert ExhaustiveSearch(chunk=64).search(problem).ties == 3**5
+    every = np.array(list(combinations(range(15), 5)))
+    kept, conditions = promising(problem.vectors, every, 1 + 1e-9)
+    assert (conditions < 1 + 1e-9).sum() == 3**5
+    assert len(kept) < problem.candidates / 3
 
 
-def test_huge_condition_numbers_do_not_overflow(monkeypatch):
+def test_huge_condition_numbers_do_not_overflow():
     """Columns 0 and 1 act alike, so whole chunks of 24 rows are singular but for round-off."""
-    monkeypatch.setattr(choice, "CHUNK", 50)
     rng = np.random.default_rng(0)
     Z = rng.normal(size=(26, 24))
     Z[1] = Z[0] * (1 + 1e-13)
     problem = ChoiceProblem(structure(Z))
     brute = brute_force(problem)
     assert 23 * np.log10(brute.conditions[:50].min()) > 308
-    assert ONE.search(problem).condition_number == pytest.approx(brute.least, rel=1e-9)
+    found = ExhaustiveSearch(chunk=50).search(problem)
+    assert found.condition_number == pytest.approx(brute.least, rel=1e-9)
 
 
-def test_ties_beyond_those_listed_are_still_counted(monkeypatch):
+def test_ties_beyond_those_listed_are_still_counted():
     problem = ChoiceProblem(structure(np.ones((12, 1))))
-    monkeypatch.setattr(choice, "MOST_TIES", 3)
-    monkeypatch.setattr(choice, "CHUNK", 2)
-    assert ONE.search(problem).ties == 12
+    assert ExhaustiveSearch(effort=SearchEffort(ties=3), chunk=2).search(problem).ties == 12
 
 
 def test_absurd_sizes_are_refused_with_their_number():
     problem = ChoiceProblem(random_structure(60, 30))
-    with pytest.raises(SearchError, match=re.escape(f"C(60, 30) = {comb(60, 30):,}")) as caught:
+    with pytest.raises(SearchError) as refused:
         ONE.search(problem)
-    assert "search='exact'" in str(caught.value)
+    assert refused.value.facts["candidates"] == comb(60, 30) > refused.value.facts["bound"]
+    few = ExhaustiveSearch(effort=SearchEffort(candidates=10))
+    with pytest.raises(SearchError):
+        few.search(ChoiceProblem(random_structure(6, 3)))
 
 
 def test_few_of_many_parameters_are_no_problem():
@@ -96,10 +91,9 @@ def test_few_of_many_parameters_are_no_problem():
     assert found.condition_number == pytest.approx(least, rel=1e-9)
 
 
-def test_progress_counts_up_to_the_total(monkeypatch):
-    monkeypatch.setattr(choice, "CHUNK", 40)
+def test_progress_counts_up_to_the_total():
     calls = []
-    search = ExhaustiveSearch(progress=lambda done, total: calls.append((done, total)))
+    search = ExhaustiveSearch(chunk=40, progress=lambda *counts: calls.append(counts))
     problem = ChoiceProblem(random_structure(12, 4))
     search.search(problem)
     done, totals = zip(*calls, strict=True)

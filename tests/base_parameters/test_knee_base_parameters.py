@@ -108,7 +108,7 @@ def test_true_base_parameters(knee_base, knee, cad, table_ii):
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 @pytest.mark.parametrize("search", ["exact", "qr"])
 def test_base_forces_are_the_full_forces_on_fresh_poses(knee, knee_observation, search, criterion):
-    found = find_base_parameters(knee_observation, search, criterion)
+    found = find_base_parameters(knee_observation, search, criterion=criterion)
     K = gravity_regressor(knee, random_configurations(knee, 40, seed=77))
     phi = knee.standard_parameters("gravity")
     full, base = K @ phi, found.regressor(K) @ found.values(phi)
@@ -129,8 +129,8 @@ def test_the_papers_subgroup_search(knee_base, knee_observation):
 
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 def test_exact_is_certified_and_never_worse(knee_observation, criterion):
-    exact = find_base_parameters(knee_observation, "exact", criterion)
-    pivoted = find_base_parameters(knee_observation, "qr", criterion)
+    exact = find_base_parameters(knee_observation, "exact", criterion=criterion)
+    pivoted = find_base_parameters(knee_observation, "qr", criterion=criterion)
     assert exact.search.certified
     assert exact.search.condition_number < pivoted.search.condition_number
 

@@ -98,7 +98,7 @@ def test_those_of_small_robots_are_certified(row, robot, observations, model, cr
     assert len(found) == int(row[model])
     assert found.search.certified
     assert found.structure.rank_gap > 1e10
-    pivoted = find_base_parameters(observations[model], "qr", criterion)
+    pivoted = find_base_parameters(observations[model], "qr", criterion=criterion)
     assert found.search.condition_number <= pivoted.search.condition_number * (1 + 1e-9)
     assert found.reconstruction_error(fresh(robot, model)) < 1e-10
 

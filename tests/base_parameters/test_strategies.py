@@ -1,6 +1,7 @@
 """Strategies and criteria by name or as objects."""
 
-import re
+import pickle
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,19 +10,20 @@ from scipy.linalg import qr
 
 from loopid.base_parameters import (
     CRITERIA,
-    STRATEGIES,
+    SEARCHES,
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
     PivotedQR,
+    SearchEffort,
     SearchStrategy,
     SubgroupSearch,
     find_base_parameters,
-    make_strategy,
 )
 from loopid.errors import (
     LoopidError,
     OptionError,
+    SearchError,
 )
 from loopid.observation import Observation
 
@@ -33,23 +35,31 @@ def observation():
     return Observation.from_matrix(W, parameters(10))
 
 
-def test_every_strategy_has_a_name_and_goes_by_it():
-    assert list(STRATEGIES) == ["exact", "subgroup", "exhaustive", "qr"]
-    for name, kind in STRATEGIES.items():
-        assert isinstance(make_strategy(name), kind)
+def test_every_search_has_a_name_and_goes_by_it(observation):
+    assert list(SEARCHES) == ["exact", "subgroup", "exhaustive", "qr"]
+    for name, kind in SEARCHES.items():
         assert kind.name == name
+        assert find_base_parameters(observation, name) == find_base_parameters(observation, kind())
 
 
-def test_a_strategy_with_options_is_used_as_it_is(observation):
-    limited = SubgroupSearch(condition_limit=50.0, alpha=0.5, variant="pseudocode")
-    assert make_strategy(limited) is limited
+def test_a_search_with_options_is_used_as_it_is(observation):
     asked = []
     search = ExhaustiveSearch(progress=lambda *counts: asked.append(counts))
     assert find_base_parameters(observation, search).search.name == "exhaustive"
     assert asked
+    with pytest.raises(SearchError):  # of so many choices none is valid
+        find_base_parameters(observation, SubgroupSearch(condition_limit=1.0001))
 
 
-def test_a_strategy_of_ones_own(observation):
+@pytest.mark.parametrize("search", ["exact", ExactSearch(), ExactSearch(SearchEffort(ties=3))])
+def test_an_effort_is_that_of_the_search_and_comes_back(observation, search):
+    effort = SearchEffort(time_limit=5.0, tolerance=1e-8)
+    found = find_base_parameters(observation, search, effort=effort).search
+    assert found.effort == effort
+    assert found.tolerance == 1e-8
+
+
+def test_a_search_of_ones_own(observation, monkeypatch):
     class First(SearchStrategy):
         """The pivoted choice under another name."""
 
@@ -58,15 +68,44 @@ def test_a_strategy_of_ones_own(observation):
         def _search(self, problem):
             return PivotedQR()._search(problem)
 
-    found = find_base_parameters(observation, First(), "regressor")
-    assert found.dependent.tolist() == find_base_parameters(observation, "qr").dependent.tolist()
+    expected = find_base_parameters(observation, "qr").dependent.tolist()
+    found = find_base_parameters(observation, First(), criterion="regressor")
+    assert found.dependent.tolist() == expected
+    monkeypatch.setattr(SEARCHES, "_entries", dict(SEARCHES._entries))
+    SEARCHES.register("first", First)
+    assert find_base_parameters(observation, "first").dependent.tolist() == expected
 
 
-@pytest.mark.parametrize("search", ["fast", "", "Exact", None, 3, ExactSearch])
+@pytest.mark.parametrize("search", ["fast", "", "Exact"])
 def test_an_unknown_search_is_refused_with_the_choices(observation, search):
-    expected = f"unknown search {search!r}: choose one of exact, subgroup, exhaustive, qr"
-    with pytest.raises(OptionError, match=re.escape(expected)):
+    with pytest.raises(OptionError) as refused:
         find_base_parameters(observation, search)
+    assert refused.value.facts == {"given": search, "valid": tuple(SEARCHES)}
+
+
+@pytest.mark.parametrize("search", [None, 3, [], {}, ExactSearch])
+def test_what_is_no_search_is_refused(observation, search):
+    with pytest.raises(OptionError, match="search must be"):
+        find_base_parameters(observation, search)
+    with pytest.raises(OptionError, match="observation must be"):
+        find_base_parameters(search)
+
+
+@pytest.mark.parametrize("field", fields(SearchEffort), ids=lambda field: field.name)
+@pytest.mark.parametrize("wrong", [0, -1, float("nan"), "many"])
+def test_an_effort_is_of_positive_numbers(field, wrong):
+    with pytest.raises(OptionError, match=field.name):
+        SearchEffort(**{field.name: wrong})
+
+
+def test_searches_and_results_are_records(observation):
+    for search in (ExactSearch(proof=True), SubgroupSearch(alpha=0.5), PivotedQR()):
+        problem = ChoiceProblem(random_structure(8, 3))
+        found, again = search.search(problem), search.search(problem)
+        for one, other in ((search, replace(search)), (problem, replace(problem)), (found, again)):
+            assert one == other == pickle.loads(pickle.dumps(one))
+            assert hash(one) == hash(other)
+            assert len(repr(one).splitlines()) <= 10
 
 
 def test_an_unknown_criterion_is_refused_with_the_choices(observation):
@@ -81,10 +120,10 @@ def test_an_unknown_criterion_is_refused_with_the_choices(observation):
         assert isinstance(caught.value, ValueError)
 
 
-@pytest.mark.parametrize("search", STRATEGIES)
+@pytest.mark.parametrize("search", SEARCHES)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_each_strategy_reports_the_criterion_it_was_asked_for(observation, search, criterion):
-    found = find_base_parameters(observation, search, criterion)
+    found = find_base_parameters(observation, search, criterion=criterion)
     values = {
         "nullspace": found.nullspace_condition_number,
         "regressor": found.condition_number,

@@ -6,7 +6,7 @@ from choice_problems import parameters
 from hypothesis import given, strategies as st
 
 from loopid.base_parameters import (
-    STRATEGIES,
+    SEARCHES,
     analyse,
     find_base_parameters,
 )
@@ -90,7 +90,7 @@ def test_rank_gap_is_the_ratio_of_neighbouring_singular_values(matrix_and_rank):
     assert found.rank_gap == pytest.approx(own[r - 1] / max(below, np.finfo(float).eps))
 
 
-@pytest.mark.parametrize("search", STRATEGIES)
+@pytest.mark.parametrize("search", SEARCHES)
 def test_full_rank_leaves_nothing_to_choose(search):
     W = np.random.default_rng(3).normal(size=(30, 6))
     found = find_base_parameters(observe(W), search)
@@ -106,7 +106,7 @@ def test_full_rank_leaves_nothing_to_choose(search):
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 def test_rank_one_keeps_one_parameter(search, criterion):
     column, row = np.random.default_rng(4).normal(size=(2, 7))
-    found = find_base_parameters(observe(np.outer(column, row)), search, criterion)
+    found = find_base_parameters(observe(np.outer(column, row)), search, criterion=criterion)
     assert len(found) == 1
     assert found.condition_number == pytest.approx(1.0)
     np.testing.assert_allclose(found.matrix, [row / row[found.base[0]]], rtol=1e-12)

@@ -64,7 +64,9 @@ def test_the_same_answer_as_the_pseudocode(criterion, data):
     n_star = min(ceil(round((1 + alpha) * S.rank, 9)), n)
     assume(d <= n_star)
     problem = ChoiceProblem(S, criterion)
-    found = SubgroupSearch(cond_limit, alpha, "pseudocode").search(problem)
+    found = SubgroupSearch(condition_limit=cond_limit, alpha=alpha, variant="pseudocode").search(
+        problem
+    )
     M_vc, looked_at = pseudocode(S.null_basis, S.rank, n_star, cond_limit)
     assert found.evaluated == looked_at
     assert found.found == bool(M_vc)

@@ -10,9 +10,9 @@ from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
-    exact,
+    SearchEffort,
 )
-from loopid.base_parameters.tree import _representatives
+from loopid.base_parameters.blocks import _representatives
 
 
 def coefficients(problem, dependent):
@@ -92,14 +92,13 @@ def test_vectors_equal_to_round_off_share_a_representative():
     assert len(_representatives(np.vstack([X, 2 * X]))[0]) == 6
 
 
-def test_too_many_ties_are_neither_listed_nor_counted(monkeypatch):
+def test_too_many_ties_are_neither_listed_nor_counted():
     """All rows of the null vector are alike in size but belong to different lines."""
     angles = np.arange(12) * np.pi / 12
     problem = ChoiceProblem(structure(np.stack([np.cos(angles), np.sin(angles)], axis=1)))
     full = ExactSearch().search(problem)
     assert full.ties == len(brute_force(problem).tied) == 6
-    monkeypatch.setattr(exact, "MOST_TIES", 5)
-    limited = ExactSearch().search(problem)
+    limited = ExactSearch(SearchEffort(ties=5)).search(problem)
     assert limited.ties is None
     assert limited.certified
     # The first columns are then made dependent.

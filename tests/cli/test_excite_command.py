@@ -5,7 +5,7 @@ import pytest
 
 import loopid
 
-QUICK = ("--starts", "1", "--iterations", "5", "--time-limit", "120", "--solver", "slsqp")
+QUICK = ("--starts", "1", "--evaluations", "5", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
     "criterion",
     "condition_number",
@@ -55,7 +55,7 @@ def test_files_say_what_the_record_says(run, tmp_path):
 def test_motions_command_reads_every_shape(run, tmp_path):
     for shape in ("spline", "poses"):
         out = tmp_path / shape
-        words = ("--out", out, "--shape", shape, "--duration", "8", *QUICK, "--iterations", "1")
+        words = ("--out", out, "--shape", shape, "--duration", "8", *QUICK, "--evaluations", "1")
         assert run("excite", "five_bar", *words).code == 0
         done = run("motions", "five_bar", out / "motion.yaml", "--json")
         assert done.code == 0

@@ -35,7 +35,7 @@ def sweep(five_bar):
     plan = loopid.read_motion_program("five_bar").motion("sweep", 50)
     motion = loopid.joint_motion(five_bar, plan)
     force = loopid.simulate_measurement(five_bar, motion).force
-    return Recording.of_motion("run", five_bar.actuated, motion, force)
+    return Recording.of_motion(motion, force, five_bar.actuated)
 
 
 def test_the_robot_file_predicts_its_own_forces(five_bar, saved, sweep):
@@ -139,7 +139,7 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
         bodies = five_bar.standard_parameters("full").copy()
         bodies[first : first + 3] += mass, 0.1 * mass, 0.0
         measured = loopid.simulate_measurement(
-            five_bar, motion, loopid.Noise(gaussian=0.02), 0, bodies
+            five_bar, motion, loopid.Noise(gaussian=0.02), standard_parameters=bodies
         )
         (tmp_path / f"{name}.csv").write_text(log_text(five_bar, measured))
     logs = [f"--unloaded={tmp_path}/light.csv", f"--loaded={tmp_path}/heavy.csv"]

@@ -39,7 +39,7 @@ def of_gravity(knee, bodies):
 
 
 def recorded(knee, motion, force):
-    return Recording.of_motion("run", knee.actuated, motion, force)
+    return Recording.of_motion(motion, force, knee.actuated)
 
 
 def noisy_runs(case, rng, mass, centre, gains=1.0):

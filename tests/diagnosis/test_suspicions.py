@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from loopid import JointTerms, Noise, prepare_recording, simulate_measurement
+from loopid import JointTerms, Noise, prepare_recording
 from loopid.diagnosis import suspicions
 from loopid.logs import FilterOptions, Log
-from made_runs import friction, quietly, record, stand, wander
+from made_runs import friction, quietly, record, simulated, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
@@ -27,11 +27,10 @@ def runs(load_once):
         terms = friction(robot) if name == "3ups_rpu" else terms
         bodies = robot.standard_parameters().reshape(-1, 10)
         factors = np.random.default_rng(seed).uniform(0.5, 1.5, size=(len(bodies), 1))
-        exact = simulate_measurement(robot, motion, None, seed, (factors * bodies).ravel(), *terms)
+        standard = (factors * bodies).ravel()
+        exact = simulated(robot, motion, None, seed, standard, terms)
         noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
-        return robot, simulate_measurement(
-            robot, motion, noise, seed, (factors * bodies).ravel(), *terms
-        )
+        return robot, simulated(robot, motion, noise, seed, standard, terms)
 
     def suspected(name, seed, spoil=lambda position, force: None):
         robot, found = run(name, seed)

@@ -21,4 +21,4 @@ def one_crank(five_bar):
     way = point_to_point(five_bar.actuated, np.array([1.7, 0.7]), [there], rate=20.0)
     motion = joint_motion(five_bar, way)
     force = simulate_measurement(five_bar, motion, Noise(gaussian=0.01)).force
-    return Recording.of_motion("one_crank", five_bar.actuated, motion, force)
+    return Recording.of_motion(motion, force, five_bar.actuated, name="one_crank")

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import loopid
 from closure_robots import Y, body, files, joint, urdf
 from linkages import five_bar as five_bar_of
-from loopid import MotionLimits, design_excitation, find_force_model
+from loopid import DesignOptions, MotionLimits, design_excitation, find_force_model
 from loopid.errors import (
     AssemblyError,
     DataWarning,
@@ -18,8 +20,8 @@ from loopid.logs import (
     prepare_recording,
 )
 
-QUICK = {"starts": 1, "iterations": 10, "time_limit": 120.0, "solver": "slsqp", "rate": 20.0}
-FINE = QUICK | {"rate": 100.0}
+QUICK = DesignOptions(starts=1, evaluations=10, solver="slsqp", rate=20.0)
+FINE = replace(QUICK, rate=100.0)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,7 @@ def full(five_bar):
 
 @pytest.fixture(scope="module")
 def design(full):
-    return design_excitation(full, noise=0.01, **FINE)
+    return design_excitation(full, options=replace(FINE, noise=0.01))
 
 
 def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
@@ -61,7 +63,7 @@ def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
 def log_of(design, noise=0.0, seed=0, **options):
     """A simulated log of the motion."""
     robot, motion = design.force_model.mechanism, design.joint_motion
-    run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed)
+    run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed=seed)
     return Log.from_arrays(run.time, run.position, run.force, robot.actuated, **options)
 
 
@@ -88,8 +90,8 @@ def test_a_fit_of_a_log_says_what_was_promised(design):
 
 
 def test_poses_are_told_by_forces_of_motors_that_stand(gravity):
-    quick = FINE | {"iterations": 4}
-    found = design_excitation(gravity, shape="poses", noise=0.5, **quick)
+    options = replace(FINE, shape="poses", noise=0.5, evaluations=4)
+    found = design_excitation(gravity, options=options)
     assert found.violations == 0
     fit = fit_of(found, log_of(found, 0.5, seed=1, idle_speed=0.0))
     np.testing.assert_allclose(fit.standard_errors, found.standard_errors, rtol=0.25)
@@ -100,13 +102,15 @@ def test_it_is_better_than_where_it_started(design):
 
 
 def test_the_same_seed_gives_the_same_motion(full, design):
-    again = design_excitation(full, noise=0.01, **FINE)
+    again = design_excitation(full, options=replace(FINE, noise=0.01))
     np.testing.assert_array_equal(again.motion.position, design.motion.position)
 
 
 def test_each_criterion_wins_by_its_own_measure(gravity):
     found = {
-        name: design_excitation(gravity, criterion=name, **(QUICK | {"iterations": 15})).criteria
+        name: design_excitation(
+            gravity, options=replace(QUICK, criterion=name, evaluations=15)
+        ).criteria
         for name in ("D", "A", "E", "condition")
     }
     assert max(found, key=lambda name: found[name].log_det) == "D"
@@ -116,7 +120,7 @@ def test_each_criterion_wins_by_its_own_measure(gravity):
 
 
 def test_splines_keep_the_limits_too(gravity):
-    found = design_excitation(gravity, shape="spline", **(QUICK | {"iterations": 4}))
+    found = design_excitation(gravity, options=replace(QUICK, shape="spline", evaluations=4))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
 
@@ -124,8 +128,10 @@ def test_splines_keep_the_limits_too(gravity):
 def test_platform_coordinates():
     robot = loopid.load_mechanism("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
-    quick = QUICK | {"iterations": 1}
-    found = design_excitation(robot, limits=limits, coordinates="platform", size=2, **quick)
+    options = replace(QUICK, evaluations=1, coordinates="platform", size=2)
+    found = design_excitation(
+        find_force_model(robot, joint_terms=None), limits=limits, options=options
+    )
     assert found.violations == 0
     assert found.motion.names == robot.platform.names
     x = loopid.kinematics.platform_coordinates(robot, found.joint_motion.configurations)
@@ -137,19 +143,19 @@ def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_cran
     told = loopid.identifiability(full, [one_crank])
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
     assert set(leads) <= set(told.leads)
-    found = design_excitation(full, after=[one_crank], parameters=leads, **FINE)
+    found = design_excitation(full, after=[one_crank], parameters=leads, options=FINE)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
     assert (found.before.standard_errors[unknown] > 1e3).all()
     assert (found.standard_errors < 1.0).all()
     # The noise is that of the log, which has a fifth of the samples in a second.
     np.testing.assert_allclose(found.noise, 0.01 * 5**0.5, rtol=0.4)
-    everything = design_excitation(full, after=[one_crank], **FINE)
+    everything = design_excitation(full, after=[one_crank], options=FINE)
     chosen = found.standard_errors[unknown].prod()
     assert chosen <= everything.standard_errors[unknown].prod() * 1.2
 
 
 def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
-    found = design_excitation(full, payload="left_coupler", noise=0.01, **FINE)
+    found = design_excitation(full, payload="left_coupler", options=replace(FINE, noise=0.01))
     assert {name.partition(".")[0] for name in found.parameters.labels} == {"left_coupler"}
     errors = dict(zip(design.parameters.labels, design.standard_errors, strict=True))
     for name, error in zip(found.parameters.labels, found.standard_errors, strict=True):
@@ -165,15 +171,16 @@ def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
 )
 def test_what_cannot_be_met_is_named(gravity, limits, name):
     with pytest.raises(AssemblyError, match=name):
-        design_excitation(gravity, limits=MotionLimits(**limits), **QUICK)
+        design_excitation(gravity, limits=MotionLimits(**limits), options=QUICK)
 
 
 def test_advice_on_what_cannot_be_met_works(gravity):
-    with pytest.raises(AssemblyError, match=r"singularity measure .* misses it by") as refused:
-        design_excitation(gravity, limits=MotionLimits(singularity=0.95), **QUICK)
-    missing = float(str(refused.value).partition("misses it by ")[2].split(",")[0])
-    limits = MotionLimits(singularity=0.95 - 1.2 * missing - 0.01)
-    assert design_excitation(gravity, limits=limits, **QUICK).violations == 0
+    with pytest.raises(AssemblyError) as refused:
+        design_excitation(gravity, limits=MotionLimits(singularity=0.95), options=QUICK)
+    facts = refused.value.facts
+    assert facts["bound"] == "singularity measure"
+    limits = MotionLimits(singularity=0.95 - 1.2 * facts["missing"] - 0.01)
+    assert design_excitation(gravity, limits=limits, options=QUICK).violations == 0
 
 
 @pytest.mark.parametrize(
@@ -181,49 +188,104 @@ def test_advice_on_what_cannot_be_met_works(gravity):
     [
         {"criterion": "Q"},
         {"shape": "steps"},
-        {"coordinates": "platform"},
-        {"parameters": ["nothing.m"]},
-        {"payload": "nothing"},
-        {"noise": {"nothing": 1.0}},
+        {"coordinates": "poses"},
+        {"solver": "simplex"},
+        {"noise": {"left_crank_joint": 0.0}},
         {"noise": 0.0},
         {"duration": 0.0},
+        {"rate": -1.0},
         {"starts": 0},
-        {"iterations": -1},
-        {"n_jobs": 0},
+        {"evaluations": -1},
         {"size": 10**8},
+        {"size": 1},
         {"time_limit": 0.0},
+        {"inset": 0.5},
+        {"seed": -1},
+    ],
+    ids=str,
+)
+def test_bad_options_are_refused_when_they_are_made(options):
+    with pytest.raises(OptionError) as refused:
+        DesignOptions(**options)
+    assert refused.value.facts["given"] == next(iter(options.values()))
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        {"options": DesignOptions(coordinates="platform")},
+        {"options": DesignOptions(noise={"nothing": 1.0})},
+        {"options": DesignOptions(criterion="A"), "parameters": ["left_crank.m"]},
+        {"options": DesignOptions(shape="spline", size=2)},
+        {"parameters": ["nothing.m"]},
+        {"payload": "nothing"},
         {"limits": MotionLimits(positions={"nothing": (0.0, 1.0)})},
+        {"limits": MotionLimits(speeds={"nothing": 1.0})},
         {"limits": MotionLimits(workspace={"x": (0.0, 1.0)})},
     ],
     ids=str,
 )
-def test_bad_options_are_refused(gravity, options):
+def test_what_does_not_go_with_the_model_is_refused(gravity, task):
     with pytest.raises(OptionError):
-        design_excitation(gravity, **(QUICK | options))
+        design_excitation(gravity, **task)
 
 
 def test_standing_tells_no_full_model(full):
     with pytest.raises(OptionError, match="standing in poses"):
-        design_excitation(full, shape="poses", **QUICK)
+        design_excitation(full, options=replace(QUICK, shape="poses"))
 
 
-def test_empty_limits_are_refused():
-    with pytest.raises(OptionError, match="empty"):
-        MotionLimits(positions={"a": (1.0, 0.5)})
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"positions": {"a": (1.0, 0.5)}},
+        {"workspace": {"x": (0.0, 0.0)}},
+        {"speeds": {"a": 0.0}},
+        {"share": 0.0},
+        {"singularity": 1.5},
+        {"clearance": -0.1},
+    ],
+    ids=str,
+)
+def test_limits_that_nothing_keeps_are_refused(limits):
+    with pytest.raises(OptionError) as refused:
+        MotionLimits(**limits)
+    assert refused.value.facts["argument"] == next(iter(limits))
 
 
 def test_ipopt_keeps_the_limits_and_is_named_where_it_is_missing(gravity):
     try:
-        found = design_excitation(gravity, **(QUICK | {"solver": "ipopt"}))
+        found = design_excitation(gravity, options=replace(QUICK, solver="ipopt"))
     except MissingExtraError as error:
         assert "excite" in str(error)  # noqa: PT017
     else:
         assert found.violations == 0
 
 
-def test_no_time_gives_a_motion_all_the_same(gravity):
-    found = design_excitation(gravity, rate=20.0, time_limit=1e-3)
-    assert found.stopped
+def test_more_evaluations_never_give_a_worse_motion(gravity):
+    found = [
+        design_excitation(gravity, options=replace(QUICK, starts=2, evaluations=most))
+        for most in (0, 3, 7, 12, 25)
+    ]
+    volumes = [design.criteria.log_det for design in found]
+    # The criterion counts samples of the grid of the design, not those of the run.
+    np.testing.assert_array_less(np.array(volumes[:-1]) - 0.2, volumes[1:])
+    assert volumes[-1] > volumes[0]
+    assert [design.evaluations for design in found] == [0, 3, 7, 12, 25]
+    assert not any(design.violations for design in found)
+
+
+def test_the_clock_stops_and_changes_nothing_else(gravity):
+    slow = replace(QUICK, evaluations=3, time_limit=1000.0)
+    one, other = (
+        design_excitation(gravity, options=options)
+        for options in (slow, replace(slow, time_limit=None))
+    )
+    np.testing.assert_array_equal(one.motion.position, other.motion.position)
+    assert one.checks == other.checks
+    found = design_excitation(gravity, options=replace(QUICK, time_limit=1e-3))
+    assert found.evaluations == 0
+    assert not found.converged
     assert found.violations == 0
 
 
@@ -231,13 +293,14 @@ def test_the_first_interrupt_keeps_the_best(gravity):
     import os
     import signal
 
-    def interrupt(spent, total, best):
-        if np.isfinite(best):
+    def interrupt(done, total, best):
+        if done == 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
-    found = design_excitation(gravity, rate=20.0, solver="slsqp", progress=interrupt)
-    assert found.stopped
+    found = design_excitation(gravity, options=QUICK, progress=interrupt)
+    assert not found.converged
+    assert found.evaluations < QUICK.evaluations
     assert found.violations == 0
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -250,7 +313,9 @@ def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
     file.write_text(
         urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
     )
-    found = design_excitation(loopid.load_mechanism(file), **QUICK)
+    found = design_excitation(
+        find_force_model(loopid.load_mechanism(file), joint_terms=None), options=QUICK
+    )
     assert found.violations == 0
     assert found.min_singularity_measure == 1.0
 
@@ -268,7 +333,7 @@ def wrist(tmp_path_factory):
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
-    found = design_excitation(wrist, **(QUICK | {"iterations": 5}))
+    found = design_excitation(wrist, options=replace(QUICK, evaluations=5))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
     assert not any(check.name.startswith("force") for check in found.checks)
@@ -277,12 +342,5 @@ def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
 def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     still = MotionLimits(positions={"wrist_joint": (0.0, 1e-9)})
     with pytest.warns(DataWarning, match=r"does not excite .*position of wrist_joint"):
-        found = design_excitation(wrist, limits=still, **(QUICK | {"iterations": 3}))
+        found = design_excitation(wrist, limits=still, options=replace(QUICK, evaluations=3))
     assert np.isinf(found.standard_errors).any()
-
-
-@pytest.mark.validate
-def test_processes_change_nothing_but_the_time(five_bar):
-    options = QUICK | {"starts": 2, "time_limit": 600.0}
-    alone, shared = (design_excitation(five_bar, n_jobs=n, **options) for n in (1, 2))
-    np.testing.assert_array_equal(alone.motion.position, shared.motion.position)

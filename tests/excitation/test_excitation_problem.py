@@ -1,6 +1,6 @@
 import os
-import pickle
 
+import coal
 import numpy as np
 import pytest
 
@@ -8,10 +8,8 @@ from closure_robots import body, joint, urdf
 from loopid import JointTerms, MotionLimits, find_force_model, load_mechanism
 from loopid.errors import ModelWarning
 from loopid.excitation import CRITERIA
-from loopid.excitation.limits import (
-    Bounds,
-    Collisions,
-)
+from loopid.excitation.collisions import Collisions, convex_hull
+from loopid.excitation.limits import Bounds
 from loopid.excitation.problem import (
     Coordinates,
     Problem,
@@ -21,7 +19,7 @@ from loopid.excitation.shapes import FourierShape
 from loopid.kinematics import measured_coordinates
 
 
-def problem(mechanism, model, terms=None, platform=False, collisions=None):
+def problem(mechanism, model, terms=None, platform=False):
     force_model = find_force_model(mechanism, model, terms)
     n = len(force_model.parameters)
     limits = MotionLimits(accelerations={"all": 5.0})
@@ -29,14 +27,13 @@ def problem(mechanism, model, terms=None, platform=False, collisions=None):
         force_model=force_model,
         coordinates=Coordinates(force_model, mechanism.platform.names if platform else None),
         shape=FourierShape(8.0, 3),
-        bounds=Bounds(
-            mechanism, limits, 0.02, model == "gravity", collisions, mechanism.reference[None]
-        ),
+        bounds=Bounds(mechanism, limits, 0.02, model == "gravity", mechanism.reference[None]),
         criterion=CRITERIA["D"],
         noise=np.linspace(1.0, 2.0, len(mechanism.actuated)),
         basis=np.eye(n),
         prior=np.zeros((n, n)),
         samples=800,
+        inset=0.01,
     )
 
 
@@ -47,12 +44,6 @@ def point(given, size):
     shape = given.shape
     around = size * shape.draw(np.random.default_rng(3), len(home)) * given.coordinates.units
     return given.of_variables(np.outer(shape.still(), home) + around)
-
-
-def test_a_problem_can_be_sent_to_another_process():
-    given = problem(load_mechanism("five_bar"), "full")
-    sent = pickle.loads(pickle.dumps(given))
-    np.testing.assert_array_equal(sent.bounds.upper, given.bounds.upper)
 
 
 @pytest.mark.parametrize(
@@ -105,3 +96,22 @@ def test_collisions_are_distances_between_links(tmp_path):
     file.write_text(file.read_text().replace("<sphere radius='0.1'/>", mesh))
     with pytest.warns(ModelWarning, match=r"there is no mesh .*fore\.stl"):
         assert Collisions(robot, q).pairs == 0
+
+
+def test_hulls_are_those_of_meshes_with_points_inside():
+    points = np.random.default_rng(0).uniform(-1, 1, (60, 3))
+    points[:8] = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(58, 60)
+    for k in range(58):
+        mesh.addTriangle(*points[k : k + 3])
+    mesh.endModel()
+    hull, ball = convex_hull(mesh), coal.Sphere(0.1)
+    for place in ([2, 0, 0], [0, -3, 0.5], [2, 2, 2]):
+        at = coal.Transform3s()
+        at.setTranslation(np.array(place, dtype=float))
+        found = coal.distance(
+            hull, coal.Transform3s(), ball, at, coal.DistanceRequest(), coal.DistanceResult()
+        )
+        outside = np.maximum(np.abs(place) - 1, 0)
+        assert found == pytest.approx(np.linalg.norm(outside) - 0.1, abs=1e-6)

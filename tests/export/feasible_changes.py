@@ -1,8 +1,13 @@
 """Parameters of bodies that exist, other than the robot file's; forces of a robot's own motion."""
 
+import re
+
 import numpy as np
+from lxml import etree
 
 from loopid import dynamic_regressor, gravity_regressor, random_configurations
+
+NUMBERS = re.compile(r"[-+.0-9eE\s]+$")
 
 
 def standard(P):
@@ -55,3 +60,15 @@ def forces_of_file(mechanism, model="full", count=20):
 def relative(one, other):
     """Largest difference, relative to the largest number."""
     return np.abs(one - other).max() / np.abs(other).max()
+
+
+def without_numbers(content):
+    """All that an XML holds in order, comments too, with numbers inside of inertials blanked."""
+    root, found = etree.fromstring(content), []
+    for node in root.getroottree().iter():
+        attributes = dict(node.attrib) if isinstance(node.tag, str) else {}
+        around = [node, *node.iterancestors()]
+        if any(isinstance(each.tag, str) and each.tag.endswith("inertial") for each in around):
+            attributes = {key: "" if NUMBERS.match(x) else x for key, x in attributes.items()}
+        found.append((node.tag, attributes, node.text or "", node.tail or ""))
+    return found

@@ -410,7 +410,7 @@ def test_refusals(monkeypatch):
     found = force_model("five_bar", "gravity", ())
     for name in ("1bar", "five bar", "", "é", "a__b", "a_"):
         with pytest.raises(OptionError, match="letters and digits"):
-            regressor_code(found, name)
+            regressor_code(found, name=name)
     with pytest.raises(DataError, match=r"shape \(\d+,\), not \(2,\)"):
         regressor_code(found, values=np.zeros(2))
     with pytest.raises(DataError, match="finite"):

@@ -1,10 +1,11 @@
-"""MJCF with new inertials: the same forces when it is loaded again, and no other byte changed."""
+"""MJCF with new inertials: the same forces when it is loaded again, and nothing else changed."""
 
 import re
 
 import numpy as np
 import pytest
 from feasible_changes import changed, forces, forces_of_file, relative
+from lxml import etree
 
 from loopid import load_mechanism
 from loopid.errors import (
@@ -47,7 +48,12 @@ ROBOT = """<?xml version="1.0"?>
   </worldbody>
 </mujoco>
 """
-INERTIAL = re.compile(r"\s*<inertial [^>]*/>")
+
+
+def without_inertials(content):
+    """All that a file holds in order, but inertials and space."""
+    nodes = etree.fromstring(content).getroottree().iter()
+    return [(n.tag, dict(n.attrib), (n.text or "").strip()) for n in nodes if n.tag != "inertial"]
 
 
 @pytest.fixture
@@ -63,10 +69,10 @@ def test_round_trip(arm, tmp_path, model):
     path = export_robot_file(arm, parameters, tmp_path / "new.xml")
     again = load_mechanism(path)
     assert relative(forces_of_file(again, model), forces(arm, parameters, model)) < 1e-9
-    old, new = ROBOT, path.read_text()
-    assert INERTIAL.sub("", new) == INERTIAL.sub("", old)
+    old, new = (without_inertials(content) for content in (ROBOT.encode(), path.read_bytes()))
+    assert new == old
     # The body made of a geom has one now, and its neighbour of one geom is part of another body.
-    assert new.count("<inertial") == old.count("<inertial") + 1
+    assert path.read_text().count("<inertial") == ROBOT.count("<inertial") + 1
 
 
 def test_the_files_own_parameters_change_no_byte(arm):
@@ -106,8 +112,9 @@ def test_impossible_bodies_are_refused_by_name(arm, tmp_path):
     with pytest.raises(DataError, match=r"link one .*mass is not positive \(-2"):
         export_robot_file(arm, rows.ravel(), tmp_path / "new.xml")
     assert not (tmp_path / "new.xml").exists()
-    with pytest.raises(OptionError, match=r"\.xml, \.mjcf"):
+    with pytest.raises(OptionError) as refused:
         export_robot_file(arm, changed(arm), tmp_path / "new.urdf")
+    assert refused.value.facts == {"given": ".urdf", "valid": (".xml",)}
 
 
 @pytest.mark.filterwarnings("ignore:.*settotalmass. is deprecated")

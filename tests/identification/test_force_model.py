@@ -177,7 +177,7 @@ def test_joint_terms_that_nobody_knows_are_left_to_the_data(knee_model, motions,
     assert np.isfinite(prior.deviations[knee_model.body_columns]).all()
     W = knee_model.regressor(motions[0])
     force = W @ truth + np.random.default_rng(0).normal(size=W.shape[:2])
-    recording = Recording.of_motion("run", knee_model.mechanism.actuated, motions[0], force)
+    recording = Recording.of_motion(motions[0], force, knee_model.mechanism.actuated)
     samples = knee_model.samples(recording)
     found, plain = quiet_fit(samples, BayesianRidge(prior)), quiet_fit(samples)
     assert (found.standard_errors < 1.05 * plain.standard_errors).all()

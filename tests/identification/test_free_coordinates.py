@@ -74,12 +74,12 @@ def fall(robot, seed, count=300):
     q = random_configurations(robot, count, seed=seed)
     rates, _ = random_motions(robot, count, seed=seed)
     forces = 10 * np.random.default_rng(seed).uniform(-1, 1, (count, len(robot.actuated)))
-    motion = forward_dynamics(robot, q, rates, forces)
+    motion = forward_dynamics(robot, q, rates, forces=forces)
     accelerations = motion.accelerations[:, motion.projection.independent]
     measure = singularity_measure(robot, q)
     moved = JointMotion(np.arange(count) / 10, q, rates, accelerations, measure)
     none = np.zeros((count, len(robot.free)))
-    return Recording.of_motion("fall", robot.independent, moved, np.hstack([forces, none]))
+    return Recording.of_motion(moved, np.hstack([forces, none]), robot.independent, name="fall")
 
 
 @pytest.fixture(scope="module")

@@ -114,7 +114,7 @@ def test_a_log_without_anything_in_it_excites_nothing(knee):
     model = find_force_model(knee, "gravity", JointTerms(knee.actuated))
     motion = one_joint(knee, 0, 0.02)
     force = np.zeros((len(motion.time), 4))
-    nothing = Recording.of_motion("nothing", knee.actuated, motion, force)
+    nothing = Recording.of_motion(motion, force, knee.actuated, name="nothing")
     found = identifiability(model, [replace(nothing, used=np.zeros_like(nothing.used))])
     assert (found.rank, len(found.unidentifiable)) == (0, 23)
     assert set(found.assumed) == set(model.parameters.labels)

@@ -47,7 +47,7 @@ def measured(model, motion, truth, seed):
     velocity = differentiate(position, RATE)
     noisy = Motion(motion.names, motion.time, position, velocity, differentiate(velocity, RATE))
     errors = 0.1 * rng.normal(size=force.shape)
-    return Recording.of_motion("run", robot.actuated, joint_motion(robot, noisy), force + errors)
+    return Recording.of_motion(joint_motion(robot, noisy), force + errors, robot.actuated)
 
 
 def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):

@@ -78,7 +78,7 @@ def test_what_each_motor_measures_tells_the_truth(robot, model, motion, truth):
         :, robot.velocity_indices(robot.actuated)
     ]
     forces, errors = np.einsum("nmi,nm->ni", G, exact.force), []
-    samples = model.samples(Recording.of_motion("run", robot.independent, motion, forces))
+    samples = model.samples(Recording.of_motion(motion, forces, robot.independent))
     generator = np.random.default_rng(5)
     for _ in range(DRAWS):
         noise = np.einsum("nmi,nm->ni", G, generator.normal(scale=NOISE, size=shape))

@@ -208,7 +208,7 @@ def test_no_force_acts_on_what_is_free(name, linkage, load_files):
     q, (rates, _) = random_configurations(robot, 5), random_motions(robot, 5)
     motors = len(robot.actuated)
     forces = np.random.default_rng(1).uniform(-5, 5, size=(5, motors))
-    motion = forward_dynamics(robot, q, rates, forces)
+    motion = forward_dynamics(robot, q, rates, forces=forces)
     felt = motion_regressor(robot, motion) @ robot.standard_parameters()
     np.testing.assert_allclose(felt[:, motors:], 0, atol=1e-9)
     np.testing.assert_allclose(felt[:, :motors], forces, atol=1e-9)

@@ -33,7 +33,7 @@ def simulate(robot, seconds=4.0, friction=FRICTION):
     shifts = ([0.05, 0.03, 0.2, -0.2], [-0.06, 0.02, -0.1, -0.1], [0.0, 0.04, 0.1, 0.1])
     ways = [Waypoint(start + np.array(shift), seconds) for shift in shifts]
     ways.append(Waypoint(start, seconds))
-    motion = joint_motion(robot, point_to_point(robot.platform.names, start, ways, 100.0))
+    motion = joint_motion(robot, point_to_point(robot.platform.names, start, ways, rate=100.0))
     terms = JointTerms(robot.actuated, ("Fc", "Fv"))
     measured = simulate_measurement(robot, motion, joint_terms=terms, joint_values=friction)
     return Truth(motion, measured.time, measured.position, measured.force)

@@ -1,30 +1,32 @@
 from .base import (
-    STRATEGIES as STRATEGIES,
+    SEARCHES as SEARCHES,
+    BaseParameter as BaseParameter,
     BaseParameters as BaseParameters,
+    FeltParameters as FeltParameters,
     expression as expression,
     find_base_parameters as find_base_parameters,
-    make_strategy as make_strategy,
+    find_felt_parameters as find_felt_parameters,
 )
 from .choice import (
     CRITERIA as CRITERIA,
-    TIE_TOLERANCE as TIE_TOLERANCE,
     ChoiceProblem as ChoiceProblem,
     Exclusion as Exclusion,
-    ExhaustiveSearch as ExhaustiveSearch,
+    SearchEffort as SearchEffort,
     SearchResult as SearchResult,
     SearchStrategy as SearchStrategy,
 )
 from .exact import (
-    TIME_LIMIT as TIME_LIMIT,
     ExactSearch as ExactSearch,
 )
-from .guess import (
+from .exhaustive import (
+    ExhaustiveSearch as ExhaustiveSearch,
+)
+from .pivoted import (
     PivotedQR as PivotedQR,
 )
 from .rank import (
     DoubtfulCombination as DoubtfulCombination,
     RankTolerances as RankTolerances,
-    decide_rank as decide_rank,
     without_effect as without_effect,
 )
 from .structure import (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property, partial
 from html import escape
 from types import MappingProxyType
 
@@ -19,15 +19,15 @@ from loopid.arguments import (
 )
 from loopid.base_parameters.choice import (
     ChoiceProblem,
-    ExhaustiveSearch,
+    SearchEffort,
     SearchResult,
     SearchStrategy,
 )
-from loopid.base_parameters.exact import ExactSearch
-from loopid.base_parameters.guess import PivotedQR
 from loopid.base_parameters.rank import (
     DoubtfulCombination,
+    RankTolerances,
     warn_of_doubts,
+    without_effect,
 )
 from loopid.base_parameters.structure import (
     Structure,
@@ -35,7 +35,6 @@ from loopid.base_parameters.structure import (
     base_columns,
     regrouping_matrix,
 )
-from loopid.base_parameters.subgroup import SubgroupSearch
 from loopid.errors import (
     DataError,
     OptionError,
@@ -43,14 +42,48 @@ from loopid.errors import (
 )
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
+from loopid.records import record
+from loopid.registry import Registry
 
-STRATEGIES: dict[str, type[SearchStrategy]] = {
-    strategy.name: strategy
-    for strategy in (ExactSearch, SubgroupSearch, ExhaustiveSearch, PivotedQR)
-}
+SEARCHES: Registry[type[SearchStrategy]] = Registry(
+    "search",
+    {
+        "exact": "loopid.base_parameters.exact:ExactSearch",
+        "subgroup": "loopid.base_parameters.subgroup:SubgroupSearch",
+        "exhaustive": "loopid.base_parameters.exhaustive:ExhaustiveSearch",
+        "qr": "loopid.base_parameters.pivoted:PivotedQR",
+    },
+)
+LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
-@dataclass(frozen=True, repr=False)
+@record
+class BaseParameter:
+    """One base parameter: a standard parameter and those regrouped with it.
+
+    Attributes
+    ----------
+    name : str
+        Label of the standard parameter that leads it, with factor 1.
+    factors : mapping
+        Labels of the dependent parameters in it, to their factors.
+    """
+
+    name: str
+    factors: Mapping[str, float]
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """All labels with their factors, the leading one first."""
+        return {self.name: 1.0, **self.factors}
+
+    @property
+    def expression(self) -> str:
+        """A readable sum."""
+        return expression(self.terms)
+
+
+@record
 class BaseParameters:
     """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 
@@ -70,8 +103,10 @@ class BaseParameters:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
+    >>> robot = loopid.load_mechanism("3ups_rpu")
     >>> base = loopid.find_base_parameters(loopid.structural_observation(robot))
+    >>> base["platform.mx"].expression
+    'platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m'
     >>> base.matrix.shape == (len(base), len(base.parameters))
     True
     """
@@ -85,6 +120,20 @@ class BaseParameters:
 
     def __len__(self) -> int:
         return len(self.base)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __getitem__(self, name: str) -> BaseParameter:
+        if name not in self.names:
+            raise OptionError.unknown("base parameter", name, self.names)
+        labels, row = self.parameters.labels, self.regrouping[self.names.index(name)]
+        return BaseParameter(
+            name, {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
+        )
 
     def __repr__(self) -> str:
         return (
@@ -106,7 +155,7 @@ class BaseParameters:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Label of the standard parameter that leads each base parameter, coefficient 1."""
+        """Label of the standard parameter that leads each base parameter, factor 1."""
         return self.parameters.select(self.base).labels
 
     @cached_property
@@ -181,19 +230,30 @@ class BaseParameters:
         return float(np.linalg.norm(rebuilt - matrix)) / size if size else 0.0
 
 
-def make_strategy(search: str | SearchStrategy) -> SearchStrategy:
-    """A strategy with its default options, by name; a strategy comes back as it is."""
-    if isinstance(search, SearchStrategy):
-        return search
-    if search not in STRATEGIES:
-        raise OptionError.unknown("search", search, STRATEGIES)
-    return STRATEGIES[search]()
+@record
+class FeltParameters:
+    """Base parameters of a robot with coordinates that the motors leave free.
+
+    Attributes
+    ----------
+    base : BaseParameters
+        Of all rows: forces of the motors, and "= 0" of free coordinates.
+    motors_alone : BaseParameters or None
+        What the motors alone feel; None without free coordinates, or where they feel nothing.
+    """
+
+    base: BaseParameters
+    motors_alone: BaseParameters | None
 
 
+@checked
 def find_base_parameters(
     observation: Observation,
     search: str | SearchStrategy = "exact",
+    *,
     criterion: str = "nullspace",
+    tolerances: RankTolerances = RankTolerances(),
+    effort: SearchEffort | None = None,
 ) -> BaseParameters:
     """Find the base parameters of an observation and the best way of writing them.
 
@@ -201,17 +261,26 @@ def find_base_parameters(
     ----------
     observation : Observation
     search : str or SearchStrategy
-        ``"exact"``, ``"subgroup"``, ``"exhaustive"``, ``"qr"``, or a strategy with options.
+        ``"exact"``, ``"subgroup"``, ``"exhaustive"``, ``"qr"`` or another of ``SEARCHES``, or a
+        strategy with options.
     criterion : str
         ``"nullspace"`` for the least cond(V22), ``"regressor"`` for the least cond(W_B).
+    tolerances : RankTolerances
+    effort : SearchEffort, optional
+        Instead of the search's own.
 
     Raises
     ------
     RankError
-        When the rank is ambiguous.
+        When no parameter has an effect, or when there are too few rows.
     SearchError
         When the search is refused or finds nothing.
     OptionError
+
+    Warns
+    -----
+    AccuracyWarning
+        When combinations are doubtful: they do not count.
 
     Examples
     --------
@@ -221,8 +290,9 @@ def find_base_parameters(
     >>> len(base), base.search.certified, round(base.nullspace_condition_number, 4)
     (15, True, 2.237)
     """
-    strategy = make_strategy(search)
-    structure = analyse(observation)
+    strategy = SEARCHES[search]() if isinstance(search, str) else search
+    strategy = strategy if effort is None else replace(strategy, effort=effort)
+    structure = analyse(observation, tolerances)
     warn_of_doubts(structure.doubtful)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
@@ -232,7 +302,9 @@ def find_base_parameters(
     if result.dependent is None:
         raise SearchError(
             f"{result.name} search found no valid choice among {result.evaluated:,} of "
-            f"{result.candidates:,} combinations: use search='exact', or another order of columns"
+            f"{result.candidates:,} combinations: use search='exact', or another order of columns",
+            search=result.name,
+            evaluated=result.evaluated,
         )
     dependent = np.sort(order[list(result.dependent)])
     result = replace(result, dependent=tuple(dependent.tolist()))
@@ -240,11 +312,48 @@ def find_base_parameters(
     return BaseParameters(
         parameters=observation.parameters,
         structure=structure,
-        base=frozen(structure.columns[base], np.int64),
-        dependent=frozen(structure.columns[dependent], np.int64),
-        regrouping=frozen(regrouping_matrix(structure.null_basis, dependent, structure.precision)),
+        base=structure.columns[base],
+        dependent=structure.columns[dependent],
+        regrouping=regrouping_matrix(structure.null_basis, dependent, structure.precision),
         search=result,
     )
+
+
+@checked
+def find_felt_parameters(
+    observation: Observation,
+    search: str | SearchStrategy = "exact",
+    *,
+    criterion: str = "nullspace",
+    tolerances: RankTolerances = RankTolerances(),
+    effort: SearchEffort | None = None,
+) -> FeltParameters:
+    """Find the base parameters, and those that the motors alone feel, within one time limit.
+
+    Parameters
+    ----------
+    observation, search, criterion, tolerances, effort
+        As in ``find_base_parameters``. The second search has the time that the first one left.
+
+    Raises
+    ------
+    RankError, SearchError, OptionError
+        As ``find_base_parameters``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> loopid.base_parameters.find_felt_parameters(observation).motors_alone is None
+    True
+    """
+    find = partial(find_base_parameters, criterion=criterion, tolerances=tolerances)
+    base, alone = find(observation, search, effort=effort), observation.motors_alone
+    if alone is None or without_effect(alone):
+        return FeltParameters(base, None)
+    left = max(base.search.effort.time_limit - base.search.seconds, LEAST_TIME)
+    rest = replace(base.search.effort, time_limit=left)
+    return FeltParameters(base, find(alone, search, effort=rest))
 
 
 @checked

@@ -1,4 +1,4 @@
-"""The choice of the dependent parameters, what all searches share, and the one that tries all.
+"""The choice of the dependent parameters: the problem, and what all searches share.
 
 Ties are broken alike by all that list them: fewest terms first, then the smallest coefficients,
 then the dependent columns that come first. So the answer is unique.
@@ -8,18 +8,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from itertools import chain, combinations, islice
+from dataclasses import dataclass, field, fields, replace
 from math import comb, inf
 from time import perf_counter
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from loopid.arguments import (
     FloatArray,
     IntArray,
-    checked,
     checked_fields,
 )
 from loopid.base_parameters.structure import (
@@ -27,33 +25,66 @@ from loopid.base_parameters.structure import (
     base_columns,
     regrouping_matrix,
 )
-from loopid.errors import (
-    OptionError,
-    SearchError,
-)
-from loopid.workers import (
-    Progress,
-    one_blas_thread,
-)
+from loopid.errors import OptionError
+from loopid.records import record
+from loopid.workers import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
-# Choices whose condition numbers differ by less than this fraction are ties.
-TIE_TOLERANCE = 1e-9
-# Sums of coefficients that differ by less than this are equal.
-EQUAL_COEFFICIENTS = 1e-6
+EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
 BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 # Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
-# Of the search that tries all: combinations, and those whose matrices are in memory together.
-MOST_CANDIDATES, CHUNK = 2_000_000_000, 1 << 14
-# Round-off of a determinant, relative, for matrices that could be the best.
-DETERMINANT_SLACK = 1e-6
-MOST_TIES = 20_000  # selections among which the most readable is chosen; the others are counted
 
 
 @checked_fields
-@dataclass(frozen=True)
+@record(kw_only=True)
+class SearchEffort:
+    """How far a search goes, and how exact it is.
+
+    Attributes
+    ----------
+    time_limit : float
+        In s, after which exact search returns the best so far, not certified.
+    tolerance : float
+        Choices whose condition numbers differ by less than this fraction are ties. Round-off may
+        ask for more; what was used is returned.
+    most_tolerance : float
+        No certificate is given to a coarser one: digits that tie would then be digits that count.
+    nodes : int
+        That a box is asked about at the first effort; four times as many at every further one.
+    ties, tie_nodes : int
+        So many ties of a block are listed, with so many nodes, and the most readable is chosen.
+        Where there are more, the dependent columns that come first decide.
+    candidates : int
+        Combinations that exhaustive search tries at most: some hours.
+    memory : int
+        In bytes, that the combinations and matrices of a group of subgroup search may take.
+
+    Raises
+    ------
+    OptionError
+        Unless all are above 0.
+    """
+
+    time_limit: float = 10.0
+    tolerance: float = 1e-9
+    most_tolerance: float = 1e-6
+    nodes: int = 1024
+    ties: int = 20_000
+    tie_nodes: int = 4096
+    candidates: int = 2_000_000_000
+    memory: int = 2**30
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not value > 0:
+                raise OptionError(f"{each.name} must be positive, not {value}", given=value)
+
+
+@checked_fields
+@record
 class ChoiceProblem:
     """Choose d of n parameters to be dependent, so that the criterion is least.
 
@@ -129,7 +160,7 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
     return ratio
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Exclusion:
     """A box of eigenvalues that no selection of a block lies in, and the tree that shows it."""
 
@@ -143,7 +174,7 @@ class Exclusion:
     leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
 
 
-@dataclass(frozen=True)
+@record
 class SearchResult:
     """What a search found.
 
@@ -173,8 +204,10 @@ class SearchResult:
     tolerance : float
         Relative; see ``certified``.
     seconds : float
-    record : tuple of Exclusion
-        The proof, where ``ExactSearch`` was asked to keep it.
+    proof : tuple of Exclusion
+        Where ``ExactSearch`` was asked to keep it.
+    effort : SearchEffort
+        How far the search was to go.
     """
 
     name: str
@@ -187,10 +220,11 @@ class SearchResult:
     nodes: int = 0
     ties: int | None = None
     gap: float = inf
-    tolerance: float = TIE_TOLERANCE
+    tolerance: float = SearchEffort.tolerance
     reason: str = ""
-    seconds: float = 0.0
-    record: tuple[Exclusion, ...] = field(default=(), repr=False)
+    seconds: float = field(default=0.0, compare=False)
+    proof: tuple[Exclusion, ...] = ()
+    effort: SearchEffort = SearchEffort()
 
     @property
     def found(self) -> bool:
@@ -207,10 +241,18 @@ class SearchResult:
         )
 
 
+@record
 class SearchStrategy(ABC):
-    """A way of choosing the dependent parameters."""
+    """A way of choosing the dependent parameters; a new one is a file and a line in ``SEARCHES``.
+
+    Parameters
+    ----------
+    effort : SearchEffort
+    """
 
     name: ClassVar[str]
+
+    effort: SearchEffort = SearchEffort()
 
     def search(self, problem: ChoiceProblem) -> SearchResult:
         """Solve a choice problem, on one BLAS thread: the matrices are small.
@@ -230,16 +272,22 @@ class SearchStrategy(ABC):
 
     def _no_choice(self, problem: ChoiceProblem) -> SearchResult:
         """The only answer where every parameter is a base parameter."""
+        return self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
+
+    def _result(
+        self, problem: ChoiceProblem, dependent: Iterable[int] | None, **found: Any
+    ) -> SearchResult:
+        """What was found of a problem."""
+        chosen = None if dependent is None else tuple(map(int, dependent))
+        value = inf if chosen is None else problem.condition_number(np.array(chosen, dtype=int))
         return SearchResult(
             name=self.name,
             criterion=problem.criterion,
-            dependent=(),
-            condition_number=problem.condition_number(np.empty(0, dtype=np.int64)),
-            certified=True,
-            candidates=1,
-            evaluated=1,
-            ties=1,
-            gap=1.0,
+            dependent=chosen,
+            condition_number=value,
+            candidates=problem.candidates,
+            effort=self.effort,
+            **found,
         )
 
 
@@ -287,72 +335,3 @@ def readabilities(
         terms, totals = (beta > 0).sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
         for count, total, own in zip(terms, totals, names[part].tolist(), strict=True):
             yield Readability(count, total, tuple(sorted(own)))
-
-
-class ExhaustiveSearch(SearchStrategy):
-    """Gautier's search: evaluate every one of the C(n, d) combinations [Gautier1991].
-
-    Each is judged by a determinant, which costs a fifth of its singular values. With all singular
-    values between σ_max / κ and σ_max, |det| >= σ_max^k / κ^(k-1), and σ_max is at least the root
-    mean square of the singular values, ‖X_S‖_F / sqrt(k). A combination whose determinant is
-    smaller cannot have a condition number κ; only the others get their singular values computed.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the numbers of combinations done and in all.
-    """
-
-    name = "exhaustive"
-
-    @checked
-    def __init__(self, progress: Progress | None = None) -> None:
-        self.progress = progress
-
-    def _search(self, problem: ChoiceProblem) -> SearchResult:
-        total, vectors = problem.candidates, problem.vectors
-        if total > MOST_CANDIDATES:
-            raise SearchError(
-                f"exhaustive search would evaluate C({problem.size}, {problem.dependent_count}) = "
-                f"{total:,} combinations (bound {MOST_CANDIDATES:,}): use search='exact'"
-            )
-        size, count = vectors.shape
-        best, least, ties = np.empty((0, count), dtype=np.int64), np.inf, 0
-        every = combinations(range(size), count)
-        for done in range(0, total, CHUNK):
-            numbers = chain.from_iterable(islice(every, CHUNK))
-            selections = np.fromiter(numbers, np.int64).reshape(-1, count)
-            kept, found = promising(vectors, selections, least)
-            lowest = float(found.min(initial=np.inf))
-            if least > lowest * (1 + TIE_TOLERANCE):
-                best, ties = best[:0], 0
-            least = min(least, lowest)
-            tied = kept[(found <= least * (1 + TIE_TOLERANCE)) & (found < np.inf)]
-            best, ties = np.concatenate([best, selections[tied]])[:MOST_TIES], ties + len(tied)
-            if self.progress is not None:
-                self.progress(min(done + CHUNK, total), total)
-        chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
-        return SearchResult(
-            name=self.name,
-            criterion=problem.criterion,
-            dependent=chosen.dependent,
-            condition_number=problem.condition_number(np.array(chosen.dependent)),
-            certified=True,
-            gap=1.0,
-            candidates=total,
-            evaluated=total,
-            ties=ties,
-        )
-
-
-def promising(
-    vectors: FloatArray, selections: IntArray, least: float
-) -> tuple[IntArray, FloatArray]:
-    """Which of some selections (c, k) may reach a condition number, and theirs."""
-    matrices, count = vectors[selections], selections.shape[1]
-    mean = np.sqrt((vectors**2).sum(axis=1)[selections].sum(axis=1) / count)
-    # One power of a quotient: a power of the condition number alone could overflow.
-    quotient = mean / (least * (1 + TIE_TOLERANCE))
-    enough = mean * quotient ** (count - 1) * (1 - DETERMINANT_SLACK)
-    kept = np.flatnonzero(np.abs(np.linalg.det(matrices)) >= enough)
-    return kept, condition_numbers(matrices[kept])

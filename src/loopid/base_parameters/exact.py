@@ -11,22 +11,28 @@ listed and the most readable one is returned. Derivation in docs/derivations.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import count, islice
+from itertools import combinations, count, islice
 from math import sqrt
 from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 
 from loopid.arguments import (
     IntArray,
-    checked,
+    checked_fields,
+)
+from loopid.base_parameters.blocks import (
+    Block,
+    Levels,
+    split,
 )
 from loopid.base_parameters.choice import (
     NOTHING,
-    TIE_TOLERANCE,
     ChoiceProblem,
     Exclusion,
     Readability,
+    SearchEffort,
     SearchResult,
     SearchStrategy,
     most_readable,
@@ -39,84 +45,70 @@ from loopid.base_parameters.guess import (
 )
 from loopid.base_parameters.tree import (
     UNIT_ROUND_OFF,
-    Block,
     Budget,
     Leaves,
-    Levels,
     OutOfBudgetError,
     margin,
     selections_between,
-    split,
 )
-from loopid.errors import OptionError
+from loopid.records import record
 
-TIME_LIMIT = 10.0  # s
-# No certificate is given to a coarser tolerance than this.
-MOST_TOLERANCE = 1e-6
-# Boxes are asked about with so many nodes at the first effort, and so many times more at every
-# further one; ends of the interval that are this close are worth no further question.
-FIRST_NODES, MORE_NODES, FINENESS, NEAR = 1024, 4, 1e-2, 1.05
-# Ties of a block are listed up to this many, found in at most so many nodes; where there are more,
-# the dependent columns that come first decide.
-MOST_TIES, MOST_TIE_NODES = 20_000, 4096
+MORE_NODES = 4  # times as many, that a box is asked about at every further effort
+# Ends of the interval that are this close are worth no further question, or need no middle.
+FINENESS, NEAR = 1e-2, 1.05
 
 Selections = list[IntArray]
 
 
+@checked_fields
+@record
 class ExactSearch(SearchStrategy):
     """Find the global optimum and prove it.
 
     Parameters
     ----------
-    time_limit : float
-        Seconds after which the best choice so far is returned, not certified.
-    record : bool
-        Whether the result keeps the proof, as ``SearchResult.record``.
+    effort : SearchEffort
+    proof : bool
+        Whether the result keeps the proof, as ``SearchResult.proof``.
 
     Examples
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, loopid.ExactSearch(time_limit=5.0))
+    >>> base = loopid.find_base_parameters(observation, loopid.ExactSearch(proof=True))
     >>> base.search.certified, base.search.gap
     (True, 1.0)
     """
 
-    name = "exact"
+    name: ClassVar[str] = "exact"
 
-    @checked
-    def __init__(self, time_limit: float = TIME_LIMIT, record: bool = False) -> None:
-        if not time_limit > 0:
-            raise OptionError(f"time_limit must be positive, not {time_limit} s")
-        self.time_limit, self.record = time_limit, record
+    effort: SearchEffort = SearchEffort()
+    proof: bool = False
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        budget = Budget(perf_counter() + self.time_limit)
+        budget = Budget(perf_counter() + self.effort.time_limit)
         blocks, apart = split(problem)
-        interval = _Interval(blocks, apart, budget, self.record)
+        interval = _Interval(blocks, apart, budget, self)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
-        if interval.tolerance <= MOST_TOLERANCE:
+        if interval.tolerance <= self.effort.most_tolerance:
             try:
                 interval.close()
                 choice, ties, near = _most_readable_tie(interval)
                 dependent, reason = choice.dependent, "near ties" if near else ""
             except OutOfBudgetError:
                 dependent, reason = _joint_dependent(blocks, interval.best), "time limit"
-        return SearchResult(
-            name=self.name,
-            criterion=problem.criterion,
-            dependent=dependent,
-            condition_number=problem.condition_number(np.array(dependent, dtype=np.int64)),
+        return self._result(
+            problem,
+            dependent,
             certified=not reason,
             gap=interval.gap if reason != "round-off" else np.inf,
-            candidates=problem.candidates,
-            evaluated=interval.budget.leaves,
-            nodes=interval.budget.nodes,
+            evaluated=budget.leaves,
+            nodes=budget.nodes,
             ties=ties,
             tolerance=interval.tolerance,
             reason=reason,
-            record=tuple(interval.record),
+            proof=tuple(interval.proof),
         )
 
 
@@ -126,9 +118,12 @@ class _Interval:
     ``apart`` is how far singular values of the blocks may be from those of the problem.
     """
 
-    def __init__(self, blocks: Sequence[Block], apart: float, budget: Budget, keep: bool) -> None:
-        self.blocks, self.budget, self.keep = blocks, budget, keep
-        self.record: list[Exclusion] = []
+    def __init__(
+        self, blocks: Sequence[Block], apart: float, budget: Budget, search: ExactSearch
+    ) -> None:
+        self.blocks, self.budget = blocks, budget
+        self.effort, self.keep = search.effort, search.proof
+        self.proof: list[Exclusion] = []
         least_largest = max(block.least_largest for block in blocks)
         self.best = [good_selection(block, budget, least_largest) for block in blocks]
         self._known = [
@@ -155,8 +150,9 @@ class _Interval:
         if not self.levels.smallest > 0:
             return np.inf
         neglected = apart * (1 / sqrt(self.levels.smallest) + 1 / sqrt(self.levels.largest))
-        decades = np.ceil(np.log10(4 * (computed + neglected) / TIE_TOLERANCE))
-        return TIE_TOLERANCE * 10 ** max(0.0, float(decades))
+        wanted = self.effort.tolerance
+        decades = np.ceil(np.log10(4 * (computed + neglected) / wanted))
+        return wanted * 10 ** max(0.0, float(decades))
 
     @property
     def closed(self) -> bool:
@@ -238,7 +234,7 @@ class _Interval:
     def _ask(self, above: float, below: float, effort: int) -> Selections | None:
         """Joint selections in a box, None if a block has none; OutOfBudgetError if undecided."""
         found, undecided = [], False
-        most = FIRST_NODES * MORE_NODES**effort
+        most = self.effort.nodes * MORE_NODES**effort
         for b in sorted(range(len(self.blocks)), key=lambda b: self._known[b][-1][1].smallest):
             known = [own for own, levels in self._known[b] if _inside(levels, above, below)]
             if not known:
@@ -257,7 +253,7 @@ class _Interval:
                 if own is None:
                     if leaves is not None:
                         vectors = self.blocks[b].vectors
-                        self.record.append(Exclusion(b, vectors, above, below, tuple(leaves)))
+                        self.proof.append(Exclusion(b, vectors, above, below, tuple(leaves)))
                     return None
                 known = [self._polished(b, own, below)]
             found.append((b, known[-1]))
@@ -318,17 +314,16 @@ def _joint_dependent(blocks: Sequence[Block], selections: Selections) -> tuple[i
 
 def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bool]:
     """The most readable of the best choices, how many there are, and whether some nearly tie."""
-    choices, ties, near = [], 0, False
+    choices, ties, near = [], 0, _overlap(interval)
     for levels in interval.tied:
         choice, ways = NOTHING, 1
         for block in interval.blocks:
-            selections, nearly = _listed(block, levels, interval.tolerance, interval.budget)
+            selections, nearly = _listed(block, levels, interval)
             near |= nearly
             if selections:
                 ways *= sum(block.ways(own) for own in selections)
             else:
-                ways = 0
-                selections = [_first(block, levels, interval.tolerance, interval.budget)]
+                ways, selections = 0, [_first(block, levels, interval)]
             dependent = block.dependent(np.array(selections))
             if len(dependent) * len(interval.tied) == 1:  # nothing to compare
                 choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
@@ -340,9 +335,20 @@ def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bo
     return most_readable(choices), None if near else ties or None, near
 
 
-def _listed(
-    block: Block, levels: Levels, tolerance: float, budget: Budget
-) -> tuple[Selections, bool]:
+def _overlap(interval: _Interval) -> bool:
+    """Whether some selection may keep to two pairs of tied levels, and would be counted twice.
+
+    Its value is at most the smaller largest over the larger smallest, which is below the least
+    value unless the pairs nearly agree.
+    """
+    least = interval.levels.ratio * (1 - 2 * interval.tolerance)
+    return any(
+        min(one.largest, other.largest) > least * max(one.smallest, other.smallest)
+        for one, other in combinations(interval.tied, 2)
+    )
+
+
+def _listed(block: Block, levels: Levels, interval: _Interval) -> tuple[Selections, bool]:
     """All selections that keep to the levels, and whether some nearly do; none if too many.
 
     What is within half of the tolerance keeps to them, what is beyond twice of it does not;
@@ -350,28 +356,30 @@ def _listed(
     """
     if block.size == block.count:
         return [np.arange(block.size)], False
+    tolerance, budget, effort = interval.tolerance, interval.budget, interval.effort
     above, below = levels.smallest * (1 - 2 * tolerance), levels.largest * (1 + 2 * tolerance)
-    part = budget.part(MOST_TIE_NODES)
+    part = budget.part(effort.tie_nodes)
     try:
-        listed = list(islice(selections_between(block, above, below, part), MOST_TIES + 1))
+        listed = list(islice(selections_between(block, above, below, part), effort.ties + 1))
     except OutOfBudgetError:
         budget.check()
         return [], False
     finally:
         budget.add(part)
-    if len(listed) > MOST_TIES:
+    if len(listed) > effort.ties:
         return [], False
     above, below = levels.smallest * (1 - tolerance / 2), levels.largest * (1 + tolerance / 2)
     kept = [own for own in listed if _inside(block.levels(own), above, below)]
     return kept, len(kept) < len(listed)
 
 
-def _first(block: Block, levels: Levels, tolerance: float, budget: Budget) -> IntArray:
+def _first(block: Block, levels: Levels, interval: _Interval) -> IntArray:
     """The selection that keeps to the levels and makes the first columns dependent.
 
     Column after column is made dependent where some selection allows it: an answer that does not
     depend on how selections are found.
     """
+    tolerance, budget = interval.tolerance, interval.budget
     above, below = levels.smallest * (1 - tolerance), levels.largest * (1 + tolerance)
     settled: tuple[list[int], list[int]] = ([], [])
     dependent, base = settled if block.selects_dependent else settled[::-1]

@@ -21,22 +21,16 @@ from loopid.arguments import (
     IntArray,
     random_generator,
 )
-from loopid.base_parameters.choice import (
-    ChoiceProblem,
-    SearchResult,
-    SearchStrategy,
-)
-from loopid.base_parameters.structure import base_columns
-from loopid.base_parameters.tree import (
+from loopid.base_parameters.blocks import (
     Block,
-    Budget,
     Levels,
+)
+from loopid.base_parameters.rank import pivots
+from loopid.base_parameters.tree import (
+    Budget,
     OutOfBudgetError,
 )
 
-# Remaining norms that differ by less than this fraction are equal: the first vector is taken.
-EQUAL_NORMS = 1e-6
-LEFT = 1e-6  # of a squared norm, from which on subtracting leaves it inexact
 BELOW, ABOVE = 1.0, -1.0
 SIDES = ((BELOW,), (BELOW, ABOVE))
 # Barriers, as fractions of the eigenvalue next to them; far ones see more of the others.
@@ -52,48 +46,6 @@ LEAST_RATIO = 1e-13  # of the eigenvalues of a selection that walks can start fr
 # much of |det X_S|.
 LARGE, KICKS, KICK_SWAPS, KICK_VOLUME = 36, 20, 4, 0.3
 HUGE = 300  # vectors of blocks whose walks take longer than they are worth repeating
-
-
-class PivotedQR(SearchStrategy):
-    """Take the columns of W greedily, each the one farthest from the span of those taken."""
-
-    name = "qr"
-
-    def _search(self, problem: ChoiceProblem) -> SearchResult:
-        structure = problem.structure
-        base = pivots(structure.row_factor.T, structure.rank)
-        dependent = base_columns(problem.size, base)
-        return SearchResult(
-            name=self.name,
-            criterion=problem.criterion,
-            dependent=tuple(dependent.tolist()),
-            condition_number=problem.condition_number(dependent),
-            certified=False,
-            candidates=problem.candidates,
-            evaluated=1,
-        )
-
-
-def pivots(vectors: FloatArray, count: int) -> IntArray:
-    """Rows (count,) of vectors (n, m) in the order of pivoted QR; round-off decides no pivot."""
-    basis, along = np.empty((count, vectors.shape[1])), np.empty((len(vectors), count))
-    squares = np.einsum("ij,ij->i", vectors, vectors)  # of what is left of each vector
-    exact, chosen = squares.copy(), np.empty(count, dtype=np.int64)
-    for k in range(count):
-        norms = np.sqrt(np.maximum(squares, 0.0))
-        norms[chosen[:k]] = -1.0
-        chosen[k] = pivot = int(np.argmax(norms >= norms.max() * (1 - EQUAL_NORMS)))
-        rest = vectors[pivot].copy()
-        for _ in range(2):  # once more for what round-off left
-            rest -= (basis[:k] @ rest) @ basis[:k]
-        basis[k] = rest / (np.linalg.norm(rest) or 1.0)
-        along[:, k] = vectors @ basis[k]
-        squares -= along[:, k] ** 2
-        # What is left of a vector after much was taken away is round-off: it is found anew.
-        if len(lost := np.flatnonzero(squares < LEFT * exact)):
-            left = vectors[lost] - along[lost, : k + 1] @ basis[: k + 1]
-            squares[lost] = exact[lost] = np.einsum("ij,ij->i", left, left)
-    return chosen
 
 
 def good_selection(block: Block, budget: Budget, least_largest: float = 0.0) -> IntArray:

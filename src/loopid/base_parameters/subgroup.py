@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from math import ceil, comb
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,33 +21,38 @@ from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    checked,
+    checked_fields,
 )
 from loopid.base_parameters.choice import (
     ChoiceProblem,
+    SearchEffort,
     SearchResult,
     SearchStrategy,
     condition_numbers,
 )
-from loopid.base_parameters.guess import pivots
+from loopid.base_parameters.rank import pivots
 from loopid.errors import (
     OptionError,
     SearchError,
 )
+from loopid.records import record
 
 VARIANTS = ("gap", "pseudocode")
-MEMORY_BOUND = 2**30  # bytes that the combinations and matrices of one group may take
 # Singular values below this fraction of the largest are zero to the variant "gap": null vectors
 # are known to some 1e-12, and regular choices of robots stay above 1e-4.
 RANK_TOLERANCE = 1e-8
 DIGITS = 6  # that condition numbers are compared with
 
 
+@checked_fields
+@record(kw_only=True)
 class SubgroupSearch(SearchStrategy):
     """Search subgroups of rows [the paper's section II.C].
 
     Parameters
     ----------
+    effort : SearchEffort
+        Its memory bounds a group.
     condition_limit : float
         A choice is valid when V22 has full rank and a condition number below this.
     alpha : float
@@ -66,21 +72,21 @@ class SubgroupSearch(SearchStrategy):
     (True, False)
     """
 
-    name = "subgroup"
+    name: ClassVar[str] = "subgroup"
 
-    @checked
-    def __init__(
-        self, condition_limit: float = 2000.0, alpha: float = 0.25, variant: str = "gap"
-    ) -> None:
-        if not 0 < alpha <= 0.5:
-            raise OptionError(f"alpha must be in (0, 0.5], not {alpha}")
-        if not condition_limit > 1:
-            raise OptionError(f"condition_limit must exceed 1, not {condition_limit}")
-        if variant not in VARIANTS:
-            raise OptionError.unknown("variant", variant, VARIANTS)
-        self.condition_limit = condition_limit
-        self.alpha = alpha
-        self.variant = variant
+    effort: SearchEffort = SearchEffort()
+    condition_limit: float = 2000.0
+    alpha: float = 0.25
+    variant: str = "gap"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.alpha <= 0.5:
+            raise OptionError(f"alpha must be in (0, 0.5], not {self.alpha}", given=self.alpha)
+        limit = self.condition_limit
+        if not limit > 1:
+            raise OptionError(f"condition_limit must exceed 1, not {limit}", given=limit)
+        if self.variant not in VARIANTS:
+            raise OptionError.unknown("variant", self.variant, VARIANTS)
 
     def group_size(self, problem: ChoiceProblem) -> int:
         """Rows n* of a group; SearchError if that makes no combination, or too many."""
@@ -90,13 +96,17 @@ class SubgroupSearch(SearchStrategy):
         if d > size:
             raise SearchError(
                 f"subgroup search has no combinations: it would choose n - r = {d} of the "
-                f"n* = {size} rows of a group (n = {problem.size}, r = {r}, alpha = {self.alpha})"
+                f"n* = {size} rows of a group (n = {problem.size}, r = {r}, alpha = {self.alpha})",
+                dependent=d,
+                group=size,
             )
-        needed = comb(size, d) * d * (d + 2) * 8
-        if needed > MEMORY_BOUND:
+        needed, bound = comb(size, d) * d * (d + 2) * 8, self.effort.memory
+        if needed > bound:
             raise SearchError(
                 f"a group of subgroup search has C({size}, {d}) = {comb(size, d):,} combinations, "
-                f"which take {needed / 2**30:,.1f} GiB (bound {MEMORY_BOUND / 2**30:g} GiB)"
+                f"which take {needed / 2**30:,.1f} GiB (bound {bound / 2**30:g} GiB)",
+                needed=needed,
+                bound=bound,
             )
         return size
 
@@ -118,15 +128,7 @@ class SubgroupSearch(SearchStrategy):
                 # Without invalid choices the first row makes room.
                 counts = (choices[worse][:, :, None] == group).sum(axis=(0, 1))
                 group = np.append(np.delete(group, counts.argmax()), incoming)
-        return SearchResult(
-            name=self.name,
-            criterion=problem.criterion,
-            dependent=None if best is None else tuple(best.tolist()),
-            condition_number=np.inf if best is None else problem.condition_number(best),
-            certified=False,
-            candidates=problem.candidates,
-            evaluated=evaluated,
-        )
+        return self._result(problem, best, certified=False, evaluated=evaluated)
 
     def _order(self, problem: ChoiceProblem) -> IntArray:
         """The order in which rows come into the group."""

@@ -94,14 +94,13 @@ def base(
     samples: int | None = Option(None, help="Random closed poses; enough by default."),
     seed: int = Option(0, help="Of the random poses."),
     time_limit: float | None = Option(
-        None, metavar="S", help="Of everything, in s, with the best so far; else 10 s of search."
+        None, metavar="S", help="Of the search, in s, with the best so far; 10 s."
     ),
     as_json: bool = JSON,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
-    from loopid.base_parameters.base import find_base_parameters
-    from loopid.base_parameters.exact import ExactSearch
-    from loopid.base_parameters.rank import without_effect
+    from loopid.base_parameters.base import find_felt_parameters
+    from loopid.base_parameters.choice import SearchEffort
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
@@ -112,12 +111,9 @@ def base(
         observation = structural_observation(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
-    strategy = search if time_limit is None else ExactSearch(time_limit)
-    found = [find_base_parameters(observation, strategy, criterion)]
-    alone = observation.motors_alone
-    if alone is not None and not without_effect(alone):
-        found.append(find_base_parameters(alone, strategy, criterion))
-    record = base_record(robot, model, *found)
+    effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
+    found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
+    record = base_record(robot, model, found.base, found.motors_alone)
     show(record, base_tables(record), as_json)
 
 
@@ -213,13 +209,10 @@ def excite(
         None, "--for", metavar="PARAMETER", help="Excite this one; repeatable."
     ),
     payload: str | None = Option(None, metavar="LINK", help="Only its parameters are unknown."),
-    time_limit: float = Option(60.0, help="Of the design, in s."),
     starts: int = Option(4, help="Random motions to begin with."),
-    iterations: int | None = Option(
-        None, help="Evaluations of each start; as many as the time allows."
-    ),
+    evaluations: int = Option(400, help="Of the motion in all; more never give a worse one."),
+    time_limit: float | None = Option(None, help="In s, at which the design is stopped."),
     seed: int = Option(0, help="Of the random motions."),
-    n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes, for several starts."),
     solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
     as_json: bool = JSON,
 ) -> None:
@@ -229,6 +222,8 @@ def excite(
     """
     from loopid.excitation.design import design_excitation
     from loopid.excitation.limits import MotionLimits
+    from loopid.excitation.options import DesignOptions
+    from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import (
         excitation_files,
@@ -239,39 +234,38 @@ def excite(
 
     require_report(out)
     limits = MotionLimits(
-        share,
-        ranges(limit, "--limit"),
-        sizes(max_speed, "--max-speed"),
-        sizes(max_acceleration, "--max-acceleration"),
-        sizes(max_force, "--max-force"),
-        ranges(workspace, "--workspace"),
-        margin,
-        collisions,
+        share=share,
+        positions=ranges(limit, "--limit"),
+        speeds=sizes(max_speed, "--max-speed"),
+        accelerations=sizes(max_acceleration, "--max-acceleration"),
+        forces=sizes(max_force, "--max-force"),
+        workspace=ranges(workspace, "--workspace"),
+        singularity=margin,
+        collisions=collisions,
     )
-    logs = recordings(robot, after, mapping)
+    options = DesignOptions(
+        criterion=criterion,
+        shape=shape,
+        size=size,
+        duration=duration,
+        rate=rate,
+        coordinates=coordinates,
+        noise=sizes(noise, "--noise") or None,
+        starts=starts,
+        evaluations=evaluations,
+        time_limit=time_limit,
+        solver=solver,
+        seed=seed,
+    )
     with progress_bar(criterion) as watch:
         found = design_excitation(
-            robot,
-            model,
-            JointTerms.of(robot, terms),
-            limits,
-            criterion,
-            shape,
-            duration,
-            size,
-            coordinates,
-            sizes(noise, "--noise") or None,
-            logs,
-            wanted or (),
-            payload,
-            rate,
-            time_limit,
-            starts,
-            iterations,
-            seed,
-            n_jobs,
-            solver,
-            watch,
+            find_force_model(robot, model, JointTerms.of(robot, terms)),
+            limits=limits,
+            options=options,
+            after=recordings(robot, after, mapping),
+            parameters=wanted or (),
+            payload=payload,
+            progress=watch,
         )
     save(out, partial(excitation_files, found))
     show(excitation_record(found), excitation_tables(found), as_json)

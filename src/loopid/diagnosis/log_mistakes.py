@@ -173,7 +173,7 @@ def diagnose(found: Identification) -> tuple[Suspicions, ...]:
     >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(50.0, 5.0))
     >>> force = 1e3 * loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
     >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
     >>> loopid.diagnose(found)[0].sentences[0][:20]
     'all forces are about'

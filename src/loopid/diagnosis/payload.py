@@ -246,8 +246,8 @@ def identify_payload(
     ...         motion.time, motion.configurations, 0 * motion.velocities,
     ...         0 * motion.accelerations, motion.singularity)
     ...     force = loopid.simulate_measurement(robot, slow, loopid.Noise(gaussian=0.01),
-    ...                                         int(carried), bodies).force
-    ...     runs.append(loopid.logs.Recording.of_motion("run", robot.actuated, slow, force))
+    ...         seed=int(carried), standard_parameters=bodies).force
+    ...     runs.append(loopid.logs.Recording.of_motion(slow, force, robot.actuated))
     >>> found = loopid.identify_payload(model, "left_coupler", [runs[0]], [runs[1]])
     >>> found.parameters.labels
     ('payload.m', 'payload.mx', 'payload.my')

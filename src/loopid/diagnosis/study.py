@@ -167,9 +167,9 @@ def study_logs(
     >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> log = loopid.simulate_measurement(
-    ...     robot, motion, loopid.Noise(gaussian=0.01), 0, None, friction, values
+    ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> options = loopid.diagnosis.StudyOptions(terms="auto")
     >>> study = loopid.diagnosis.study_logs(robot, [run], options=options)
     >>> study.term_sets.chosen.choice

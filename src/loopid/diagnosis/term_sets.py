@@ -128,9 +128,9 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> log = loopid.simulate_measurement(
-    ...     robot, motion, loopid.Noise(gaussian=0.01), 0, None, friction, values
+    ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
     >>> told = loopid.diagnosis.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice

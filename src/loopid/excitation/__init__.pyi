@@ -1,3 +1,6 @@
+from .checks import (
+    Check as Check,
+)
 from .criteria import (
     CRITERIA as CRITERIA,
     Criteria as Criteria,
@@ -6,11 +9,14 @@ from .design import (
     ExcitationDesign as ExcitationDesign,
     design_excitation as design_excitation,
 )
+from .expected import (
+    ExpectedFit as ExpectedFit,
+)
 from .limits import (
     MotionLimits as MotionLimits,
 )
-from .problem import (
-    Check as Check,
+from .options import (
+    DesignOptions as DesignOptions,
 )
 from .shapes import (
     SHAPES as SHAPES,

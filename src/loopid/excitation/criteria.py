@@ -8,12 +8,13 @@ With M = V diag(λ) Vᵀ that of a function of the eigenvalues is V diag(∂f/�
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from loopid.arguments import FloatArray
+from loopid.records import record
+from loopid.registry import Registry
 
 # f(M) and its slope (n, n).
 Criterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]
@@ -72,7 +73,7 @@ def _norm(values: FloatArray, vectors: FloatArray, power: float) -> tuple[float,
     return (top + float(np.log(parts.sum()))) / abs(power), (vectors * slope) @ vectors.T
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class OfCombinations:
     """D of some combinations S φ alone, whatever becomes of the others: log det S M⁻¹ Sᵀ."""
 
@@ -89,15 +90,13 @@ class OfCombinations:
         return float(np.linalg.slogdet(spread)[1]), -back @ inner @ back.T
 
 
-CRITERIA: dict[str, Criterion] = {
-    "D": determinant,
-    "A": trace,
-    "E": least_eigenvalue,
-    "condition": condition,
-}
+CRITERIA: Registry[Criterion] = Registry(
+    "criterion",
+    {"D": determinant, "A": trace, "E": least_eigenvalue, "condition": condition},
+)
 
 
-@dataclass(frozen=True)
+@record
 class Criteria:
     """All criteria of one motion, in SI units.
 

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 
-from loopid.arguments import (
-    FloatArray,
-    checked_fields,
-)
-from loopid.errors import (
-    ModelWarning,
-    OptionError,
-    warn,
-)
+from loopid.arguments import FloatArray
+from loopid.errors import OptionError
+from loopid.excitation.collisions import Collisions
 from loopid.kinematics.assembly import platform_coordinates
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import frame_poses
@@ -26,8 +19,7 @@ from loopid.kinematics.projection import (
     partition,
     project,
 )
-from loopid.loading.files import find_files
-from loopid.loading.urdf import unread_mesh
+from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import ROTATIONS
 
@@ -40,16 +32,11 @@ SLOW_SPEED, SLOW_ACCELERATION = 0.1, 0.03
 STEEP = 10.0
 # Relative singular values of what motors move that count as zero.
 MOVED = 1e-6
-# Of the robot's length: what links must keep from each other.
-CLEARANCE = 1e-3
-# Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
-FAR = 0.1
 
 Range = tuple[float, float]
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(kw_only=True, checked=True)
 class MotionLimits:
     """What a motion must keep, beside the limits of the robot file.
 
@@ -69,6 +56,8 @@ class MotionLimits:
         median at random poses where that is less.
     collisions : bool
         Whether links must not touch each other, by the collision geometry of a URDF.
+    clearance : float
+        Part of the robot's length that links must keep from each other.
 
     Raises
     ------
@@ -90,39 +79,63 @@ class MotionLimits:
     workspace: Mapping[str, Range] = field(default_factory=dict)
     singularity: float | None = None
     collisions: bool = True
+    clearance: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not 0 < self.share <= 1:
-            raise OptionError(f"share must be a part above 0 and up to 1, not {self.share}")
-        if self.singularity is not None and not 0 <= self.singularity <= 1:
-            raise OptionError(f"singularity must be a measure in [0, 1], not {self.singularity}")
-        for what, ranges in (("position", self.positions), ("workspace", self.workspace)):
-            for name, (low, high) in ranges.items():
+        for name, valid in (
+            ("share", 0 < self.share <= 1),
+            ("singularity", self.singularity is None or 0 <= self.singularity <= 1),
+            ("clearance", 0 <= self.clearance < 1),
+        ):
+            if not valid:
+                given = getattr(self, name)
+                raise OptionError(
+                    f"{name} must be a part of 1, not {given:g}", argument=name, given=given
+                )
+        for what in ("positions", "workspace"):
+            for name, (low, high) in getattr(self, what).items():
                 if not low < high:
                     raise OptionError(
-                        f"the {what} limits of {name} are empty: {low:g} ... {high:g}"
+                        f"{what} of {name} are empty: {low:g} ... {high:g}",
+                        argument=what,
+                        given=(low, high),
                     )
         for what in ("speeds", "accelerations", "forces"):
             for name, largest in getattr(self, what).items():
                 if not largest > 0:
-                    raise OptionError(f"{what} of {name} must be above 0, not {largest:g}")
+                    raise OptionError(
+                        f"{what} of {name} must be above 0, not {largest:g}",
+                        argument=what,
+                        given=largest,
+                    )
 
 
-@dataclass(frozen=True)
+@record
 class Bound:
-    """One quantity that must stay in a range all the time."""
+    """One quantity that must stay in a range all the time.
+
+    Attributes
+    ----------
+    kind, name, unit : str
+    lower, upper : float
+        Infinite where there is no end.
+    size : float, optional
+        What counts as 1.
+    """
 
     kind: str
     name: str
     unit: str
-    lower: float  # both infinite where there is none
+    lower: float
     upper: float
-    size: float | None = None  # what counts as 1
+    size: float | None = None
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper:
             raise OptionError(
-                f"the limits of the {self.text} are empty: {self.lower:g} ... {self.upper:g}"
+                f"the limits of the {self.text} are empty: {self.lower:g} ... {self.upper:g}",
+                bound=self.text,
+                given=(self.lower, self.upper),
             )
 
     @property
@@ -130,6 +143,11 @@ class Bound:
         """``speed of elbow``."""
         between = "" if self.kind == "platform coordinate" else "of "
         return f"{self.kind} {between}{self.name}" if self.name else self.kind
+
+    @property
+    def ends(self) -> str:
+        """``-1 ... 1 m``."""
+        return f"{self.lower:.4g} ... {self.upper:.4g} {self.unit}".rstrip()
 
     @property
     def scale(self) -> float:
@@ -142,6 +160,14 @@ class Bound:
         return abs(self.lower if both[0] else self.upper) or 1.0
 
 
+@dataclass(frozen=True)
+class Quantities:
+    """Bounds of one kind, and how their values (N, k) are read of a motion and its forces."""
+
+    bounds: list[Bound]
+    values: Callable[[ClosedMotion, FloatArray], FloatArray]
+
+
 class Bounds:
     """All that a mechanism must keep, and its values in motion.
 
@@ -151,6 +177,15 @@ class Bounds:
         Whether speeds and accelerations are to be so small that the forces are those of gravity.
     poses : FloatArray
         (N, nq), some of all over the workspace.
+
+    Attributes
+    ----------
+    all : list of Bound
+    moving : int
+        How many, from the first on, depend on rates, accelerations or forces.
+    designed : int
+        How many a design looks at. The last one, against constraint singularities, follows from
+        the singularity measure but for a factor: more columns only raise the least singular value.
     """
 
     def __init__(
@@ -159,182 +194,34 @@ class Bounds:
         limits: MotionLimits,
         singularity: float,
         slow: bool,
-        collisions: Collisions | None,
         poses: FloatArray,
     ) -> None:
-        self.mechanism, self.limits = mechanism, limits
-        self.all: list[Bound] = []
-        names = {name: mechanism.joint(name) for name in mechanism.joints}
-        for ranges in (limits.positions, limits.speeds, limits.accelerations, limits.forces):
-            for name in ranges:
-                if name not in names and (ranges is limits.positions or name != "all"):
-                    raise OptionError.unknown("joint", name, names)
-        # Names only: Pinocchio's joints cannot be sent to another process.
-        self._joints = [name for name, joint in names.items() if joint.nv == 1]
-        self._sliding = {n: names[n].idx_v in mechanism.prismatic for n in self._joints}
-        # Files often give a mimicking joint limits that its leader does not let it keep.
-        following = {name for coupling in mechanism.couplings for name in coupling.joints}
-        self._following = following - {*mechanism.independent, *limits.positions}
-        self._bound_motion(slow)
-        self.moving = len(self.all)
-        self._bound_positions()
-        self._bound_workspace()
-        self.loops = bool(mechanism.closures)  # couplings alone have no singularities
-        if self.loops:  # motors behind the loops move none of their frames
-            twists = self._twists(poses, project(mechanism, poses).G)
-            values = np.linalg.svd(twists, compute_uv=False)
-            self.directions = int((values > MOVED * values[:, :1]).sum(axis=1).max())
-        self.collisions = collisions if collisions is not None and collisions.pairs else None
-        if self.collisions is not None:
-            size = FAR * mechanism.length
-            self._add("distance between links", "", "m", CLEARANCE * mechanism.length, np.inf, size)
-        if self.loops:
-            steep = min(STEEP * singularity, 0.5) or None
-            self._add("singularity measure", "", "", singularity, np.inf, steep)
-            for kind in ("inverse", "constraint"):
-                least = min(NEAR_SINGULARITY, singularity)
-                self._add(f"{kind} singularity measure", "", "", least, np.inf)
+        joints = _Joints(mechanism, limits, slow)
+        speeds, (forces, all_forces) = joints.speeds(), joints.forces()
+        self._moving = [speeds, joints.accelerations(forces_bounded=all_forces), forces]
+        self._posed = [joints.positions(), _workspace(mechanism, limits)]
+        self._checked: list[Quantities] = []
+        if limits.collisions:
+            self._posed += _clearance(mechanism, limits, poses)
+        if mechanism.closures:  # couplings alone have no singularities
+            self._posed.append(_singularity(mechanism, singularity, poses))
+            self._checked.append(_constraint_singularity(mechanism, singularity))
+        self.needs_forces = bool(forces.bounds)
+        self.moving, self.designed = _count(self._moving), _count([*self._moving, *self._posed])
+        groups = [*self._moving, *self._posed, *self._checked]
+        self.all = [bound for group in groups for bound in group.bounds]
         self.lower = np.array([bound.lower for bound in self.all])
         self.upper = np.array([bound.upper for bound in self.all])
         self.scale = np.array([bound.scale for bound in self.all])
 
-    def _bound_motion(self, slow: bool) -> None:
-        """Speeds and accelerations, those of a fall where nothing else bounds them, and forces."""
-        mechanism, limits, model = self.mechanism, self.limits, self.mechanism.model
-        gravity = float(np.linalg.norm(model.gravity.linear)) or 1.0
-        rate = np.sqrt(gravity / mechanism.length)
-        weight = gravity * sum(inertia.mass for inertia in model.inertias) or np.inf
-        arm = {n: mechanism.length if slides else 1.0 for n, slides in self._sliding.items()}
-        unit = {name: "m" if slides else "rad" for name, slides in self._sliding.items()}
-        fall = {name: rate * arm[name] for name in self._joints}
-        self._v: list[int] = []
-        self._a: list[int] = []
-        self._f: list[int] = []
-        for name in self._joints:
-            joint = mechanism.joint(name)
-            driven = name in mechanism.independent
-            speed = self._largest(limits.speeds, name, float(model.velocityLimit[joint.idx_v]))
-            if driven and slow and not limits.speeds.keys() & {name, "all"}:
-                speed = min(speed, SLOW_SPEED * fall[name])
-            elif driven and speed > UNLIMITED * fall[name]:
-                speed = fall[name]
-            if speed < UNLIMITED * fall[name] and name not in self._following:
-                self._add("speed", name, f"{unit[name]}/s", -speed, speed)
-                self._v.append(joint.idx_v)
-        forces = {}
-        for name in (name for name in self._joints if name in mechanism.actuated):
-            effort = float(model.effortLimit[mechanism.joint(name).idx_v])
-            lever = 1.0 if self._sliding[name] else mechanism.length
-            file = effort if effort < UNLIMITED * weight * lever else 0.0
-            forces[name] = self._largest(limits.forces, name, file)
-        bounded = bool(np.isfinite([*forces.values()]).all())
-        for name in self._joints:
-            most = self._largest(limits.accelerations, name, 0.0)
-            if name in mechanism.independent and not np.isfinite(most) and (slow or not bounded):
-                most = fall[name] * rate * (SLOW_ACCELERATION if slow else 1.0)
-            if np.isfinite(most):
-                self._add("acceleration", name, f"{unit[name]}/s²", -most, most)
-                self._a.append(mechanism.joint(name).idx_v)
-        for k, name in enumerate(mechanism.actuated):
-            if np.isfinite(forces.get(name, np.inf)):
-                unit_of_force = "N" if self._sliding[name] else "N m"
-                self._add("force", name, unit_of_force, -forces[name], forces[name])
-                self._f.append(k)
-
-    def _largest(self, given: Mapping[str, float], name: str, file: float) -> float:
-        """The largest value of a joint that is given, else the share of the file's, if any."""
-        own = given.get(name, given.get("all") if name in self.mechanism.actuated else None)
-        if own is not None:
-            return float(own)
-        return self.limits.share * file if file > 0 else np.inf
-
-    def _bound_positions(self) -> None:
-        self._q: list[int] = []
-        for name in self._joints:
-            joint, (low, high) = self.mechanism.joint(name), self.mechanism.limits(name)
-            width = self.mechanism.length if self._sliding[name] else np.pi
-            low, high = (
-                x if abs(x) < UNLIMITED * width else np.sign(x) * np.inf for x in (low, high)
-            )
-            if np.isfinite([low, high]).all():
-                middle, half = (low + high) / 2, self.limits.share * (high - low) / 2
-                low, high = middle - half, middle + half
-            low, high = self.limits.positions.get(name, (low, high))
-            if name not in self._following and np.isfinite([low, high]).any() and joint.nq == 1:
-                self._add("position", name, "m" if self._sliding[name] else "rad", low, high)
-                self._q.append(joint.idx_q)
-
-    def _bound_workspace(self) -> None:
-        self._x: list[int] = []
-        platform = self.mechanism.platform
-        coordinates = () if platform is None else platform.names
-        for name, (low, high) in self.limits.workspace.items():
-            if platform is None or name not in coordinates:
-                raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
-            at = coordinates.index(name)
-            turns = platform.motions[at] in ROTATIONS
-            self._add("platform coordinate", name, "rad" if turns else "m", low, high)
-            self._x.append(at)
-
-    def _add(
-        self,
-        kind: str,
-        name: str,
-        unit: str,
-        low: float,
-        high: float,
-        size: float | None = None,
-    ) -> None:
-        self.all.append(Bound(kind, name, unit, float(low), float(high), size))
-
-    @property
-    def needs_forces(self) -> bool:
-        """Whether forces of motors are among the values."""
-        return bool(self._f)
-
-    @property
-    def designed(self) -> int:
-        """How many of the bounds a design looks at.
-
-        The last one, against constraint singularities, follows from the singularity measure but
-        for a factor: more columns only raise the least singular value.
-        """
-        return len(self.all) - self.loops
-
-    def in_motion(self, motion: ClosedMotion, forces: FloatArray | None) -> FloatArray:
+    def in_motion(self, motion: ClosedMotion, forces: FloatArray) -> FloatArray:
         """The first bounded quantities (N, moving): speeds, accelerations, forces (N, motors)."""
-        parts = [motion.velocities[:, self._v], motion.accelerations[:, self._a]]
-        if forces is not None:
-            parts.append(forces[:, self._f])
-        return np.concatenate(parts, axis=1)
+        return _values(self._moving, motion, forces)
 
-    def in_poses(self, motion: ClosedMotion, count: int, all_bounds: bool) -> FloatArray:
-        """The other bounded quantities, of the poses alone, at the first samples (count, ...)."""
-        mechanism, q = self.mechanism, motion.configurations[:count]
-        parts = [q[:, self._q]]
-        if self._x:
-            parts.append(platform_coordinates(mechanism, q)[:, self._x])
-        if self.collisions is not None:
-            parts.append(self.collisions.least(q)[:, None])
-        if self.loops:
-            G, columns = motion.projection.G[:count], motion.projection.dependent_columns[:count]
-            inverse = _ratio(self._twists(q, G), self.directions)
-            parts += [_ratio(columns, columns.shape[2]), inverse]
-            if all_bounds:
-                whole = Constraint(mechanism, q).scaled()[1]
-                parts.append(_ratio(whole, G.shape[1] - G.shape[2]))
-        return np.concatenate(parts, axis=1)
-
-    def _twists(self, q: FloatArray, G: FloatArray) -> FloatArray:
-        """Twists (N, k, dof) of the platform, or of the closed frames, that the motors make."""
-        mechanism = self.mechanism
-        platform, (ids, supports) = mechanism.platform, mechanism.closure_frames
-        if platform is not None:
-            ids, supports = (platform.frame_id,), mechanism.supports([platform.frame_id])
-        frames = frame_poses(mechanism, q, ids, supports)
-        twists = np.concatenate([frames.linear, mechanism.length * frames.angular], axis=2)
-        units = mechanism.coordinate_scales[partition(mechanism)[0]]
-        return np.asarray(twists.reshape(len(q), -1, G.shape[1]) @ G * units)
+    def in_poses(self, motion: ClosedMotion, all_bounds: bool = True) -> FloatArray:
+        """The other bounded quantities (N, k), which depend on the poses alone."""
+        checked = self._checked if all_bounds else []
+        return _values([*self._posed, *checked], motion, np.zeros((len(motion.configurations), 0)))
 
     def ranges(self, names: Sequence[str], inset: float) -> tuple[FloatArray, FloatArray]:
         """Ends (c,) of joints or platform coordinates, this part of their width further in."""
@@ -351,6 +238,184 @@ class Bounds:
         return np.asarray(np.minimum(values - self.lower, self.upper - values) / self.scale)
 
 
+def _count(groups: Sequence[Quantities]) -> int:
+    return sum(len(group.bounds) for group in groups)
+
+
+def _values(groups: Sequence[Quantities], motion: ClosedMotion, forces: FloatArray) -> FloatArray:
+    found = [group.values(motion, forces) for group in groups if group.bounds]
+    return np.concatenate([np.zeros((len(motion.configurations), 0)), *found], axis=1)
+
+
+class _Joints:
+    """Bounds of joints, by what is given, else by the robot file, else by a fall."""
+
+    def __init__(self, mechanism: Mechanism, limits: MotionLimits, slow: bool) -> None:
+        self.mechanism, self.limits, self.slow = mechanism, limits, slow
+        joints = {name: mechanism.joint(name) for name in mechanism.joints}
+        for ranges in (limits.positions, limits.speeds, limits.accelerations, limits.forces):
+            for name in ranges:
+                if name not in joints and (ranges is limits.positions or name != "all"):
+                    raise OptionError.unknown("joint", name, joints)
+        self.joints = {name: joint for name, joint in joints.items() if joint.nv == 1}
+        self.sliding = {n: j.idx_v in mechanism.prismatic for n, j in self.joints.items()}
+        # Files often give a mimicking joint limits that its leader does not let it keep.
+        following = {name for coupling in mechanism.couplings for name in coupling.joints}
+        self.following = following - {*mechanism.independent, *limits.positions}
+        gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
+        self.rate = np.sqrt(gravity / mechanism.length)
+        self.weight = gravity * sum(each.mass for each in mechanism.model.inertias) or np.inf
+
+    def unit(self, name: str) -> str:
+        return "m" if self.sliding[name] else "rad"
+
+    def fall(self, name: str) -> float:
+        """Speed of a fall over the robot's length."""
+        return float(self.rate * (self.mechanism.length if self.sliding[name] else 1.0))
+
+    def largest(self, given: Mapping[str, float], name: str, file: float) -> float:
+        """The largest value of a joint that is given, else the share of the file's, if any."""
+        own = given.get(name, given.get("all") if name in self.mechanism.actuated else None)
+        if own is not None:
+            return float(own)
+        return self.limits.share * file if file > 0 else np.inf
+
+    def speeds(self) -> Quantities:
+        """Of all joints, by the file; of the independent ones also where the file bounds none."""
+        limits, given = self.mechanism.model.velocityLimit, self.limits.speeds
+        bounds, columns = list[Bound](), list[int]()
+        for name, joint in self.joints.items():
+            speed, fall = self.largest(given, name, float(limits[joint.idx_v])), self.fall(name)
+            driven = name in self.mechanism.independent
+            if driven and self.slow and not given.keys() & {name, "all"}:
+                speed = min(speed, SLOW_SPEED * fall)
+            elif driven and speed > UNLIMITED * fall:
+                speed = fall
+            if speed < UNLIMITED * fall and name not in self.following:
+                bounds.append(Bound("speed", name, f"{self.unit(name)}/s", -speed, speed))
+                columns.append(joint.idx_v)
+        return Quantities(bounds, lambda motion, _: motion.velocities[:, columns])
+
+    def forces(self) -> tuple[Quantities, bool]:
+        """Of the motors, and whether all of them are bounded."""
+        mechanism, bounds, columns = self.mechanism, list[Bound](), list[int]()
+        bounded = True
+        for k, name in enumerate(mechanism.actuated):
+            if name not in self.joints:
+                continue
+            effort = float(mechanism.model.effortLimit[self.joints[name].idx_v])
+            lever = 1.0 if self.sliding[name] else mechanism.length
+            file = effort if effort < UNLIMITED * self.weight * lever else 0.0
+            most = self.largest(self.limits.forces, name, file)
+            bounded = bounded and bool(np.isfinite(most))
+            if np.isfinite(most):
+                unit = "N" if self.sliding[name] else "N m"
+                bounds.append(Bound("force", name, unit, -most, most))
+                columns.append(k)
+        return Quantities(bounds, lambda _, forces: forces[:, columns]), bounded
+
+    def accelerations(self, forces_bounded: bool) -> Quantities:
+        """As given; those of a fall where no force bounds them, a part of these in slow motion."""
+        bounds, columns = list[Bound](), list[int]()
+        for name, joint in self.joints.items():
+            most = self.largest(self.limits.accelerations, name, 0.0)
+            driven = name in self.mechanism.independent
+            if driven and not np.isfinite(most) and (self.slow or not forces_bounded):
+                most = self.fall(name) * self.rate * (SLOW_ACCELERATION if self.slow else 1.0)
+            if np.isfinite(most):
+                bounds.append(Bound("acceleration", name, f"{self.unit(name)}/s²", -most, most))
+                columns.append(joint.idx_v)
+        return Quantities(bounds, lambda motion, _: motion.accelerations[:, columns])
+
+    def positions(self) -> Quantities:
+        """As given, else the share of the file's ranges."""
+        bounds, columns = list[Bound](), list[int]()
+        for name, joint in self.joints.items():
+            most = UNLIMITED * (self.mechanism.length if self.sliding[name] else np.pi)
+            ends = self.mechanism.limits(name)
+            low, high = (x if abs(x) < most else np.sign(x) * np.inf for x in ends)
+            if np.isfinite([low, high]).all():
+                middle, half = (low + high) / 2, self.limits.share * (high - low) / 2
+                low, high = middle - half, middle + half
+            low, high = self.limits.positions.get(name, (low, high))
+            bounded = np.isfinite([low, high]).any() and joint.nq == 1
+            if bounded and name not in self.following:
+                bounds.append(Bound("position", name, self.unit(name), float(low), float(high)))
+                columns.append(joint.idx_q)
+        return Quantities(bounds, lambda motion, _: motion.configurations[:, columns])
+
+
+def _workspace(mechanism: Mechanism, limits: MotionLimits) -> Quantities:
+    """Ranges of platform coordinates."""
+    platform, bounds, columns = mechanism.platform, list[Bound](), list[int]()
+    coordinates = () if platform is None else platform.names
+    for name, (low, high) in limits.workspace.items():
+        if platform is None or name not in coordinates:
+            raise OptionError.unknown("platform coordinate", name, coordinates or ["(none)"])
+        at = coordinates.index(name)
+        unit = "rad" if platform.motions[at] in ROTATIONS else "m"
+        bounds.append(Bound("platform coordinate", name, unit, low, high))
+        columns.append(at)
+    return Quantities(
+        bounds, lambda motion, _: platform_coordinates(mechanism, motion.configurations)[:, columns]
+    )
+
+
+def _clearance(
+    mechanism: Mechanism, limits: MotionLimits, poses: FloatArray
+) -> Iterator[Quantities]:
+    """The least distance between links, where any may touch."""
+    collisions = Collisions(mechanism, poses)
+    if collisions.pairs:
+        least = limits.clearance * mechanism.length
+        bound = Bound("distance between links", "", "m", least, np.inf, collisions.far)
+        yield Quantities(
+            [bound], lambda motion, _: collisions.least(motion.configurations)[:, None]
+        )
+
+
+def _singularity(mechanism: Mechanism, least: float, poses: FloatArray) -> Quantities:
+    """The singularity measure, and that of what the motors move."""
+    sizes = np.linalg.svd(_twists(mechanism, poses, project(mechanism, poses).G), compute_uv=False)
+    # Motors behind the loops move none of their frames.
+    directions = int((sizes > MOVED * sizes[:, :1]).sum(axis=1).max())
+
+    def values(motion: ClosedMotion, _: FloatArray) -> FloatArray:
+        columns = motion.projection.dependent_columns
+        twists = _twists(mechanism, motion.configurations, motion.projection.G)
+        return np.hstack([_ratio(columns, columns.shape[2]), _ratio(twists, directions)])
+
+    steep, small = min(STEEP * least, 0.5) or None, min(NEAR_SINGULARITY, least)
+    bounds = [
+        Bound("singularity measure", "", "", least, np.inf, steep),
+        Bound("inverse singularity measure", "", "", small, np.inf),
+    ]
+    return Quantities(bounds, values)
+
+
+def _constraint_singularity(mechanism: Mechanism, least: float) -> Quantities:
+    """The rank of the whole closure Jacobian."""
+
+    def values(motion: ClosedMotion, _: FloatArray) -> FloatArray:
+        G = motion.projection.G
+        whole = Constraint(mechanism, motion.configurations).scaled()[1]
+        return _ratio(whole, G.shape[1] - G.shape[2])
+
+    small = min(NEAR_SINGULARITY, least)
+    return Quantities([Bound("constraint singularity measure", "", "", small, np.inf)], values)
+
+
+def _twists(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> FloatArray:
+    """Twists (N, k, dof) of the platform, or of the closed frames, that the motors make."""
+    platform, (ids, supports) = mechanism.platform, mechanism.closure_frames
+    if platform is not None:
+        ids, supports = (platform.frame_id,), mechanism.supports([platform.frame_id])
+    frames = frame_poses(mechanism, q, ids, supports)
+    twists = np.concatenate([frames.linear, mechanism.length * frames.angular], axis=2)
+    units = mechanism.coordinate_scales[partition(mechanism)[0]]
+    return np.asarray(twists.reshape(len(q), -1, G.shape[1]) @ G * units)
+
+
 def _ratio(matrices: FloatArray, rank: int) -> FloatArray:
     """Singular value of number ``rank`` over the largest one, (N, 1) of matrices (N, m, n)."""
     values = np.linalg.svd(matrices, compute_uv=False)
@@ -358,85 +423,3 @@ def _ratio(matrices: FloatArray, rank: int) -> FloatArray:
         return np.full((len(matrices), 1), float(rank == 0))
     largest = np.maximum(values[:, :1], np.finfo(float).tiny)
     return np.asarray(values[:, rank - 1 : rank] / largest)
-
-
-class Collisions:
-    """Distances between links, by coal: each piece of geometry stands for its convex hull.
-
-    Neighbours in the tree or in a loop, and links that touch each other at the reference, are left
-    out.
-
-    Parameters
-    ----------
-    poses : FloatArray
-        (N, nq), some of all over the workspace.
-    """
-
-    def __init__(self, mechanism: Mechanism, poses: FloatArray) -> None:
-        self.mechanism = mechanism
-        self.geometry = _geometry(mechanism)
-        pieces = self.geometry.geometryObjects
-        tied = _neighbours(mechanism)
-        for i, first in enumerate(pieces):
-            for j, second in enumerate(pieces[:i]):
-                joints = frozenset((int(first.parentJoint), int(second.parentJoint)))
-                if len(joints) == 2 and joints not in tied:
-                    self.geometry.addCollisionPair(pin.CollisionPair(j, i))
-        if self.pairs:
-            touching = self._distances(mechanism.reference[None])[0] <= 0
-            near = self._distances(poses).min(axis=0) < FAR * mechanism.length
-            pairs = list(self.geometry.collisionPairs)
-            self.geometry.removeAllCollisionPairs()
-            for pair, wanted in zip(pairs, near & ~touching, strict=True):
-                if wanted:
-                    self.geometry.addCollisionPair(pair)
-
-    @property
-    def pairs(self) -> int:
-        """How many pairs of links may touch."""
-        return len(self.geometry.collisionPairs)
-
-    def least(self, q: FloatArray) -> FloatArray:
-        """Distance (N,) in m between the two links that are nearest; negative inside each other."""
-        return np.asarray(self._distances(q).min(axis=1), dtype=np.float64)
-
-    def _distances(self, q: FloatArray) -> FloatArray:
-        model = self.mechanism.model
-        data, geometry = model.createData(), self.geometry.createData()
-        found = np.empty((len(q), self.pairs))
-        for k, configuration in enumerate(q):
-            pin.computeDistances(model, data, self.geometry, geometry, configuration)
-            found[k] = [result.min_distance for result in geometry.distanceResults]
-        return found
-
-
-def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
-    """Collision geometry of the URDF, as convex hulls; none where there is none, or no mesh."""
-    files = find_files(mechanism.path)
-    if files.tree.suffix != ".urdf":
-        return pin.GeometryModel()
-    folders = [str(folder) for folder in files.tree.absolute().parents]
-    try:
-        if reason := unread_mesh(files.tree):  # Pinocchio waits for pipes
-            raise ValueError(reason)
-        geometry = pin.buildGeomFromUrdf(
-            mechanism.model, str(files.tree), pin.GeometryType.COLLISION, package_dirs=folders
-        )
-    except (ValueError, RuntimeError) as error:
-        warn(f"collisions of {mechanism.name} are not looked at: {error}", ModelWarning)
-        return pin.GeometryModel()
-    for piece in geometry.geometryObjects:
-        if hasattr(piece.geometry, "buildConvexRepresentation"):
-            piece.geometry.buildConvexRepresentation(False)
-            piece.geometry = piece.geometry.convex
-    return geometry
-
-
-def _neighbours(mechanism: Mechanism) -> set[frozenset[int]]:
-    """Pairs of joints whose links are next to each other, in the tree or through a closure."""
-    model = mechanism.model
-    found = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    for closure in mechanism.closures:
-        joints = [int(model.frames[frame].parentJoint) for frame in closure.frame_ids]
-        found.add(frozenset(joints))
-    return found

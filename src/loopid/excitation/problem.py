@@ -1,4 +1,4 @@
-"""The optimisation problem: criterion and bounds of a motion, with their slopes; and its check.
+"""The optimisation problem: criterion and bounds of a motion, with their slopes.
 
 What a sample contributes depends on its own position, rate and acceleration alone. So all
 slopes follow from batches of samples that are moved a little along one coordinate's position, rate
@@ -9,7 +9,7 @@ accelerations and quadratic in rates. Along positions the loops stay closed to f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -21,22 +21,13 @@ from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
 from loopid.identification.force_model import ForceModel
-from loopid.kinematics.assembly import (
-    CLOSURE_TOLERANCE,
-    platform_motion,
-    try_assemble,
-)
-from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics.assembly import platform_motion, try_assemble
 from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    closed_motion,
-)
+from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_terms import (
-    OF_FILE,
-    JointTerms,
-)
+from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.robot.mechanism import Mechanism
 
 # Steps of the differences, in parts of a coordinate's unit: half the digits of a double would be
 # 1e-8, and closures are left open by the square of the step.
@@ -45,13 +36,6 @@ STEP = 1e-6
 SHORTEST_STEP = 2.0**-2
 # Coulomb friction has no slope at standstill: over this part of a typical rate it is smoothed.
 SMOOTHING = 0.02
-FULL = "full"
-# How much finer the grid of the check is.
-FINER = 10
-# Part of a bound's scale that is round-off.
-ROUND_OFF = 1e-9
-# Speeds and accelerations that count as rest.
-REST = 1e-6
 
 
 class Coordinates:
@@ -108,23 +92,23 @@ class Coordinates:
 
 
 class Outcome(NamedTuple):
-    """What N samples give: weighted regressor rows (N, dof, z), and bounded quantities.
+    """What N samples give.
 
-    Those in motion (N, moving), and of the poses (N, others).
+    Weighted regressor rows (N, dof, z), bounded quantities in motion (N, moving), and those of the
+    poses (N, others).
     """
 
     rows: FloatArray
     moving: FloatArray
     poses: FloatArray
 
-    @property
-    def values(self) -> FloatArray:
-        """All (N, k)."""
-        return np.concatenate([self.moving, self.poses], axis=1)
-
 
 class Value(NamedTuple):
-    """Configurations (N, nq), criterion f, bounded values (N, k) in scales, slopes if asked for."""
+    """What a motion is worth.
+
+    Configurations (N, nq), the criterion f, and bounded values (N, k) in scales, with their slopes
+    df (m c,) and dg (N k, m c), empty unless asked for.
+    """
 
     q: FloatArray
     f: float
@@ -133,21 +117,39 @@ class Value(NamedTuple):
     dg: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Problem:
-    """Variables y (m c,) of a motion, in units; the criterion, and bounds on a grid of times."""
+    """A motion to be found: variables y (m c,) in units, with a criterion and bounds.
+
+    Attributes
+    ----------
+    force_model : ForceModel
+    coordinates : Coordinates
+    shape : Shape
+    bounds : Bounds
+    criterion : Criterion
+    noise : FloatArray
+        (motors,), standard deviations of the motors' forces.
+    basis : FloatArray
+        (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all.
+    prior : FloatArray
+        (z, z), information that there is already.
+    samples : int
+        How many samples a run of the motion gives.
+    inset : float
+        Part of each bound's scale that is kept free for what happens between the samples.
+    """
 
     force_model: ForceModel
     coordinates: Coordinates
     shape: Shape
     bounds: Bounds
     criterion: Criterion
-    noise: FloatArray  # (motors,), standard deviations of the motors' forces
-    basis: FloatArray  # (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all
-    prior: FloatArray  # (z, z), information that there is already
-    samples: int  # how many samples a run of the motion gives
-    # Part of each bound's scale that is kept free for what happens between the samples
-    inset: float = 0.01
+    noise: FloatArray
+    basis: FloatArray
+    prior: FloatArray
+    samples: int
+    inset: float
 
     @cached_property
     def time(self) -> FloatArray:
@@ -166,12 +168,11 @@ class Problem:
         lower, upper = (end / bounds.scale for end in (bounds.lower, bounds.upper))
         return lower[:designed] + self.inset, upper[:designed] - self.inset
 
-    def violation(self, value: Value) -> float:
-        """How far the worst bound is broken, in scales; half of the inset may be used."""
+    def keeps_bounds(self, value: Value) -> bool:
+        """Whether no bound is broken; half of the inset may be used."""
         lower, upper = self.limits
         inset = self.inset / 2
-        broken = np.maximum(lower - inset - value.g, value.g - upper - inset)
-        return float(broken.max(initial=-np.inf))
+        return bool(((value.g >= lower - inset) & (value.g <= upper + inset)).all())
 
     def variables(self, y: FloatArray) -> FloatArray:
         """X (m, c) in m or rad."""
@@ -181,8 +182,18 @@ class Problem:
         """The inverse of ``variables``."""
         return np.asarray((X / self.coordinates.units).ravel())
 
+    def information(self, rows: FloatArray) -> FloatArray:
+        """M (z, z) of the run and what there is already."""
+        told = rows.reshape(-1, rows.shape[2])
+        return np.asarray(self.prior + self.samples / len(rows) * told.T @ told)
+
+    @property
+    def is_static(self) -> bool:
+        """Whether forces depend on the pose alone."""
+        return self.force_model.model != "full" and self.force_model.joint_terms is None
+
     @cached_property
-    def _terms(self) -> JointTerms | None:
+    def _smooth_terms(self) -> JointTerms | None:
         terms = self.force_model.joint_terms
         if terms is None or terms.smoothing:
             return terms
@@ -192,61 +203,58 @@ class Problem:
         typical = scale * np.sqrt(gravity / mechanism.length)
         return replace(terms, smoothing=SMOOTHING * typical, dead_zone=0.0)
 
-    def outcome(self, motion: ClosedMotion, poses: int | None = None) -> Outcome:
-        """Regressor rows and bounded values.
+    def outcome(self, motion: ClosedMotion, poses: int) -> Outcome:
+        """Regressor rows and bounded values of a motion.
 
-        With a number of poses the samples after these repeat them with other rates and
-        accelerations: what depends on poses alone is left out there.
+        Samples after a number of poses repeat these with other rates and accelerations: what
+        depends on poses alone is left out there.
         """
-        count = len(motion.configurations) if poses is None else poses
-        part, K = motion, None
-        if self.force_model.model != FULL and self._terms is None:
-            part = _first(motion, count)  # static forces do not depend on rates
-        elif self.force_model.model == FULL:
-            K = self._regressor(motion, self._terms)
-        rows, forces = self.rows(part, self._terms, K), None
-        if self.bounds.needs_forces:
-            forces = self.forces(motion, K)
+        model, first = self.force_model.model, _first(motion, poses)
+        part = first if self.is_static else motion
+        K = motion_regressor(self.force_model.mechanism, part, model, self._smooth_terms)
+        forces = self.forces(motion, K if model == "full" else None)
         moving = self.bounds.in_motion(motion, forces)
-        return Outcome(rows, moving, self.bounds.in_poses(motion, count, poses is None))
+        return Outcome(self.rows(part, K), moving, self.bounds.in_poses(first, all_bounds=False))
 
-    def _regressor(self, motion: ClosedMotion, terms: JointTerms | None) -> FloatArray:
-        return motion_regressor(self.force_model.mechanism, motion, self.force_model.model, terms)
+    def bounded(self, motion: ClosedMotion) -> FloatArray:
+        """All bounded values (N, k) of a motion."""
+        moving = self.bounds.in_motion(motion, self.forces(motion))
+        return np.concatenate([moving, self.bounds.in_poses(motion)], axis=1)
 
-    def rows(
-        self, motion: ClosedMotion, terms: JointTerms | None, regressor: FloatArray | None = None
-    ) -> FloatArray:
+    def rows(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
         """Forces (N, dof, z) per unit of each unknown, in deviations of their noise."""
         model, mechanism = self.force_model, self.force_model.mechanism
-        K = self._regressor(motion, terms) if regressor is None else regressor
+        if regressor is None:
+            regressor = motion_regressor(mechanism, motion, model.model, model.joint_terms)
         # The motors' share in each force, (N, motors, dof): the identity as a rule.
         shares = motion.projection.G[:, mechanism.velocity_indices(mechanism.actuated)]
         deviation = np.sqrt(np.einsum("nmi,m->ni", shares**2, self.noise**2))
-        return np.asarray(model.base.regressor(K) @ self.basis / deviation[:, :, None])
+        return np.asarray(model.base.regressor(regressor) @ self.basis / deviation[:, :, None])
 
     def forces(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
-        """Forces of the motors (N, motors) by the robot file."""
-        mechanism = self.force_model.mechanism
-        K = motion_regressor(mechanism, motion) if regressor is None else regressor
-        pi = mechanism.standard_parameters()
-        forces = K[:, :, : len(pi)] @ pi
-        if (terms := JointTerms.of(mechanism, OF_FILE)) is not None:
-            forces += terms.columns(mechanism, motion) @ np.nan_to_num(terms.values(mechanism))
-        if mechanism.redundant:
-            motors = mechanism.velocity_indices(mechanism.actuated)
-            shares = motion.projection.G[:, motors].transpose(0, 2, 1)
-            forces = (np.linalg.pinv(shares) @ forces[:, :, None])[:, :, 0]
-        return np.asarray(forces)
+        """Forces of the motors (N, motors) by the robot file; without columns if none is bounded.
 
-    def motion(self, y: FloatArray, near: FloatArray) -> ClosedMotion | None:
-        """The motion on the grid, reached from configurations (N, nq) or (1, nq)."""
-        x, v, a = self.functions @ self.variables(y)
-        return self.coordinates.follow(x, v, a, near)
+        A regressor of the full model may be at hand.
+        """
+        if not self.bounds.needs_forces:
+            return np.zeros((len(motion.configurations), 0))
+        return file_forces(self.force_model.mechanism, motion, regressor)
 
-    def information(self, rows: FloatArray) -> FloatArray:
-        """M (z, z) of the run and what there is already."""
-        told = rows.reshape(-1, rows.shape[2])
-        return np.asarray(self.prior + self.samples / len(rows) * told.T @ told)
+
+def file_forces(
+    mechanism: Mechanism, motion: ClosedMotion, regressor: FloatArray | None = None
+) -> FloatArray:
+    """Forces of the motors (N, motors) by the robot file; a full regressor may be at hand."""
+    K = motion_regressor(mechanism, motion) if regressor is None else regressor
+    pi = mechanism.standard_parameters()
+    forces = K[:, :, : len(pi)] @ pi
+    if (terms := JointTerms.of(mechanism, OF_FILE)) is not None:
+        forces += terms.columns(mechanism, motion) @ np.nan_to_num(terms.values(mechanism))
+    if mechanism.redundant:
+        motors = mechanism.velocity_indices(mechanism.actuated)
+        shares = motion.projection.G[:, motors].transpose(0, 2, 1)
+        forces = (np.linalg.pinv(shares) @ forces[:, :, None])[:, :, 0]
+    return np.asarray(forces)
 
 
 def evaluate(
@@ -256,46 +264,49 @@ def evaluate(
 
     Configurations are reached from those of another motion (N, nq), or of one pose (1, nq).
     """
-    motion = problem.motion(y, near)
+    x, v, a = problem.functions @ problem.variables(y)
+    motion = problem.coordinates.follow(x, v, a, near)
     if motion is None:
         return None
-    N, designed = len(problem.time), problem.bounds.designed
-    at, scale = problem.outcome(motion, N), problem.bounds.scale[:designed]
+    designed = problem.bounds.designed
+    scale = problem.bounds.scale[:designed]
+    at = problem.outcome(motion, len(x))
     f, P = problem.criterion(problem.information(at.rows))
+    g = np.concatenate([at.moving, at.poses], axis=1) / scale
     if not slopes:
-        return Value(motion.configurations, f, at.values / scale, np.empty(0), np.empty(0))
-    _, v, a = problem.functions @ problem.variables(y)
-    steps, q = problem.coordinates, motion.configurations
-    c, h, unit = len(steps.units), STEP * steps.units, np.eye(len(steps.units))
+        return Value(motion.configurations, f, g, np.empty(0), np.empty(0))
+    rows, moving, poses = _state_slopes(problem, motion, v, a, at)
+    B, pull = problem.functions, 2 * problem.samples / len(x) * (at.rows @ P)
+    df = np.einsum("onm,onc->mc", B, np.einsum("ocnij,nij->onc", rows, pull))
+    by_state = np.concatenate([moving, poses], axis=3) / scale  # (3, c, N, k)
+    dg = np.einsum("onm,ocnk->nkmc", B, by_state, optimize=True).reshape(g.size, -1)
+    return Value(motion.configurations, f, g, df.ravel(), dg)
+
+
+def _state_slopes(
+    problem: Problem, motion: ClosedMotion, v: FloatArray, a: FloatArray, at: Outcome
+) -> list[FloatArray]:
+    """Slopes (3, c, N, ...) of an outcome by each coordinate's position, rate and acceleration."""
+    space, q = problem.coordinates, motion.configurations
+    N, c, unit = len(q), len(space.units), np.eye(len(space.units))
+    h = STEP * space.units
     # All moved samples in one batch: positions, rates, accelerations of each coordinate.
-    tangents = steps.tangents(motion)
-    moved = [integrate(steps.mechanism, q, h[j] * tangents[:, :, j]) for j in range(c)]
+    tangents = space.tangents(motion)
+    moved = [integrate(space.mechanism, q, h[j] * tangents[:, :, j]) for j in range(c)]
     qs = np.concatenate([*moved, *(2 * c * [q])])
     vs = np.concatenate([*(c * [v]), *(v + h[j] * unit[j] for j in range(c)), *(c * [v])])
-    as_ = np.concatenate([*(2 * c * [a]), *(a + steps.units[j] * unit[j] for j in range(c))])
-    there = problem.outcome(steps.whole(qs, vs, as_), c * N)
+    as_ = np.concatenate([*(2 * c * [a]), *(a + space.units[j] * unit[j] for j in range(c))])
+    there = problem.outcome(space.whole(qs, vs, as_), c * N)
 
-    def slopes_of(moved: FloatArray, start: FloatArray) -> FloatArray:
-        """(3, c, N, ...) of what was found at all, or only at the first c, moved samples."""
+    def slopes(moved: FloatArray, start: FloatArray) -> FloatArray:
+        """What was found at all, or only at the first c, moved samples."""
         orders = len(moved) // (c * N)
         found = np.zeros((3, c, *start.shape))
         found[:orders] = moved.reshape(orders, c, *start.shape) - start
-        width = np.stack([h, h, steps.units]).reshape(3, c, *(1,) * start.ndim)
-        return np.asarray(found / width * steps.units.reshape(c, *(1,) * start.ndim))
+        width = np.stack([h, h, space.units]).reshape(3, c, *(1,) * start.ndim)
+        return np.asarray(found / width * space.units.reshape(c, *(1,) * start.ndim))
 
-    pull = 2 * problem.samples / N * (at.rows @ P)
-    B = problem.functions  # (3, N, m)
-    df = np.einsum("ocnij,nij->onc", slopes_of(there.rows, at.rows), pull)
-    dg = [slopes_of(*part) for part in ((there.moving, at.moving), (there.poses, at.poses))]
-    by_state = np.concatenate(dg, axis=3) / scale  # (3, c, N, k)
-    dg_all = np.einsum("onm,ocnk->nkmc", B, by_state, optimize=True)
-    return Value(
-        q,
-        f,
-        at.values / scale,
-        np.einsum("onm,onc->mc", B, df).ravel(),
-        dg_all.reshape(N * designed, -1),
-    )
+    return [slopes(*pair) for pair in zip(there, at, strict=True)]
 
 
 def _first(motion: ClosedMotion, count: int) -> ClosedMotion:
@@ -309,78 +320,3 @@ def _first(motion: ClosedMotion, count: int) -> ClosedMotion:
         motion.gamma[:count],
         projection,
     )
-
-
-@dataclass(frozen=True)
-class Check:
-    """A bounded quantity over a whole motion.
-
-    Attributes
-    ----------
-    name, unit : str
-    lowest, highest : float
-        Of the motion.
-    lower, upper : float
-        What it must keep; infinite where there is no end.
-    time : float
-        When it is nearest to an end, in s.
-    violations : int
-        Samples at which the bound is broken.
-    """
-
-    name: str
-    unit: str
-    lowest: float
-    highest: float
-    lower: float
-    upper: float
-    time: float
-    violations: int
-
-    @property
-    def used(self) -> float:
-        """Part of the way from the middle of the range to its nearer end, or of its only end."""
-        if np.isfinite([self.lower, self.upper]).all():
-            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
-            return max(self.highest - middle, middle - self.lowest) / half
-        if np.isfinite(self.lower):
-            return self.lower / self.lowest if self.lowest > 0 else np.inf
-        return self.highest / self.upper
-
-
-def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
-    """Check variables X (m, c) of a motion; empty where it leaves the assembly mode."""
-    time = np.linspace(0.0, problem.shape.seconds, FINER * len(problem.time) + 1)
-    motion = problem.coordinates.follow(*(problem.shape.functions(time) @ X))
-    if motion is None:
-        return ()
-    mechanism, bounds = problem.force_model.mechanism, problem.bounds
-    values = problem.outcome(motion).values
-    checks = [
-        _check(bound.text, bound.unit, time, column, bound.lower, bound.upper, bound.scale)
-        for bound, column in zip(bounds.all, values.T, strict=True)
-    ]
-    length, largest = mechanism.length, max(CLOSURE_TOLERANCE, 2 * mechanism.closure_residual)
-    if mechanism.rows:
-        residual = largest_residual(mechanism, motion.configurations)
-        checks.append(_check("closure residual", "m", time, residual, -np.inf, largest, length))
-    ends = [0, -1]
-    speeds = np.abs(np.concatenate([motion.velocities[ends], motion.accelerations[ends]], axis=1))
-    resting = speeds.max(axis=1, initial=0.0)
-    checks.append(_check("speed at both ends", "", time[ends], resting, -np.inf, REST, 1.0))
-    return tuple(checks)
-
-
-def _check(
-    name: str,
-    unit: str,
-    time: FloatArray,
-    values: FloatArray,
-    lower: float,
-    upper: float,
-    scale: float,
-) -> Check:
-    slack = np.minimum(values - lower, upper - values)
-    ends = float(values.min()), float(values.max())
-    broken = int((slack < -ROUND_OFF * scale).sum())
-    return Check(name, unit, *ends, lower, upper, float(time[int(slack.argmin())]), broken)

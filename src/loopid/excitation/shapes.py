@@ -7,10 +7,8 @@ of time B (N, m) and variables X (m, c). All begin and end at rest.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
@@ -24,6 +22,8 @@ from loopid.motion.trajectories import (
     Waypoint,
     point_to_point,
 )
+from loopid.records import record
+from loopid.registry import Registry
 
 # Samples of the grid: of the shortest period of a series, and between two waypoints or poses.
 SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8
@@ -42,8 +42,14 @@ class Shape(ABC):
     """
 
     seconds: float
-    width: int
-    samples: int
+
+    @property
+    @abstractmethod
+    def width(self) -> int: ...
+
+    @property
+    @abstractmethod
+    def samples(self) -> int: ...
 
     @abstractmethod
     def functions(self, time: FloatArray) -> FloatArray:
@@ -68,10 +74,10 @@ class Shape(ABC):
     def motion(self, names: Sequence[str], X: FloatArray, rate: float) -> Motion:
         """The motion of a motion file with these waypoints."""
         start, ways = self.waypoints(X)
-        return point_to_point(tuple(names), start, ways, rate)
+        return point_to_point(tuple(names), start, ways, rate=rate)
 
 
-@dataclass(frozen=True)
+@record
 class FourierShape(Shape):
     """One period of a Fourier series."""
 
@@ -80,14 +86,17 @@ class FourierShape(Shape):
 
     def __post_init__(self) -> None:
         if self.harmonics < 2:
-            raise OptionError(f"a series from rest to rest takes 2 harmonics, not {self.harmonics}")
+            raise OptionError(
+                f"a series from rest to rest takes 2 harmonics, not {self.harmonics}",
+                size=self.harmonics,
+            )
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         return 2 * self.harmonics - 1
 
     @property
-    def samples(self) -> int:  # type: ignore[override]
+    def samples(self) -> int:
         return SAMPLES_OF_PERIOD * self.harmonics
 
     @cached_property
@@ -118,7 +127,7 @@ class FourierShape(Shape):
         return X[0], [Waypoint(X[0], self.seconds, curve=curve)]
 
 
-@dataclass(frozen=True)
+@record
 class SplineShape(Shape):
     """A spline through a number of waypoints and back to its start."""
 
@@ -127,14 +136,14 @@ class SplineShape(Shape):
 
     def __post_init__(self) -> None:
         if self.points < 3:
-            raise OptionError(f"a spline takes 3 waypoints, not {self.points}")
+            raise OptionError(f"a spline takes 3 waypoints, not {self.points}", size=self.points)
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         return self.points + 1
 
     @property
-    def samples(self) -> int:  # type: ignore[override]
+    def samples(self) -> int:
         return SAMPLES_OF_WAY * (self.points + 1)
 
     def functions(self, time: FloatArray) -> FloatArray:
@@ -154,7 +163,7 @@ class SplineShape(Shape):
         return X[0], [Waypoint(X[0], self.seconds, curve=curve)]
 
 
-@dataclass(frozen=True)
+@record
 class PosesShape(Shape):
     """Poses to stand in, with the ways between them."""
 
@@ -164,14 +173,14 @@ class PosesShape(Shape):
 
     def __post_init__(self) -> None:
         if self.poses < 2:
-            raise OptionError(f"there must be 2 poses at least, not {self.poses}")
+            raise OptionError(f"there must be 2 poses at least, not {self.poses}", size=self.poses)
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         return self.poses
 
     @property
-    def samples(self) -> int:  # type: ignore[override]
+    def samples(self) -> int:
         return SAMPLES_OF_WAY * self.poses
 
     @property
@@ -212,4 +221,7 @@ class PosesShape(Shape):
         return X[0], ways
 
 
-SHAPES: dict[str, Any] = {"fourier": FourierShape, "spline": SplineShape, "poses": PosesShape}
+# By the time and the size.
+SHAPES: Registry[Callable[[float, int], Shape]] = Registry(
+    "shape", {"fourier": FourierShape, "spline": SplineShape, "poses": PosesShape}
+)

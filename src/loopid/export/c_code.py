@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    checked_fields,
-    finite,
-)
-from loopid.errors import (
-    DataError,
-    MissingExtraError,
-    OptionError,
-)
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.projection import partition
+from loopid.records import record
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 # Of the pivots: below the first there is no regressor, below the second it is ill-determined.
@@ -37,8 +29,7 @@ ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all i
 """
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class RegressorCode:
     """C source of K_base(q, q̇, q̈), all joint coordinates given.
 
@@ -62,7 +53,7 @@ class RegressorCode:
 
 @checked
 def regressor_code(
-    model: ForceModel, name: str | None = None, values: FloatArray | None = None
+    model: ForceModel, *, name: str | None = None, values: FloatArray | None = None
 ) -> RegressorCode:
     """Generate C source of the base columns of a force model's regressor.
 
@@ -92,24 +83,14 @@ def regressor_code(
         raise MissingExtraError.of("casadi", "codegen")
     from loopid.export.symbolic import c_functions  # here, as it needs CasADi
 
-    chosen = name
-    if chosen is None:
-        plain = re.sub(r"[^A-Za-z0-9]+", "_", model.mechanism.name)[:LONGEST_NAME].strip("_")
-        chosen = plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
+    chosen = _identifier(model.mechanism.name) if name is None else name
     if not IDENTIFIER.fullmatch(chosen):
         raise OptionError(
             "the name of C functions must be letters and digits with single _ between them, not "
-            f"{chosen!r}"
+            f"{chosen!r}",
+            given=chosen,
         )
-    fields = _fields(model, chosen)
-    if values is not None:
-        phi, count = finite(values, "base parameters"), len(model.parameters)
-        if phi.shape != (count,):
-            raise DataError(f"base parameters must have shape ({count},), not {phi.shape}")
-        declared = f"const double {chosen}_values[{chosen.upper()}_PARAMETERS]"
-        listed = ",\n    ".join(map(repr, phi.tolist()))
-        fields["VALUES_DECLARATION"] = f"/* Identified values of phi. */\nextern {declared};\n"
-        fields["VALUES"] = f"{declared} = {{\n    {listed}}};\n"
+    fields = _fields(model, chosen) | _value_fields(model, chosen, values)
     loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
     parts = (_filled(template, fields) for template in ("regressor.c", loops))
     functions = c_functions(model, f"{chosen}_casadi")
@@ -121,6 +102,7 @@ def regressor_code(
 def export_regressor(
     model: ForceModel,
     folder: str | Path,
+    *,
     name: str | None = None,
     values: FloatArray | None = None,
 ) -> list[Path]:
@@ -153,7 +135,13 @@ def export_regressor(
     ...     [path.name for path in loopid.export_regressor(model, folder)]
     ['five_bar.h', 'five_bar.c']
     """
-    return regressor_code(model, name, values).save(folder)
+    return regressor_code(model, name=name, values=values).save(folder)
+
+
+def _identifier(name: str) -> str:
+    """A C identifier that is like the name of a robot."""
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", name)[:LONGEST_NAME].strip("_")
+    return plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
 
 
 def _filled(template: str, fields: dict[str, str]) -> str:
@@ -190,8 +178,23 @@ def _fields(model: ForceModel, name: str) -> dict[str, str]:
         "PARAMETER_NAMES": _strings(model.parameters.labels),
         "PARAMETER_UNITS": _strings(parameter.unit for parameter in model.parameters),
         "PARAMETER_EXPRESSIONS": _strings(model.base.expressions),
-        "VALUES": "",
-        "VALUES_DECLARATION": "",
+    }
+
+
+def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
+    """Values of the base parameters (n,) as a constant, where they are given."""
+    if values is None:
+        return {"VALUES": "", "VALUES_DECLARATION": ""}
+    phi, count = finite(values, "base parameters"), len(model.parameters)
+    if phi.shape != (count,):
+        raise DataError(
+            f"base parameters must have shape ({count},), not {phi.shape}", shape=phi.shape
+        )
+    declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
+    listed = ",\n    ".join(map(repr, phi.tolist()))
+    return {
+        "VALUES": f"{declared} = {{\n    {listed}}};\n",
+        "VALUES_DECLARATION": f"/* Identified values of phi. */\nextern {declared};\n",
     }
 
 

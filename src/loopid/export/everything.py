@@ -68,9 +68,12 @@ def export_fit(
         if robot is None
         else saved.find_standard_parameters(model, repair=repair, any_mass=any_mass)
     )
-    code = None if c is None else regressor_code(model, name, saved.values)
+    code = None if c is None else regressor_code(model, name=name, values=saved.values)
     if robot is not None and standard is not None:
-        written.append(export_robot_file(mechanism, standard, robot, overwrite, saved.standard))
+        place = export_robot_file(
+            mechanism, standard, robot, overwrite=overwrite, parameters=saved.standard
+        )
+        written.append(place)
         if terms := [each.label for each in saved.standard if each.kind not in KINDS]:
             warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
     if yaml is not None:

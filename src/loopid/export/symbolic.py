@@ -19,22 +19,12 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.errors import OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.projection import partition
-from loopid.parameters import (
-    KINDS,
-    Parameter,
-)
-from loopid.regressors.joint_terms import (
-    JointState,
-    JointTerms,
-    joint_term,
-)
+from loopid.parameters import KINDS, Parameter
+from loopid.regressors.joint_terms import JointState, JointTerms, joint_term
 from loopid.robot.closures import SymbolicPose
 from loopid.robot.mechanism import Mechanism
 
@@ -149,7 +139,8 @@ def _joint_term(
     if term.needs_load:
         raise OptionError(
             f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
-            f"identify without {parameter.kind} for it"
+            f"identify without {parameter.kind} for it",
+            parameter=parameter.label,
         )
     return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
 
@@ -269,7 +260,8 @@ def elementary_joints(name: str, joint: pin.JointModel, q: Any) -> list[Elementa
         elif part.nv == 1:
             chain.append(_single(part, placement, own))
         else:
-            raise OptionError(f"joint {name} is a {kind}, which has no symbolic form here")
+            message = f"joint {name} is a {kind}, which has no symbolic form here"
+            raise OptionError(message, joint=name, kind=kind)
     return chain
 
 

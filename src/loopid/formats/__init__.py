@@ -1,13 +1,14 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
 
 from loopid import loading as loading, logs as logs  # whose formats are registered before
-from loopid.registry import log_formats, robot_formats, urdf_dialects
+from loopid.registry import inertial_files, log_formats, robot_formats, urdf_dialects
 
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
-robot_formats.register(".xml", "loopid.formats.mjcf:read_mjcf")
-robot_formats.register(".mjcf", "loopid.formats.mjcf:read_mjcf")
+for ending in (".xml", ".mjcf"):
+    robot_formats.register(ending, "loopid.formats.mjcf:read_mjcf")
+    inertial_files.register(ending, "loopid.formats.mjcf_inertials:MjcfInertials")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",

@@ -231,7 +231,7 @@ def identifiability(
     >>> series = loopid.FourierSeries(robot.actuated, 0.5, middle, wave, 0 * wave)
     >>> motion = loopid.joint_motion(robot, series.motion(2.0, 20.0))
     >>> force = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
     >>> model = loopid.find_force_model(robot, "full", None)
     >>> found = loopid.identifiability(model, [run])
     >>> found.rank < found.structural_rank

@@ -219,8 +219,10 @@ def identify(
     >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> noise = loopid.Noise(gaussian=0.01)
-    >>> log = loopid.simulate_measurement(robot, motion, noise, 0, None, friction, values)
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, log.force)
+    >>> log = loopid.simulate_measurement(
+    ...     robot, motion, noise, joint_terms=friction, joint_values=values
+    ... )
+    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
     >>> round(found.fit["left_crank_joint.Fv"].value, 1)
     2.0

@@ -133,7 +133,7 @@ def predict(
     >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
     >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
     >>> run = loopid.simulate_measurement(robot, motion)
-    >>> recording = loopid.logs.Recording.of_motion("run", robot.actuated, motion, run.force)
+    >>> recording = loopid.logs.Recording.of_motion(motion, run.force, robot.actuated)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     fit = loopid.read_fit(loopid.save_fit(f"{folder}/fit.json", model, model.prior))
     >>> loopid.predict(fit, robot, recording)

@@ -55,7 +55,7 @@ def split_recordings(
     >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
     >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
     >>> force = np.zeros((len(motion.time), 2))
-    >>> run = loopid.logs.Recording.of_motion("run", robot.actuated, motion, force)
+    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
     >>> training, validation = loopid.split_recordings([run], 0.75)
     >>> len(run), len(training[0]), len(validation[0])
     (201, 151, 50)

@@ -120,7 +120,7 @@ class Recording:
 
     @classmethod
     def of_motion(
-        cls, name: str, actuators: Sequence[str], motion: JointMotion, force: FloatArray
+        cls, motion: JointMotion, force: FloatArray, actuators: Sequence[str], *, name: str = "run"
     ) -> Recording:
         """A recording of known motion and force, as from a simulation, with nothing left out."""
         count, dof = len(motion.time), len(actuators)

@@ -2,42 +2,24 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    frozen,
-    number,
-)
-from loopid.errors import (
-    DataError,
-    FileError,
-    LogError,
-    OptionError,
-    RobotFileError,
-)
-from loopid.files import (
-    text_blocks,
-    why_no_file,
-)
+from loopid.arguments import FloatArray, checked, number
+from loopid.errors import DataError, FileError, LogError, OptionError, RobotFileError
+from loopid.files import text_blocks, why_no_file
 from loopid.loading.files import find_motion_file
-from loopid.motion.filtering import (
-    LowPass,
-    differentiate,
-)
+from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.trajectories import (
-    MOST_SAMPLES,
     Arc,
     FourierCurve,
     Motion,
@@ -45,10 +27,8 @@ from loopid.motion.trajectories import (
     Waypoint,
     point_to_point,
 )
-from loopid.yaml_files import (
-    Section,
-    read_yaml,
-)
+from loopid.records import record
+from loopid.yaml_files import Section, read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
 # that a drive can follow, and the path cuts a corner by 0.6 mm at 0.02 m/s (1 mrad at 0.035 rad/s).
@@ -63,10 +43,68 @@ Pose = Annotated[dict[str, float], Field(min_length=1)]
 # ---- what a file may say ----------------------------------------------------------------------
 
 
-class HoldStep(Section):
+@dataclass(frozen=True)
+class Place:
+    """Where in a file steps are written, and what it says of all its motions."""
+
+    name: str
+    coordinates: tuple[str, ...]
+    speeds: Mapping[str, float]
+    shortest: float
+
+    def at(self, part: object) -> Place:
+        """A place inside this one."""
+        return replace(self, name=f"{self.name}.{part}")
+
+    def refuse(self, problem: str, **facts: Any) -> NoReturn:
+        """Raise an error that names the place."""
+        raise RobotFileError(f"{self.name}: {problem}", place=self.name, **facts)
+
+    def require_known(self, names: Iterable[str]) -> None:
+        """Refuse names that are no coordinates."""
+        for name in names:
+            if name not in self.coordinates:
+                self.refuse(
+                    f"unknown coordinate {name!r}: choose among {', '.join(self.coordinates)}",
+                    given=name,
+                    valid=self.coordinates,
+                )
+
+    def pose(self, values: Mapping[str, float], start: FloatArray) -> FloatArray:
+        """The start with some coordinates changed; (c,)."""
+        self.require_known(values)
+        known = zip(self.coordinates, start, strict=True)
+        return np.array([values.get(name, x) for name, x in known], dtype=np.float64)
+
+    def ways(self, steps: Sequence[Step], start: FloatArray) -> list[Waypoint]:
+        """The ways of steps, each from where the one before ended."""
+        found: list[Waypoint] = []
+        for k, step in enumerate(steps):
+            found += step.ways(found[-1].position if found else start, self.at(k))
+            self.at(k).require_few(len(found))
+        return found
+
+    def require_few(self, count: int) -> None:
+        """Refuse more ways than a motion may have."""
+        if count > MOST_WAYS:
+            self.refuse(f"more than {MOST_WAYS} ways in one motion", count=count, valid=MOST_WAYS)
+
+
+class StepDescription(Section):
+    """A step of a motion."""
+
+    @abstractmethod
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        """What the step does from where it begins (c,); a RobotFileError names its place."""
+
+
+class HoldStep(StepDescription):
     """Stay for some seconds."""
 
     hold: Positive
+
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        return [Waypoint(here, self.hold)]
 
 
 class ArcDescription(Section):
@@ -76,7 +114,7 @@ class ArcDescription(Section):
     flatness: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
 
-class MoveStep(Section):
+class MoveStep(StepDescription):
     """Move the coordinates that are named, in a time or at the average speed of the only one."""
 
     to: Pose
@@ -90,19 +128,71 @@ class MoveStep(Section):
             raise ValueError("give either seconds or a speed, not both")
         return self
 
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        end = place.at("to").pose(self.to, here)
+        place.at("arcs").require_known(self.arcs)
+        arcs = tuple(Arc(name, arc.height, arc.flatness) for name, arc in self.arcs.items())
+        seconds = self.seconds if self.seconds is not None else self._seconds(end - here, place)
+        return [Waypoint(end, seconds, arcs)]
 
-class RepeatStep(Section):
+    def _seconds(self, change: FloatArray, place: Place) -> float:
+        """Time for a change (c,) at the speed of its only coordinate, or at those of the file."""
+        changes = {n: abs(float(x)) for n, x in zip(place.coordinates, change, strict=True) if x}
+        if not changes:
+            place.refuse("is there already, so that it needs seconds, or a hold")
+        if self.speed is not None:
+            if len(changes) > 1:
+                place.at("speed").refuse(
+                    f"is of one coordinate, but {', '.join(changes)} move: give seconds",
+                    moved=tuple(changes),
+                )
+            return next(iter(changes.values())) / self.speed
+        for name in changes:
+            if name not in place.speeds:
+                place.refuse(
+                    f"needs seconds or a speed, as 'speeds' has none for {name}", coordinate=name
+                )
+        return max(place.shortest, *(x / place.speeds[name] for name, x in changes.items()))
+
+
+class RepeatStep(StepDescription):
     """Do some steps several times."""
 
     repeat: Annotated[int, Field(ge=1)]
     steps: Steps
 
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        # Each round starts where the one before ended, which need not be its start.
+        inside, found = place.at("steps"), list[Waypoint]()
+        for _ in range(self.repeat):
+            found += inside.ways(self.steps, found[-1].position if found else here)
+            place.require_few(len(found))
+        return found
 
-class ThereAndBackStep(Section):
+
+class ThereAndBackStep(StepDescription):
     """Do some steps, then others that end where they begin, then the first ones backwards."""
 
     there_and_back: Steps
     between: Steps | None = None
+
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        there = place.at("there_and_back").ways(self.there_and_back, here)
+        far = there[-1].position
+        between = place.at("between").ways(self.between or [], far)
+        if between and (between[-1].position != far).any():
+            begin, end = (
+                ", ".join(f"{n} = {x:g}" for n, x in zip(place.coordinates, pose, strict=True))
+                for pose in (far, between[-1].position)
+            )
+            place.at("between").refuse(f"must end where it begins, at {begin}, not at {end}")
+        # The same paths and times from end to start: arcs are symmetric.
+        starts = [here, *(way.position for way in there[:-1])]
+        back = [
+            replace(way, position=start, curve=way.curve and way.curve.backwards())
+            for way, start in zip(there, starts, strict=True)
+        ]
+        return [*there, *between, *reversed(back)]
 
 
 class HarmonicsDescription(Section):
@@ -112,18 +202,36 @@ class HarmonicsDescription(Section):
     cosine: list[float]
 
 
-class FourierStep(Section):
+class FourierStep(StepDescription):
     """One period of Fourier series, from rest to rest."""
 
     fourier: Annotated[dict[str, HarmonicsDescription], Field(min_length=1)]
     seconds: Positive
 
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        inside = place.at("fourier")
+        inside.require_known(self.fourier)
+        counts = {len(part) for each in self.fourier.values() for part in (each.sine, each.cosine)}
+        if counts == {0} or len(counts) > 1:
+            inside.refuse("needs equally many sines and cosines everywhere")
+        shape = np.zeros((2 * counts.pop(), len(place.coordinates)))
+        for name, each in self.fourier.items():
+            shape[:, place.coordinates.index(name)] = [*each.sine, *each.cosine]
+        try:
+            return [Waypoint(here, self.seconds, curve=FourierCurve(shape))]
+        except DataError as error:
+            inside.refuse(str(error))
 
-class SplineStep(Section):
+
+class SplineStep(StepDescription):
     """A spline through poses at equal times and back, from rest to rest."""
 
     spline: Annotated[list[Pose], Field(min_length=1)]
     seconds: Positive
+
+    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        through = [place.at("spline").pose(pose, here) for pose in self.spline]
+        return [Waypoint(here, self.seconds, curve=SplineCurve(np.array(through) - here))]
 
 
 KINDS = ("hold", "to", "repeat", "there_and_back", "fourier", "spline")
@@ -179,17 +287,18 @@ class ProgramDescription(Section):
 # ---- what is made of it -----------------------------------------------------------------------
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class PlannedMotion:
     """A motion of a file, with its steps followed."""
 
+    name: str
     description: str  # what the file says of it
     start: FloatArray  # (c,) in m or rad
     waypoints: tuple[Waypoint, ...]  # repeats and ways back are written out
 
     def __repr__(self) -> str:
         ways = len(self.waypoints)
-        return f"<PlannedMotion {self.description!r:.200}: {ways} waypoints, {self.seconds:g} s>"
+        return f"<PlannedMotion {self.name!r:.200}: {ways} waypoints, {self.seconds:g} s>"
 
     @property
     def seconds(self) -> float:
@@ -197,7 +306,7 @@ class PlannedMotion:
         return sum(waypoint.seconds for waypoint in self.waypoints)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class MotionProgram:
     """The motions of a file."""
 
@@ -205,12 +314,16 @@ class MotionProgram:
     # The c coordinates that all motions move: platform coordinates or joints
     coordinates: tuple[str, ...]
     rate: float  # samples per second where nothing else is asked for
-    # From the names to ``PlannedMotion``, in the order of the file
-    motions: Mapping[str, PlannedMotion]
+    plans: tuple[PlannedMotion, ...]  # in the order of the file
 
     def __repr__(self) -> str:
         names = f"{', '.join(self.motions):.500}"
         return f"<MotionProgram {self.path.name}: {names} of {', '.join(self.coordinates)}>"
+
+    @property
+    def motions(self) -> dict[str, PlannedMotion]:
+        """The motions by their names."""
+        return {plan.name: plan for plan in self.plans}
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -227,7 +340,7 @@ class MotionProgram:
         if name not in self.motions:
             raise OptionError.unknown("motion", name, self.motions)
         plan, rate = self.motions[name], self.rate if rate is None else rate
-        return point_to_point(self.coordinates, plan.start, plan.waypoints, rate)
+        return point_to_point(self.coordinates, plan.start, plan.waypoints, rate=rate)
 
 
 @checked
@@ -258,132 +371,26 @@ def read_motion_program(path: str | Path) -> MotionProgram:
     """
     file = find_motion_file(path)
     content = read_yaml(file, ProgramDescription)
-    reader = _StepReader(tuple(content.coordinates), content.speeds, content.shortest)
-    reader.check(content.speeds, f"{file}: speeds")
-    motions = {
-        name: reader.plan(motion, f"{file}: motions.{name}")
-        for name, motion in content.motions.items()
-    }
-    return MotionProgram(file, reader.coordinates, content.rate, MappingProxyType(motions))
+    coordinates = tuple(content.coordinates)
+
+    def place(part: str) -> Place:
+        return Place(f"{file}: {part}", coordinates, content.speeds, content.shortest)
+
+    place("speeds").require_known(content.speeds)
+    plans = tuple(
+        _planned(name, motion, place(f"motions.{name}")) for name, motion in content.motions.items()
+    )
+    return MotionProgram(file, coordinates, content.rate, plans)
 
 
-@dataclass(frozen=True)
-class _StepReader:
-    """Follows steps from pose to pose; ``place`` says in errors where they are written."""
-
-    coordinates: tuple[str, ...]
-    speeds: Mapping[str, float]
-    shortest: float
-
-    def plan(self, motion: MotionDescription, place: str) -> PlannedMotion:
-        missing = [name for name in self.coordinates if name not in motion.start]
-        if missing:
-            raise RobotFileError(f"{place}.start: leaves out {', '.join(missing)}")
-        start = self._pose(motion.start, np.zeros(len(self.coordinates)), f"{place}.start")
-        ways = self._ways(motion.steps, start, f"{place}.steps")
-        return PlannedMotion(motion.description, start, tuple(ways))
-
-    def check(self, names: Iterable[str], place: str) -> None:
-        """Refuse names that are no coordinates."""
-        for name in names:
-            if name not in self.coordinates:
-                listed = ", ".join(self.coordinates)
-                raise RobotFileError(f"{place}: unknown coordinate {name!r}: choose among {listed}")
-
-    def _pose(self, values: Mapping[str, float], start: FloatArray, place: str) -> FloatArray:
-        """The start with some coordinates changed; (c,)."""
-        self.check(values, place)
-        return frozen([values.get(n, x) for n, x in zip(self.coordinates, start, strict=True)])
-
-    def _ways(self, steps: Sequence[Step], start: FloatArray, place: str) -> list[Waypoint]:
-        found: list[Waypoint] = []
-        for k, step in enumerate(steps):
-            here = found[-1].position if found else start
-            found += self._step(step, here, f"{place}.{k}")
-            if len(found) > MOST_WAYS:
-                raise RobotFileError(f"{place}.{k}: more than {MOST_WAYS} ways in one motion")
-        return found
-
-    def _step(self, step: Step, here: FloatArray, place: str) -> list[Waypoint]:
-        match step:
-            case HoldStep():
-                return [Waypoint(here, step.hold)]
-            case MoveStep():
-                end = self._pose(step.to, here, f"{place}.to")
-                self.check(step.arcs, f"{place}.arcs")
-                arcs = tuple(Arc(name, arc.height, arc.flatness) for name, arc in step.arcs.items())
-                seconds = step.seconds
-                if seconds is None:
-                    seconds = self._seconds(step.speed, end - here, place)
-                return [Waypoint(end, seconds, arcs)]
-            case FourierStep():
-                return [Waypoint(here, step.seconds, curve=self._series(step, place))]
-            case SplineStep():
-                through = [self._pose(pose, here, f"{place}.spline") for pose in step.spline]
-                return [Waypoint(here, step.seconds, curve=SplineCurve(np.array(through) - here))]
-            case RepeatStep():
-                # Each round starts where the one before ended, which need not be its start.
-                found = self._ways(step.steps, here, f"{place}.steps")
-                if step.repeat * len(found) > MOST_WAYS:
-                    raise RobotFileError(f"{place}: more than {MOST_WAYS} ways in one motion")
-                for _ in range(step.repeat - 1):
-                    found += self._ways(step.steps, found[-1].position, f"{place}.steps")
-                return found
-            case ThereAndBackStep():
-                there = self._ways(step.there_and_back, here, f"{place}.there_and_back")
-                far = there[-1].position
-                between = self._ways(step.between or [], far, f"{place}.between")
-                if between and (between[-1].position != far).any():
-                    raise RobotFileError(
-                        f"{place}.between: must end where it begins, at {self._said(far)}, "
-                        f"not at {self._said(between[-1].position)}"
-                    )
-                # The same paths and times from end to start: arcs are symmetric.
-                starts = [here, *(way.position for way in there[:-1])]
-                back = [
-                    replace(w, position=s, curve=w.curve and w.curve.backwards())
-                    for w, s in zip(there, starts, strict=True)
-                ]
-                return [*there, *between, *reversed(back)]
-
-    def _series(self, step: FourierStep, place: str) -> FourierCurve:
-        self.check(step.fourier, f"{place}.fourier")
-        series = step.fourier.values()
-        counts = {len(terms) for each in series for terms in (each.sine, each.cosine)}
-        if counts == {0} or len(counts) > 1:
-            raise RobotFileError(
-                f"{place}.fourier: needs equally many sines and cosines everywhere"
-            )
-        shape = np.zeros((2 * counts.pop(), len(self.coordinates)))
-        for name, each in step.fourier.items():
-            shape[:, self.coordinates.index(name)] = [*each.sine, *each.cosine]
-        try:
-            return FourierCurve(shape)
-        except DataError as error:
-            raise RobotFileError(f"{place}.fourier: {error}") from None
-
-    def _seconds(self, speed: float | None, change: FloatArray, place: str) -> float:
-        """Time for a change (c,) at the speed of its only coordinate, or at those of the file."""
-        changes = {n: abs(float(x)) for n, x in zip(self.coordinates, change, strict=True) if x}
-        if not changes:
-            raise RobotFileError(f"{place}: is there already, so that it needs seconds, or a hold")
-        if speed is not None:
-            if len(changes) > 1:
-                raise RobotFileError(
-                    f"{place}.speed: is of one coordinate, but {', '.join(changes)} move: give "
-                    "seconds"
-                )
-            return next(iter(changes.values())) / speed
-        for name in changes:
-            if name not in self.speeds:
-                raise RobotFileError(
-                    f"{place}: needs seconds or a speed, as 'speeds' has none for {name}"
-                )
-        return max(self.shortest, *(change / self.speeds[n] for n, change in changes.items()))
-
-    def _said(self, pose: FloatArray) -> str:
-        values = zip(self.coordinates, pose, strict=True)
-        return ", ".join(f"{name} = {value:g}" for name, value in values)
+def _planned(name: str, motion: MotionDescription, place: Place) -> PlannedMotion:
+    """A motion with its steps followed."""
+    missing = [name for name in place.coordinates if name not in motion.start]
+    if missing:
+        place.at("start").refuse(f"leaves out {', '.join(missing)}", missing=tuple(missing))
+    start = place.at("start").pose(motion.start, np.zeros(len(place.coordinates)))
+    ways = place.at("steps").ways(motion.steps, start)
+    return PlannedMotion(name, motion.description, start, tuple(ways))
 
 
 # ---- sampled motions ---------------------------------------------------------------------------
@@ -391,7 +398,11 @@ class _StepReader:
 
 @checked
 def read_reference(
-    path: str | Path, names: Sequence[str], rate: float = 100.0, lowpass: LowPass = SMOOTHING
+    path: str | Path,
+    names: Sequence[str],
+    *,
+    rate: float = 100.0,
+    lowpass: LowPass = SMOOTHING,
 ) -> Motion:
     """Read an evenly sampled motion, smoothed without delay so that it has accelerations.
 
@@ -434,7 +445,7 @@ def read_reference(
     file = Path(path)
     rows: list[list[float]] = []
     if why_no_file(file) == "does not exist":
-        raise FileError(f"{file} does not exist")
+        raise FileError(f"{file} does not exist", file=file)
     with closing(text_blocks(file)) as blocks:
         for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             words = data.decode("utf-8", "replace").split()
@@ -443,16 +454,19 @@ def read_reference(
             if words and not (whole and line == len(rows) + 1):  # blank lines are at the end only
                 raise LogError(
                     f"{file}, line {line}: must follow a row, and be {len(names)} finite numbers "
-                    f"({', '.join(names)}), not {' '.join(words)!r:.60}"
+                    f"({', '.join(names)}), not {' '.join(words)!r:.60}",
+                    file=file,
+                    row=line,
                 )
             rows += [values] if words else []
-            if len(rows) > MOST_SAMPLES:
-                raise LogError(f"{file} has more than the {MOST_SAMPLES:,} rows of a motion")
     least = lowpass.least_samples(rate)
     if len(rows) < least:
         raise LogError(
             f"{file}: {len(rows)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
-            f"takes {least} at {rate:g} Hz"
+            f"takes {least} at {rate:g} Hz",
+            file=file,
+            rows=len(rows),
+            least=least,
         )
     position = lowpass.apply(np.array(rows), rate)
     velocity = differentiate(position, rate)

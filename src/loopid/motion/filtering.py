@@ -7,28 +7,18 @@ equations lose the same frequencies [Gautier1997].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    checked_fields,
-    finite,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, OptionError
+from loopid.records import record
 
 # Periods of the cut-off frequency for which the ends are continued, per order, lest they ring: the
 # slowest mode of a pass falls to a millionth meanwhile. The first order takes what the second does.
 PADDING = 1.5
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class LowPass:
     """A Butterworth low-pass filter, run forwards and backwards.
 

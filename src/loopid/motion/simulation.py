@@ -10,14 +10,13 @@ Both sides are regressors times parameters, so that any values do, even those th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from loopid.arguments import (
     FloatArray,
     checked,
-    checked_fields,
     finite,
     frozen,
     random_generator,
@@ -39,6 +38,7 @@ from loopid.kinematics.projection import (
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
+from loopid.records import record
 from loopid.regressors.closed_loop import (
     motion_regressor,
     standard_values,
@@ -55,8 +55,7 @@ UNBALANCED = 1e-6
 LEAST_INERTIA = 1e-14
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class Noise:
     """Errors of measurement, the same for all motors.
 
@@ -86,7 +85,7 @@ class Noise:
                 raise OptionError(f"{name} must be a number from 0 on, not {getattr(self, name)}")
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class Measurement:
     """Simulated signals of all m motors, in the order of ``mechanism.actuated``.
 
@@ -117,6 +116,7 @@ def simulate_measurement(
     mechanism: Mechanism,
     motion: JointMotion,
     noise: Noise | None = None,
+    *,
     seed: int = 0,
     standard_parameters: FloatArray | None = None,
     joint_terms: JointTerms | None = None,
@@ -174,7 +174,7 @@ def simulate_measurement(
     position = encoders.read(motion.configurations.copy())
     if noise.encoder_step:
         position = noise.encoder_step * np.round(position / noise.encoder_step)
-    return Measurement(motion.time, frozen(position), frozen(force + error), frozen(force))
+    return Measurement(motion.time, position, force + error, force)
 
 
 @checked
@@ -223,8 +223,19 @@ def simulate_log(
         How far its bodies are off the robot file's; see ``scaled_bodies``.
     """
     bodies = scaled_bodies(mechanism, cad_error, seed)
-    followed, chosen = joint_motion(mechanism, motion), JointTerms.with_values(mechanism, terms)
-    measured = simulate_measurement(mechanism, followed, noise or Noise(), seed, bodies, *chosen)
+    followed, (chosen, values) = (
+        joint_motion(mechanism, motion),
+        JointTerms.with_values(mechanism, terms),
+    )
+    measured = simulate_measurement(
+        mechanism,
+        followed,
+        noise,
+        seed=seed,
+        standard_parameters=bodies,
+        joint_terms=chosen,
+        joint_values=values,
+    )
     return log_text(mechanism, measured)
 
 
@@ -268,6 +279,7 @@ def forward_dynamics(
     mechanism: Mechanism,
     configurations: FloatArray,
     velocities: FloatArray,
+    *,
     forces: FloatArray,
     standard_parameters: FloatArray | None = None,
 ) -> ClosedMotion:
@@ -302,7 +314,7 @@ def forward_dynamics(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> K, masses = loopid.gravity_regressor(robot, robot.reference), robot.standard_parameters
     >>> forces = K @ masses("gravity")  # that hold it
-    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces)
+    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces=forces)
     >>> bool(np.abs(motion.accelerations).max() < 1e-9)
     True
     """

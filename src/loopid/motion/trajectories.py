@@ -9,18 +9,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    checked_fields,
-    finite,
-    frozen,
-)
+from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError
+from loopid.records import record
 
 # Of a sampled motion: a slip of the pen should not fill the memory.
 MOST_SAMPLES = 10_000_000
@@ -28,8 +22,7 @@ MOST_SAMPLES = 10_000_000
 REST = 1e-9
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class Motion:
     """Coordinates over time, with their first two derivatives."""
 
@@ -46,13 +39,13 @@ class Motion:
         backwards = np.flatnonzero(np.diff(time) <= 0)
         if len(backwards):
             raise DataError(f"time must increase, but does not after sample {backwards[0]}")
-        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "time", time)
         shape = (len(time), len(self.names))
         for name in ("position", "velocity", "acceleration"):
             values = finite(getattr(self, name), name)
             if values.shape != shape:
                 raise DataError(f"{name} must have shape {shape}, not {values.shape}")
-            object.__setattr__(self, name, frozen(values))
+            object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -101,11 +94,10 @@ class Curve(ABC):
         shape = finite(self.shape, "shape of a curve")
         if shape.ndim != 2 or not shape.size:
             raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
-        object.__setattr__(self, "shape", frozen(shape))
+        object.__setattr__(self, "shape", shape)
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class FourierCurve(Curve):
     """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
 
@@ -145,8 +137,7 @@ class FourierCurve(Curve):
         return np.stack([np.append(h, zero), np.append(zero, h**2)])
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class SplineCurve(Curve):
     """A spline of degree five through waypoints at equal times."""
 
@@ -171,8 +162,7 @@ class SplineCurve(Curve):
         return np.stack([spline(at, nu) for nu in range(3)])
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class Arc:
     """A detour of one coordinate on the way to a waypoint, zero at both ends."""
 
@@ -196,8 +186,7 @@ class Arc:
         return scale * (root - floor), -2 * scale * f**2 * u / root, -4 * scale * f**2 / root**3
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class Waypoint:
     """Where to go next.
 
@@ -227,12 +216,16 @@ class Waypoint:
         position = finite(self.position, "waypoint")
         if position.ndim != 1:
             raise DataError(f"a waypoint must have shape (c,), not {position.shape}")
-        object.__setattr__(self, "position", frozen(position))
+        object.__setattr__(self, "position", position)
 
 
 @checked
 def point_to_point(
-    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], rate: float = 100.0
+    names: Sequence[str],
+    start: FloatArray,
+    waypoints: Sequence[Waypoint],
+    *,
+    rate: float = 100.0,
 ) -> Motion:
     """Move from a start through waypoints, at rest in each.
 
@@ -311,8 +304,7 @@ def point_to_point(
     return Motion(tuple(names), time, *motion)
 
 
-@checked_fields
-@dataclass(frozen=True, repr=False)
+@record(checked=True)
 class FourierSeries:
     """x_i(t) = offset_i + Σ_h sine_ih sin(h ω t) + cosine_ih cos(h ω t) [Swevers1997].
 
@@ -345,7 +337,7 @@ class FourierSeries:
         if not 0 < self.frequency < np.inf:
             raise DataError(f"frequency must be positive, not {self.frequency} Hz")
         for name in ("offset", "sine", "cosine"):
-            object.__setattr__(self, name, frozen(finite(getattr(self, name), name)))
+            object.__setattr__(self, name, finite(getattr(self, name), name))
         expected = (len(self.names), *self.sine.shape[1:2])
         shapes = (self.offset.shape, self.sine.shape, self.cosine.shape)
         if shapes != (expected[:1], expected, expected) or len(expected) != 2:

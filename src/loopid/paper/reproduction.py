@@ -312,7 +312,7 @@ def run_experiment(
         state = motion.configurations, motion.velocities, motion.accelerations
         motions[name], reviews[name] = motion, review_motion(mechanism, motion)
         parts[name] = force_parts(mechanism, *state)
-        recording = Recording.of_motion(name, mechanism.actuated, motion, parts[name].total)
+        recording = Recording.of_motion(motion, parts[name].total, mechanism.actuated, name=name)
         samples[name] = force_model.samples(recording).select(order)
         if progress is not None:
             progress(done, len(names))
@@ -362,7 +362,15 @@ def simulate_stand_in(
     recordings = []
     for k, (name, motion) in enumerate(experiment.motions.items()):
         errors = derived_seed(seed, STAND_IN, k)
-        measured = simulate_measurement(mechanism, motion, noise, errors, truth, terms, FRICTION)
+        measured = simulate_measurement(
+            mechanism,
+            motion,
+            noise,
+            seed=errors,
+            standard_parameters=truth,
+            joint_terms=terms,
+            joint_values=FRICTION,
+        )
         signals = measured.time, measured.position, measured.force
         log = Log.from_arrays(*signals, mechanism.actuated, name=name)
         filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)

@@ -52,11 +52,11 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     return {
         "mechanism": mechanism.name,
         "model": found.force_model.model,
-        "criterion": found.criterion,
+        "criterion": found.options.criterion,
         **json_fields(found.criteria, *criteria),
         **json_fields(found, "violations", "min_singularity_measure"),
         "duration": found.motion.duration,
-        **json_fields(found, "seconds", "solver", "evaluations", "stopped"),
+        **json_fields(found, "seconds", "solver", "evaluations", "converged"),
         "coordinates": list(found.motion.names),
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.labels),
@@ -75,7 +75,7 @@ def _summary(found: ExcitationDesign) -> Table:
     criteria, force_model = found.criteria, found.force_model
     title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
     rows = (
-        ("criterion that was optimised", found.criterion),
+        ("criterion that was optimised", found.options.criterion),
         ("condition number of the weighted observation", f"{criteria.condition_number:.4g}"),
         ("log det of the information (D)", f"{criteria.log_det:.4g}"),
         ("trace of its inverse (A)", f"{criteria.trace:.4g}"),
@@ -83,7 +83,7 @@ def _summary(found: ExcitationDesign) -> Table:
         ("violations on the fine grid", found.violations),
         ("least singularity measure", f"{found.min_singularity_measure:.4g}"),
         ("solver", f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s"),
-        ("converged", "no: more time may find a better motion" if found.stopped else "yes"),
+        ("converged", "yes" if found.converged else "no: more evaluations may do better"),
     )
     return plain_table(f"{title} for the {force_model.model} model", ("", ">"), rows)
 
@@ -145,13 +145,13 @@ def motion_file(found: ExcitationDesign) -> str:
     for waypoint in found.waypoints:
         steps.append(_step(names, here, waypoint))
         here = waypoint.position
-    duration = len(found.motion) - 1
+    duration, goal = len(found.motion) - 1, found.options.criterion
     content = {
         "coordinates": list(names),
         "rate": float(duration / found.motion.duration),
         "motions": {
             NAME: {
-                "description": f"excites the {found.force_model.model} model, {found.criterion}",
+                "description": f"excites the {found.force_model.model} model, {goal}",
                 "start": _pose(names, found.start),
                 "steps": steps,
             }

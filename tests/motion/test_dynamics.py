@@ -56,10 +56,14 @@ def case(mechanism, count=4, q=None):
     return q, rates, forces
 
 
+def moved(robot, q, rates, forces, **options):
+    return forward_dynamics(robot, q, rates, forces=forces, **options)
+
+
 @pytest.mark.parametrize("robot", ROBOTS, indirect=True)
 def test_inverse_dynamics_gives_the_forces_back(robot):
     q, rates, forces = case(robot)
-    motion = forward_dynamics(robot, q, rates, forces)
+    motion = forward_dynamics(robot, q, rates, forces=forces)
     again = closed_motion(robot, q, rates, motion.accelerations[:, motion.projection.independent])
     np.testing.assert_allclose(again.accelerations, motion.accelerations, rtol=1e-9, atol=1e-9)
     expected = np.einsum("nij,nj->ni", motor_map(robot, motion), forces)
@@ -69,7 +73,7 @@ def test_inverse_dynamics_gives_the_forces_back(robot):
 
 def assert_pinocchio_agrees(mechanism, q=None):
     q, rates, forces = case(mechanism, 4 if q is None else len(q), q)
-    motion = forward_dynamics(mechanism, q, rates, forces)
+    motion = forward_dynamics(mechanism, q, rates, forces=forces)
     states = zip(q, motion.velocities, forces, strict=True)
     expected = np.array([pinocchio_loops.accelerations(mechanism, *state) for state in states])
     unit = np.abs(expected).max()
@@ -100,7 +104,7 @@ def energy(mechanism, q, v):
 @pytest.mark.parametrize("robot", ["hinge loop, skew", "ball rssr", "flying"], indirect=True)
 def test_the_motors_power_is_what_the_energy_grows_by(robot, rate):
     q, rates, forces = case(robot)
-    motion = forward_dynamics(robot, q, rates, forces)
+    motion = forward_dynamics(robot, q, rates, forces=forces)
     motors = robot.velocity_indices(robot.actuated)
     for k, (v, a) in enumerate(zip(motion.velocities, motion.accelerations, strict=True)):
 
@@ -114,7 +118,7 @@ def test_the_motors_power_is_what_the_energy_grows_by(robot, rate):
 def test_a_tree_falls_as_pinocchio_says(knee):
     tree = replace(knee, closures=(), actuated=knee.joints)
     q, rates, forces = case(tree)
-    found = forward_dynamics(tree, q, rates, forces).accelerations
+    found = forward_dynamics(tree, q, rates, forces=forces).accelerations
     data = tree.model.createData()
     for k, expected in enumerate(found):
         np.testing.assert_allclose(
@@ -128,9 +132,8 @@ def test_base_parameters_alone_move_the_robot_alike(robot):
     base = find_base_parameters(structural_observation(robot, "full"))
     regrouped = np.zeros(len(base.parameters))
     regrouped[base.base] = base.values(robot.standard_parameters())
-    state = case(robot)
-    expected = forward_dynamics(robot, *state).accelerations
-    found = forward_dynamics(robot, *state, regrouped).accelerations
+    expected = moved(robot, *case(robot)).accelerations
+    found = moved(robot, *case(robot), standard_parameters=regrouped).accelerations
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
 
 
@@ -142,7 +145,7 @@ def without_mass(name, link):
 @pytest.mark.parametrize("flying", [False, True])
 def test_a_rod_without_inertia_does_not_spin_faster(flying, load_files):
     robot = load_files(*without_mass("ball rssr", "rod"), floating_base=flying)
-    motion = forward_dynamics(robot, *case(robot, count=20))
+    motion = moved(robot, *case(robot, count=20))
     spin = motion.accelerations[:, robot.velocity_indices(["ball.wx"])]
     np.testing.assert_allclose(spin, 0, atol=1e-9)
     assert 1 < np.abs(motion.accelerations).max() < 1e4
@@ -152,13 +155,13 @@ def test_a_rod_without_inertia_does_not_spin_faster(flying, load_files):
 def test_a_force_that_no_mass_resists_is_refused(load_files):
     robot = load_files(*without_mass("rack and pinion", "arm"))
     with pytest.raises(SingularityError, match=r"sample 0: a force acts on arm_joint.*4 such"):
-        forward_dynamics(robot, *case(robot))
+        moved(robot, *case(robot))
 
 
 def test_one_sample_needs_no_axis_of_samples(linkage):
     robot = linkage("five-bar")
-    whole = forward_dynamics(robot, *case(robot))
-    first = forward_dynamics(robot, *(values[0] for values in case(robot)))
+    whole = moved(robot, *case(robot))
+    first = moved(robot, *(values[0] for values in case(robot)))
     # As many samples at a time as there are, products of matrices are summed in another order.
     np.testing.assert_allclose(first.accelerations, whole.accelerations[:1], rtol=1e-12)
 
@@ -170,4 +173,4 @@ def test_bad_arrays_are_refused_by_name(linkage, place, name):
         state = list(case(robot))
         state[place] = bad
         with pytest.raises(DataError, match=name):
-            forward_dynamics(robot, *state)
+            moved(robot, *state)

@@ -32,7 +32,7 @@ def motion(load_once):
     knee = load_once("3ups_rpu")
     start = platform_coordinates(knee, knee.reference[None])[0]
     ways = [Waypoint(start + np.array([0.05, 0.03, 0.2, -0.2]), 5.0), Waypoint(start, 5.0)]
-    return joint_motion(knee, point_to_point(knee.platform.names, start, ways, 100.0))
+    return joint_motion(knee, point_to_point(knee.platform.names, start, ways, rate=100.0))
 
 
 def test_without_noise_forces_are_those_of_the_model(knee, motion):
@@ -78,7 +78,7 @@ def test_encoders_read_whole_steps(knee, motion):
 
 def test_a_seed_repeats_the_errors_and_another_does_not(knee, motion):
     one, same, other = (
-        simulate_measurement(knee, motion, Noise(12.0, 1.0), seed).force for seed in (3, 3, 4)
+        simulate_measurement(knee, motion, Noise(12.0, 1.0), seed=seed).force for seed in (3, 3, 4)
     )
     np.testing.assert_array_equal(one, same)
     assert (one != other).all()
@@ -115,7 +115,7 @@ def swing(linkage):
     robot = linkage("redundant five-bar")
     centre = robot.reference[robot.velocity_indices(robot.independent)]
     ways = [Waypoint(centre + np.array([0.2, -0.1]), 1.0), Waypoint(centre, 1.0)]
-    return robot, joint_motion(robot, point_to_point(robot.independent, centre, ways, 20.0))
+    return robot, joint_motion(robot, point_to_point(robot.independent, centre, ways, rate=20.0))
 
 
 def test_redundant_motors_share_what_two_would_do(swing, linkage):
@@ -145,7 +145,7 @@ def falling(robot, forces):
     """Unrelated samples of what a robot does under forces of its motors."""
     q = random_configurations(robot, len(forces), seed=1)
     rates, _ = random_motions(robot, len(forces), seed=2)
-    motion = forward_dynamics(robot, q, rates, forces)
+    motion = forward_dynamics(robot, q, rates, forces=forces)
     accelerations = motion.accelerations[:, motion.projection.independent]
     return JointMotion(np.arange(len(q)) / 10, q, rates, accelerations, np.ones(len(q)))
 

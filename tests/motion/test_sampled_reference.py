@@ -82,10 +82,10 @@ def test_steps_in_velocity_become_bounded_accelerations(write, speeds):
 
 def test_rate_and_filter_can_be_chosen(write):
     file = write(as_text(corners([0.02])))
-    motion = read_reference(file, NAMES, 50.0, LowPass(1.0, 3))
+    motion = read_reference(file, NAMES, rate=50.0, lowpass=LowPass(1.0, 3))
     assert motion.duration == (len(motion) - 1) / 50
     np.testing.assert_array_equal(motion.position, LowPass(1.0, 3).apply(np.loadtxt(file), 50.0))
-    usual = read_reference(file, NAMES, 100.0, LowPass(2.0, 3))
+    usual = read_reference(file, NAMES, rate=100.0, lowpass=LowPass(2.0, 3))
     # Twice as slow: half the velocity, a quarter of the acceleration.
     np.testing.assert_allclose(2 * motion.velocity, usual.velocity, atol=1e-12)
     np.testing.assert_allclose(4 * motion.acceleration, usual.acceleration, atol=1e-12)
@@ -128,16 +128,16 @@ def test_a_broken_file_is_refused_by_line(write, case):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        ((NAMES, 0.0), "rate"),
-        ((NAMES, np.nan), "rate"),
-        ((NAMES, 100.0, LowPass(50.0)), "half the sample rate"),
-        ((("x", "x"),), "x, x"),
-        (((),), "none"),
+        ({"rate": 0.0}, "rate"),
+        ({"rate": np.nan}, "rate"),
+        ({"lowpass": LowPass(50.0)}, "half the sample rate"),
+        ({"names": ("x", "x")}, "x, x"),
+        ({"names": ()}, "none"),
     ],
 )
 def test_wrong_options_are_refused(write, arguments, word):
     with pytest.raises(OptionError, match=word):
-        read_reference(write(GOOD), *arguments)
+        read_reference(write(GOOD), **{"names": NAMES} | arguments)
 
 
 def test_a_missing_file_is_refused(tmp_path):

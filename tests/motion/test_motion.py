@@ -36,7 +36,7 @@ def assert_derivatives(motion):
 
 @given(st.lists(waypoints, min_size=1, max_size=4))
 def test_waypoints_are_reached_at_rest_and_smoothly(ways):
-    motion = point_to_point(NAMES, START, ways, RATE)
+    motion = point_to_point(NAMES, START, ways, rate=RATE)
     assert_derivatives(motion)
     ends = np.cumsum([way.seconds for way in ways])
     assert motion.duration == pytest.approx(ends[-1], abs=1 / RATE)
@@ -52,7 +52,7 @@ def test_no_jump_in_velocity_or_acceleration_at_a_turn():
     ways = [Waypoint(START + 0.2, 1.0, (Arc("z_m", 0.05),)), Waypoint(START, 0.7)]
     jumps = []
     for rate in (1e3, 1e4):
-        motion = point_to_point(NAMES, START, ways, rate)
+        motion = point_to_point(NAMES, START, ways, rate=rate)
         jumps.append(np.abs(np.diff(motion.acceleration, axis=0)).max())
     # A continuous acceleration changes ten times less in a ten times shorter step.
     assert jumps[1] < 0.15 * jumps[0]

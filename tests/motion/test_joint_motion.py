@@ -30,7 +30,7 @@ def platform_ways(mechanism):
         Waypoint(start + np.array([0.04, 0.02, 0.1, -0.15]), 0.8, (Arc("z_m", 0.01),)),
         Waypoint(start, 0.6),
     ]
-    return point_to_point(mechanism.platform.names, start, ways, RATE)
+    return point_to_point(mechanism.platform.names, start, ways, rate=RATE)
 
 
 @pytest.fixture(params=["platform", "motors", "limb 4"])
@@ -44,7 +44,7 @@ def followed(request, mechanism, platform_ways):
     measured = measured_coordinates(mechanism, names)
     values = measured.read(by_platform.configurations.copy())
     start, end = values[0], values[len(values) // 2]
-    return joint_motion(mechanism, point_to_point(names, start, [Waypoint(end, 0.9)], RATE))
+    return joint_motion(mechanism, point_to_point(names, start, [Waypoint(end, 0.9)], rate=RATE))
 
 
 def test_the_loops_stay_closed(mechanism, followed):
@@ -72,7 +72,7 @@ def test_what_cannot_be_followed_is_refused(mechanism):
     # One limb twice as long as the others together cannot meet them.
     far = Waypoint(start + np.array([10.0, 0, 0, 0]), 1.0)
     with pytest.raises(AssemblyError, match="cannot be assembled"):
-        joint_motion(mechanism, point_to_point(mechanism.actuated, start, [far], 20.0))
+        joint_motion(mechanism, point_to_point(mechanism.actuated, start, [far], rate=20.0))
     unknown = point_to_point(("elbow",), [0.0], [Waypoint([1.0], 1.0)])
     with pytest.raises(OptionError, match=r"elbow fits neither .*x_m.* nor joints"):
         joint_motion(mechanism, unknown)
@@ -85,7 +85,7 @@ def lifted(mechanism, height):
     start = platform_coordinates(mechanism, mechanism.reference[None])[0]
     top = start + np.array([0, height, 0, 0])
     ways = [Waypoint(top, 1.0), Waypoint(start, 1.0)]
-    return joint_motion(mechanism, point_to_point(mechanism.platform.names, start, ways, 50.0))
+    return joint_motion(mechanism, point_to_point(mechanism.platform.names, start, ways, rate=50.0))
 
 
 def test_a_small_motion_is_fit_to_be_run(mechanism):
