@@ -293,7 +293,7 @@ def test_unidentifiable_combinations_are_refused_with_the_motion_to_add(
     told = record["identifiability"]["command"]
     places = {"DIR": str(tmp_path), "LOG": elbow_log}
     command = [places.get(word, word) for word in shlex.split(told)]
-    designed = run(*command[1:], "--starts", "1", "--iterations", "2", "--json")
+    designed = run(*command[1:], "--starts", "1", "--evaluations", "20", "--json")
     assert designed.code == 0, designed.err
     assert np.isfinite(json.loads(designed.out)["condition_number"])
     done = run("identify", arm_files[0], elbow_log, "--unidentifiable", "truncate")
