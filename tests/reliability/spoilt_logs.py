@@ -13,7 +13,7 @@ import polars
 from material import MAPPING, spoil
 from recorded_logs import TOPIC, joint_state, write_ros1, write_ros2
 
-from loopid.logs.text import TextFormat
+from loopid.logs.text import ENDINGS as TEXT_ENDINGS
 
 Columns = dict[str, np.ndarray]
 
@@ -303,7 +303,7 @@ def drawn(place: Path, sound: Path, random: Random) -> list[str]:
     text = random.choice((MAPPING, COUPLED, ""))
     if log.is_dir() and not (log / "metadata.yaml").exists():
         text = STREAMS
-    elif files[0].suffix in TextFormat.endings and files[0].read_bytes()[:1].isdigit():
+    elif files[0].suffix in TEXT_ENDINGS and files[0].read_bytes()[:1].isdigit():
         text = NUMBERED
     if "file" in wrong:
         ending = random.choice((".csv", ".npz", ".h5", ".mcap", ".parquet", ".x", ""))
