@@ -18,6 +18,8 @@ from . import (
 )
 from .base_parameters import (
     ExactSearch as ExactSearch,
+    RankTolerances as RankTolerances,
+    SearchEffort as SearchEffort,
     find_base_parameters as find_base_parameters,
 )
 from .diagnosis import (
