@@ -15,6 +15,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    SamplingOptions,
     constraint_residual,
     project,
     random_motions,
@@ -51,13 +52,18 @@ def test_a_margin_that_none_keeps_is_refused(knee):
     # The measure of a tree is 1, and its draws are cheap.
     tree = replace(knee, closures=(), actuated=knee.joints)
     assert len(random_configurations(tree, 3, margin=1)) == 3
-    with pytest.raises(AssemblyError, match=r"only 0 of \d+ random draws of 3ups_rpu .* least 2"):
+    with pytest.raises(AssemblyError) as error:
         random_configurations(tree, 3, margin=2)
+    assert (error.value.facts["found"], error.value.facts["margin"]) == (0, 2)
+    few = SamplingOptions(margin=2, attempts=2, batch=8)
+    with pytest.raises(AssemblyError) as sooner:
+        random_configurations(tree, 3, options=few)
+    assert sooner.value.facts["drawn"] < error.value.facts["drawn"]
 
 
 @pytest.mark.parametrize("arguments", [{"count": 0}, {"count": 3, "margin": -0.1}])
 def test_absurd_arguments_are_refused(mechanism, arguments):
-    with pytest.raises(OptionError, match=r"samples must be|margin must be"):
+    with pytest.raises(OptionError):
         random_configurations(mechanism, **arguments)
     with pytest.raises(OptionError):
         random_configurations(mechanism, 3, margin=np.nan)
