@@ -252,7 +252,7 @@ class SearchStrategy(ABC):
 
         Raises
         ------
-        SearchError
+        OptionError
             Where the strategy cannot be applied.
         """
         start = perf_counter()

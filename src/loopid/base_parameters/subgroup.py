@@ -33,7 +33,6 @@ from loopid.base_parameters.choice import (
 from loopid.base_parameters.rank import pivots
 from loopid.errors import (
     OptionError,
-    SearchError,
 )
 from loopid.records import record
 
@@ -89,12 +88,12 @@ class SubgroupSearch(SearchStrategy):
             raise OptionError.unknown("variant", self.variant, VARIANTS)
 
     def group_size(self, problem: ChoiceProblem) -> int:
-        """Rows n* of a group; SearchError if that makes no combination, or too many."""
+        """Rows n* of a group; OptionError if that makes no combination, or too many."""
         d, r = problem.dependent_count, problem.structure.rank
         # Rounded first: 1.1 * 50 is a little more than 55 in binary.
         size = min(ceil(round((1 + self.alpha) * r, 9)), problem.size)
         if d > size:
-            raise SearchError(
+            raise OptionError(
                 f"subgroup search has no combinations: it would choose n - r = {d} of the "
                 f"n* = {size} rows of a group (n = {problem.size}, r = {r}, alpha = {self.alpha})",
                 dependent=d,
@@ -102,7 +101,7 @@ class SubgroupSearch(SearchStrategy):
             )
         needed, bound = comb(size, d) * d * (d + 2) * 8, self.effort.memory
         if needed > bound:
-            raise SearchError(
+            raise OptionError(
                 f"a group of subgroup search has C({size}, {d}) = {comb(size, d):,} combinations, "
                 f"which take {needed / 2**30:,.1f} GiB (bound {bound / 2**30:g} GiB)",
                 needed=needed,

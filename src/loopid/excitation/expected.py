@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, row_blocks
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.problem import Problem, file_forces
 from loopid.excitation.shapes import PosesShape
@@ -23,7 +23,6 @@ from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.observation import triangular_factor
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048

@@ -11,6 +11,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     checked,
+    row_blocks,
 )
 from loopid.base_parameters.base import (
     BaseParameters,
@@ -48,7 +49,6 @@ from loopid.regressors.joint_terms import (
 )
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import row_blocks
 from loopid.workers import (
     Progress,
     ordered_map,

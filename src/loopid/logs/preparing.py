@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.projection import project, singularity_measure
@@ -26,7 +26,6 @@ from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import row_blocks
 from loopid.workers import Progress
 
 LEAST_SAMPLES = 3  # what it takes to differentiate

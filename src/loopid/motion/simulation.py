@@ -20,6 +20,7 @@ from loopid.arguments import (
     finite,
     frozen,
     random_generator,
+    row_blocks,
     samples,
 )
 from loopid.errors import (
@@ -45,7 +46,6 @@ from loopid.regressors.closed_loop import (
 )
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import row_blocks
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
