@@ -14,7 +14,7 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.errors import MissingExtraError
 from loopid.excitation.problem import Value
-from loopid.excitation.search import Broken, Search, Stopped, Stuck
+from loopid.excitation.search import Search, Stuck
 
 # What stands for a criterion and bounds where the loops do not close.
 OUT_OF_REACH = 1e3
@@ -75,7 +75,7 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
     def guarded(work: Callable[[Value], Any], slopes: bool, out: FloatArray | None) -> Any:
         try:
             value = None if stopped else search.value(current[0], slopes)
-        except (Stopped, Broken) as reason:
+        except BaseException as reason:  # IPOPT would lose it: it is raised below
             stopped.append(reason)
             value = None
         if value is None:
@@ -84,7 +84,7 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
             return np.nan
         return work(value)
 
-    stopped: list[Exception] = []
+    stopped: list[BaseException] = []
     current = [start]
 
     def slopes_of(value: Value) -> FloatArray:
