@@ -1,12 +1,14 @@
 """An observation is the triangular factor of its rows, however they come, to round-off."""
 
+import pickle
 from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from loopid import Observation, ParameterSet
+from loopid import Observation, ParameterSet, load_mechanism, structural_observation
+from loopid.base_parameters import analyse
 from loopid.errors import DataError
 from loopid.observation import (
     add_rows,
@@ -158,3 +160,19 @@ def test_what_the_motors_alone_feel_are_the_first_rows_of_each_sample():
     rows = W[:, :2].reshape(-1, 5)
     assert alone.rows == 80
     np.testing.assert_allclose(alone.factor.T @ alone.factor, rows.T @ rows, atol=1e-12)
+
+
+def test_observations_are_records():
+    """Of the same robot they are equal, also after a pickle, and then have the same rank."""
+    robot = load_mechanism("four_bar")
+    one, other = (structural_observation(robot, "full", seed=3) for _ in range(2))
+    copy = pickle.loads(pickle.dumps(one))
+    assert one == other == copy
+    assert hash(one) == hash(copy)
+    assert one != structural_observation(robot, "full", seed=4)
+    assert analyse(copy) == analyse(one)
+    assert len(repr(one).splitlines()) <= 10
+    np.testing.assert_array_equal(copy.rounding.factors(2), one.rounding.factors(2))
+    names = one.parameters
+    assert names == pickle.loads(pickle.dumps(names))
+    assert hash(names) == hash(ParameterSet.from_labels(names.labels))

@@ -15,6 +15,7 @@ from loopid.arguments import (
     checked_fields,
 )
 from loopid.errors import OptionError
+from loopid.records import record
 
 GRAVITY_KINDS = ("m", "mx", "my", "mz")
 # Pinocchio's order; inertias about the origin of the link frame.
@@ -71,7 +72,7 @@ class Parameter:
 
 
 @checked_fields
-@dataclass(frozen=True)
+@record
 class ParameterSet:
     """An ordered set of parameters: the names of a regressor's columns.
 
@@ -97,7 +98,9 @@ class ParameterSet:
         counts = Counter(self.labels)
         repeated = [label for label, count in counts.items() if count > 1]
         if repeated:
-            raise OptionError(f"parameters are repeated: {', '.join(repeated)}")
+            raise OptionError(
+                f"parameters are repeated: {', '.join(repeated)}", repeated=tuple(repeated)
+            )
 
     @classmethod
     def from_labels(cls, labels: Iterable[str]) -> ParameterSet:

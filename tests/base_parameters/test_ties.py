@@ -12,7 +12,8 @@ from loopid.base_parameters import (
     ExhaustiveSearch,
     SearchEffort,
 )
-from loopid.base_parameters.blocks import _representatives
+from loopid.base_parameters.blocks import Levels, _representatives
+from loopid.base_parameters.ties import Tied
 
 
 def coefficients(problem, dependent):
@@ -104,3 +105,19 @@ def test_too_many_ties_are_neither_listed_nor_counted():
     # The first columns are then made dependent.
     assert list(limited.dependent) == min(brute_force(problem).tied.tolist())
     assert limited.condition_number == pytest.approx(full.condition_number, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("smallest", "largest", "overlap"),
+    [
+        (1 + 1e-6, 1 + 1e-6, False),  # a better choice would be in both
+        (1 - 1e-6, 1 - 1e-6, False),
+        (1.0, 1 + 3e-9, True),
+        (1 - 3e-9, 1.0, True),
+        (1 + 3e-10, 1 + 3e-10, True),
+    ],
+)
+def test_ties_that_could_be_counted_twice_are_near_ties(smallest, largest, overlap):
+    levels = Levels(0.5, 0.9), Levels(0.5 * smallest, 0.9 * largest)
+    assert Tied(levels, 1e-9).overlap == overlap
+    assert Tied(levels[::-1], 1e-9).overlap == overlap

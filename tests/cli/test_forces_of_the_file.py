@@ -63,6 +63,6 @@ def test_check_lists_all_of_it_with_its_size(geared, run, run_json):
     found = {(f["joint"], f["term"]): f for f in record["in_file_not_in_model"]}
     assert set(found) == {(j, k) for j in ("shoulder", "elbow") for k in ("Ia", "Fc", "Fv")}
     assert found["shoulder", "Ia"]["relative_size"] > 1
-    assert all(f["included_by"] == "--terms file" for f in found.values())
+    assert all(f["included_by"] == 'terms="file"' for f in found.values())
     assert "in the file, not in the model" in run("check", geared[0]).out
     assert run_json("check", "five_bar")["in_file_not_in_model"] == []

@@ -28,7 +28,7 @@ from loopid.errors import (
 from loopid.kinematics import mobility
 from loopid.loading import read_urdf_file
 from loopid.loading.urdf import read_urdf
-from loopid.loading.xml import DECIMALS, STEP, exact_angle
+from loopid.loading.urdf_tree import DECIMALS, STEP, exact_angle
 
 # Small URDFs, put together from links and joints.
 

@@ -262,7 +262,7 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
     assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
     other = replace(study, term_sets=replace(found, chosen=found.sets[0]))
-    assert any("Try --terms Fc,Fv." in text for text in findings(other))
+    assert any('Try terms="Fc,Fv".' in text for text in findings(other))
 
 
 def test_what_is_not_finite_is_null(study):

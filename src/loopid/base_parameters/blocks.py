@@ -39,6 +39,21 @@ class Levels:
         """Squared condition number."""
         return self.largest / self.smallest if self.smallest > 0 else np.inf
 
+    def box(self, slack: float) -> tuple[float, float]:
+        """A range that these levels are inside of, by a fraction of each."""
+        return self.smallest * (1 - slack), self.largest * (1 + slack)
+
+    def inside(self, above: float, below: float) -> bool:
+        """Whether both are in a range."""
+        return self.smallest > above and self.largest < below
+
+    def near(self, other: Levels, tolerance: float) -> bool:
+        """Whether both are those of the other levels, up to a fraction."""
+        return (
+            abs(self.smallest - other.smallest) <= tolerance * other.smallest
+            and abs(self.largest - other.largest) <= tolerance * other.largest
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Block:

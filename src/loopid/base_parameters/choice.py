@@ -1,14 +1,10 @@
-"""The choice of the dependent parameters: the problem, and what all searches share.
-
-Ties are broken alike by all that list them: fewest terms first, then the smallest coefficients,
-then the dependent columns that come first. So the answer is unique.
-"""
+"""The choice of the dependent parameters: the problem, and what all searches share."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterable
+from dataclasses import field, fields, replace
 from math import comb, inf
 from time import perf_counter
 from typing import Any, ClassVar
@@ -23,7 +19,6 @@ from loopid.arguments import (
 from loopid.base_parameters.structure import (
     Structure,
     base_columns,
-    regrouping_matrix,
 )
 from loopid.errors import OptionError
 from loopid.records import record
@@ -31,8 +26,6 @@ from loopid.workers import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
-EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
-BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 # Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
 
@@ -289,49 +282,3 @@ class SearchStrategy(ABC):
             effort=self.effort,
             **found,
         )
-
-
-@dataclass(frozen=True)
-class Readability:
-    """What makes a choice readable: few terms, small coefficients."""
-
-    terms: int
-    coefficients: float
-    dependent: tuple[int, ...]
-
-    def __add__(self, other: Readability) -> Readability:
-        return Readability(
-            self.terms + other.terms,
-            self.coefficients + other.coefficients,
-            tuple(sorted(self.dependent + other.dependent)),
-        )
-
-
-NOTHING = Readability(0, 0.0, ())
-
-
-def most_readable(choices: Iterable[Readability]) -> Readability:
-    """The first choice in the order of terms, coefficients and columns."""
-    every = list(choices)
-    terms = min(choice.terms for choice in every)
-    every = [choice for choice in every if choice.terms == terms]
-    enough = min(choice.coefficients for choice in every) + EQUAL_COEFFICIENTS
-    every = [choice for choice in every if choice.coefficients <= enough]
-    return min(every, key=lambda choice: choice.dependent)
-
-
-def readabilities(
-    null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
-) -> Iterator[Readability]:
-    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
-
-    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
-    """
-    names = choices if columns is None else columns[choices]
-    size = max(1, BATCH // null_basis.size)
-    for start in range(0, len(choices), size):
-        part = slice(start, start + size)
-        beta = np.abs(regrouping_matrix(null_basis, choices[part]))
-        terms, totals = (beta > 0).sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
-        for count, total, own in zip(terms, totals, names[part].tolist(), strict=True):
-            yield Readability(count, total, tuple(sorted(own)))

@@ -11,7 +11,7 @@ listed and the most readable one is returned. Derivation in docs/derivations.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, count, islice
+from itertools import count
 from math import sqrt
 from time import perf_counter
 from typing import ClassVar
@@ -28,20 +28,20 @@ from loopid.base_parameters.blocks import (
     split,
 )
 from loopid.base_parameters.choice import (
-    NOTHING,
     ChoiceProblem,
     Exclusion,
-    Readability,
     SearchEffort,
     SearchResult,
     SearchStrategy,
-    most_readable,
-    readabilities,
 )
 from loopid.base_parameters.guess import (
     FRACTIONS,
     good_selection,
     walked,
+)
+from loopid.base_parameters.ties import (
+    Tied,
+    most_readable_tie,
 )
 from loopid.base_parameters.tree import (
     UNIT_ROUND_OFF,
@@ -53,7 +53,7 @@ from loopid.base_parameters.tree import (
 )
 from loopid.records import record
 
-MORE_NODES = 4  # times as many, that a box is asked about at every further effort
+MORE_NODES = 4  # times as many, that a box is asked about at every further attempt
 # Ends of the interval that are this close are worth no further question, or need no middle.
 FINENESS, NEAR = 1e-2, 1.05
 
@@ -94,7 +94,8 @@ class ExactSearch(SearchStrategy):
         if interval.tolerance <= self.effort.most_tolerance:
             try:
                 interval.close()
-                choice, ties, near = _most_readable_tie(interval)
+                tied = Tied(interval.tied, interval.tolerance)
+                choice, ties, near = most_readable_tie(blocks, tied, self.effort, budget)
                 dependent, reason = choice.dependent, "near ties" if near else ""
             except OutOfBudgetError:
                 dependent, reason = _joint_dependent(blocks, interval.best), "time limit"
@@ -169,14 +170,14 @@ class _Interval:
 
     def close(self) -> None:
         """Shrink the interval until it is empty; OutOfBudgetError when time runs out before."""
-        for effort in count():
+        for attempt in count():
             self.budget.check()
-            self._raise_floor(effort)
-            self._lower_ceiling(effort)
+            self._raise_floor(attempt)
+            self._lower_ceiling(attempt)
             if self.closed:
                 return
 
-    def _raise_floor(self, effort: int) -> None:
+    def _raise_floor(self, attempt: int) -> None:
         """Rule out largest eigenvalues below u: better selections have s = l / ρ > floor / ρ.
 
         Boxes become smaller where one is undecided, and where one holds selections that are not
@@ -191,7 +192,7 @@ class _Interval:
             asked = min(goal, self.floor * step, barrier, sqrt(self.floor * undecided))
             above = self.floor / self.levels.ratio * (1 + 2 * self._fine)
             try:
-                found = self._ask(above, asked, effort)
+                found = self._ask(above, asked, attempt)
             except OutOfBudgetError:
                 undecided = asked
                 continue
@@ -204,10 +205,10 @@ class _Interval:
             else:
                 step = sqrt(asked / self.floor)
 
-    def _lower_ceiling(self, effort: int) -> None:
+    def _lower_ceiling(self, attempt: int) -> None:
         """Rule out smallest eigenvalues above t, so that better selections have l = ρ s <= ρ t."""
-        # With more effort the middle comes first, until the ends are near each other.
-        wide = effort > 0 and self.highest > NEAR * self.levels.smallest
+        # From the second attempt on the middle comes first, until the ends are near each other.
+        wide = attempt > 0 and self.highest > NEAR * self.levels.smallest
         undecided, step, barrier = self.levels.smallest if wide else 0.0, np.inf, 0.0
         while not self.closed and self.levels.largest < self.ceiling:
             self.budget.check()
@@ -216,7 +217,7 @@ class _Interval:
             least = self.levels.smallest * (1 + self._fine)
             asked = max(least, self.highest / step, barrier, sqrt(self.highest * undecided))
             try:
-                found = self._ask(asked, self.ceiling, effort)
+                found = self._ask(asked, self.ceiling, attempt)
             except OutOfBudgetError:
                 undecided = asked
                 continue
@@ -231,12 +232,12 @@ class _Interval:
             else:
                 step = sqrt(self.highest / asked)
 
-    def _ask(self, above: float, below: float, effort: int) -> Selections | None:
+    def _ask(self, above: float, below: float, attempt: int) -> Selections | None:
         """Joint selections in a box, None if a block has none; OutOfBudgetError if undecided."""
         found, undecided = [], False
-        most = self.effort.nodes * MORE_NODES**effort
+        most = self.effort.nodes * MORE_NODES**attempt
         for b in sorted(range(len(self.blocks)), key=lambda b: self._known[b][-1][1].smallest):
-            known = [own for own, levels in self._known[b] if _inside(levels, above, below)]
+            known = [own for own, levels in self._known[b] if levels.inside(above, below)]
             if not known:
                 part = self.budget.part(most)
                 leaves: Leaves | None = [] if self.keep else None
@@ -283,7 +284,7 @@ class _Interval:
         self.tied = []
         for one in candidates:
             ties = one.ratio <= self.levels.ratio * (1 + 2 * self.tolerance)
-            if ties and not any(_equal(one, other, 2 * self.tolerance) for other in self.tied):
+            if ties and not any(one.near(other, 2 * self.tolerance) for other in self.tied):
                 self.tied.append(one)
         return better
 
@@ -293,113 +294,9 @@ class _Interval:
         return Levels(min(x.smallest for x in levels), max(x.largest for x in levels))
 
 
-def _inside(levels: Levels, above: float, below: float) -> bool:
-    return levels.smallest > above and levels.largest < below
-
-
-def _equal(one: Levels, other: Levels, tolerance: float) -> bool:
-    return (
-        abs(one.smallest - other.smallest) <= tolerance * other.smallest
-        and abs(one.largest - other.largest) <= tolerance * other.largest
-    )
-
-
 def _joint_dependent(blocks: Sequence[Block], selections: Selections) -> tuple[int, ...]:
     parts = [
         block.columns[block.dependent(own[None])[0]]
         for block, own in zip(blocks, selections, strict=True)
     ]
     return tuple(np.sort(np.concatenate(parts)).tolist())
-
-
-def _most_readable_tie(interval: _Interval) -> tuple[Readability, int | None, bool]:
-    """The most readable of the best choices, how many there are, and whether some nearly tie."""
-    choices, ties, near = [], 0, _overlap(interval)
-    for levels in interval.tied:
-        choice, ways = NOTHING, 1
-        for block in interval.blocks:
-            selections, nearly = _listed(block, levels, interval)
-            near |= nearly
-            if selections:
-                ways *= sum(block.ways(own) for own in selections)
-            else:
-                ways, selections = 0, [_first(block, levels, interval)]
-            dependent = block.dependent(np.array(selections))
-            if len(dependent) * len(interval.tied) == 1:  # nothing to compare
-                choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
-                continue
-            batches = readabilities(block.null_basis, dependent, block.columns)
-            choice += most_readable(interval.budget.checking(batches))
-        choices.append(choice)
-        ties = ties + ways if ways and (ties or len(choices) == 1) else 0
-    return most_readable(choices), None if near else ties or None, near
-
-
-def _overlap(interval: _Interval) -> bool:
-    """Whether some selection may keep to two pairs of tied levels, and would be counted twice.
-
-    Its value is at most the smaller largest over the larger smallest, which is below the least
-    value unless the pairs nearly agree.
-    """
-    least = interval.levels.ratio * (1 - 2 * interval.tolerance)
-    return any(
-        min(one.largest, other.largest) > least * max(one.smallest, other.smallest)
-        for one, other in combinations(interval.tied, 2)
-    )
-
-
-def _listed(block: Block, levels: Levels, interval: _Interval) -> tuple[Selections, bool]:
-    """All selections that keep to the levels, and whether some nearly do; none if too many.
-
-    What is within half of the tolerance keeps to them, what is beyond twice of it does not;
-    selections between are near ties, which round-off would decide.
-    """
-    if block.size == block.count:
-        return [np.arange(block.size)], False
-    tolerance, budget, effort = interval.tolerance, interval.budget, interval.effort
-    above, below = levels.smallest * (1 - 2 * tolerance), levels.largest * (1 + 2 * tolerance)
-    part = budget.part(effort.tie_nodes)
-    try:
-        listed = list(islice(selections_between(block, above, below, part), effort.ties + 1))
-    except OutOfBudgetError:
-        budget.check()
-        return [], False
-    finally:
-        budget.add(part)
-    if len(listed) > effort.ties:
-        return [], False
-    above, below = levels.smallest * (1 - tolerance / 2), levels.largest * (1 + tolerance / 2)
-    kept = [own for own in listed if _inside(block.levels(own), above, below)]
-    return kept, len(kept) < len(listed)
-
-
-def _first(block: Block, levels: Levels, interval: _Interval) -> IntArray:
-    """The selection that keeps to the levels and makes the first columns dependent.
-
-    Column after column is made dependent where some selection allows it: an answer that does not
-    depend on how selections are found.
-    """
-    tolerance, budget = interval.tolerance, interval.budget
-    above, below = levels.smallest * (1 - tolerance), levels.largest * (1 + tolerance)
-    settled: tuple[list[int], list[int]] = ([], [])
-    dependent, base = settled if block.selects_dependent else settled[::-1]
-
-    def some(row: list[int]) -> IntArray | None:
-        dependent.extend(row)
-        taken, left = (np.array(rows, dtype=np.int64) for rows in settled)
-        found = next(selections_between(block, above, below, budget, taken, left), None)
-        del dependent[len(dependent) - len(row) :]
-        return found
-
-    witness = some([])
-    if witness is None:  # a selection with these levels is known
-        raise OutOfBudgetError
-    for row in range(block.size):
-        if (row in witness) != block.selects_dependent:
-            found = some([row])
-            if found is None:
-                base.append(row)
-                continue
-            witness = found
-        dependent.append(row)
-    return witness

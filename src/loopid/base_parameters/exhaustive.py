@@ -19,6 +19,8 @@ from loopid.base_parameters.choice import (
     SearchResult,
     SearchStrategy,
     condition_numbers,
+)
+from loopid.base_parameters.ties import (
     most_readable,
     readabilities,
 )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING
+from shlex import quote
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
@@ -26,6 +27,7 @@ from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
 
 if TYPE_CHECKING:
+    from loopid.identification.pipeline import Identification
     from loopid.robot.mechanism import Mechanism
 
 LOGS = Argument(
@@ -36,7 +38,6 @@ LOGS = Argument(
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
-FRICTION = "Fc,Fv,file"  # terms of identify by default
 
 
 @of_robot
@@ -45,7 +46,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option(FRICTION, help=f"{TERMS[:-1]}; auto: what is enough on new data."),
+    terms: str = Option("Fc,Fv,file", help=f"{TERMS[:-1]}; auto: what is enough on new data."),
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
@@ -65,9 +66,6 @@ def identify(
     repair: bool = REPAIR,
     reference: list[str] | None = Option(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
-    ),
-    reference_mapping: str | None = Option(
-        None, metavar="YAML", help="As --mapping, of the --reference logs."
     ),
     cutoff: float | None = CUTOFF,
     fraction: float = Option(
@@ -97,8 +95,6 @@ def identify(
     )
     from loopid.report.look import require_report
 
-    if not start < end:
-        raise OptionError(f"--from must be before --to, not {start:g} and {end:g} s")
     options = StudyOptions(
         model=model,
         terms=terms,
@@ -119,7 +115,7 @@ def identify(
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
-    commanded = recordings(robot, reference, reference_mapping, cutoff)
+    commanded = recordings(robot, reference, mapping, cutoff)
     friction = recordings(robot, friction_log, mapping, cutoff)
     with progress_bar("poses") as report:
         found = study_logs(
@@ -131,8 +127,28 @@ def identify(
             options=options,
             progress=report,
         )
-    save(out, partial(identification_files, found))
-    show(identification_record(found), identification_tables(found), as_json)
+    command = excite_command(found.identification)
+    save(out, partial(identification_files, found, command))
+    show(identification_record(found, command), identification_tables(found, command), as_json)
+
+
+def excite_command(found: Identification) -> str:
+    """``loopid excite`` for a robot as it was loaded, its model and what the data tell little of.
+
+    To be typed after the log LOG.
+    """
+    model = found.force_model
+    robot, terms = model.mechanism, model.joint_terms
+    options: dict[str, Any] = {"out": "DIR", "model": model.model}
+    options |= {"terms": terms and terms.choice(robot), **robot.options}
+    options |= {"after": "LOG", "for": found.identifiability.leads}
+    words = ["loopid excite", quote(str(robot.path))]
+    for name, value in options.items():
+        option = f"--{name.replace('_', '-')}"
+        each = value if isinstance(value, list | tuple) else [value]
+        told = (one for one in each if one is not None and one is not False)
+        words += [option if one is True else f"{option} {quote(str(one))}" for one in told]
+    return " ".join(words)
 
 
 def predict(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from math import ceil
 
 from loopid.arguments import checked
@@ -83,5 +82,5 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
         for spread in SPREADS:
             with suppress(LoopidError):
                 observed = structural_observation(robot, "full", samples=count, spread=spread)
-                return analyse(replace(observed, rounding=None)).rank
+                return analyse(observed).rank
     return None

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, warn
 from loopid.loading.files import find_files
-from loopid.loading.urdf import unread_mesh
+from loopid.loading.urdf_tree import unread_mesh
 from loopid.robot.mechanism import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.

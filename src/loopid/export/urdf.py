@@ -10,7 +10,7 @@ from lxml import etree
 
 from loopid.arguments import FloatArray
 from loopid.loading.inertials import Inertial, InertialFile, XmlFile, add_first, written
-from loopid.loading.urdf import MOMENTS, read_urdf_file
+from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
 
 
 class UrdfInertials(InertialFile):

@@ -8,8 +8,8 @@ from lxml import etree
 
 from loopid.errors import RobotFileError
 from loopid.loading.files import naming
-from loopid.loading.urdf import Dialect, UrdfFile, linked, mounted
-from loopid.loading.xml import inner_tags, numbers, said
+from loopid.loading.urdf import Dialect, linked, mounted
+from loopid.loading.urdf_tree import UrdfFile, inner_tags, numbers, said
 from loopid.robot.mechanism import LeftOut
 
 BALL = "ball_constraint"

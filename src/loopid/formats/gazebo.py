@@ -10,8 +10,8 @@ from lxml import etree
 
 from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
-from loopid.loading.urdf import Dialect, UrdfFile, closure_of, coefficients, linked
-from loopid.loading.xml import child, inner_tags, label, local_name, placement, said
+from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
+from loopid.loading.urdf_tree import UrdfFile, child, inner_tags, label, local_name, placement, said
 from loopid.robot.mechanism import LeftOut
 
 CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")

@@ -29,7 +29,7 @@ from loopid.loading.description import (
 )
 from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.xml import Element, read_xml
+from loopid.loading.urdf_tree import Element, read_xml
 from loopid.robot.mechanism import (
     LeftOut,
     shortened,

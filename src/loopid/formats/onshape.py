@@ -8,7 +8,8 @@ import pinocchio as pin
 
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription
-from loopid.loading.urdf import Dialect, UrdfFile
+from loopid.loading.urdf import Dialect
+from loopid.loading.urdf_tree import UrdfFile
 
 CLOSING_FRAME = re.compile(r"closing_(.+)_([12])")
 Z = (0.0, 0.0, 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pinocchio as pin
 
 from loopid.loading.files import naming
-from loopid.loading.urdf import PARENT_CHILD, Dialect, UrdfFile, closure_of, linked
-from loopid.loading.xml import label, named_tags, placement
+from loopid.loading.urdf import PARENT_CHILD, Dialect, closure_of, linked
+from loopid.loading.urdf_tree import UrdfFile, label, named_tags, placement
 
 
 def read_constraints(urdf: UrdfFile, model: pin.Model) -> Dialect:

@@ -9,8 +9,9 @@ import pinocchio as pin
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
-from loopid.loading.urdf import SEVERAL, Dialect, UrdfFile, closure_of, linked
-from loopid.loading.xml import (
+from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
+from loopid.loading.urdf_tree import (
+    UrdfFile,
     child,
     inner_tags,
     label,

@@ -127,7 +127,7 @@ def sound_prior(parameters: ParameterSet, prior: FloatArray) -> Prior:
         raise DataError(
             f"the prior of {', '.join(defect.name for defect in defects)} is not physically "
             f"consistent: {'; '.join(map(str, defects))}; correct these values, or repair them, "
-            "repair=True (--repair)"
+            "repair=True"
         )
     massive = np.flatnonzero(values[layout.columns].any(axis=1))
     bodies, columns = tuple(layout.bodies[k] for k in massive), layout.columns[massive]

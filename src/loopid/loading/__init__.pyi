@@ -13,9 +13,11 @@ from .tree import (
 )
 from .urdf import (
     Dialect as Dialect,
-    UrdfFile as UrdfFile,
     closure_of as closure_of,
     linked as linked,
+)
+from .urdf_tree import (
+    UrdfFile as UrdfFile,
     read_urdf_file as read_urdf_file,
     unread_mesh as unread_mesh,
 )

@@ -40,14 +40,16 @@ LARGEST_ROUNDING = 1e-2  # m and rad
 
 def _known_kind(value: Any) -> str:
     """The own name of a kind of closure, or of the coupling of joints."""
-    own = {name: name for name in (*CLOSURE_KINDS, COUPLING)}
-    own |= {alias: name for name, kind in CLOSURE_KINDS.items() for alias in kind.aliases}
-    own |= dict.fromkeys(JointCoupling.aliases, COUPLING)
-    kind = own.get(value.lower() if isinstance(value, str) else "")
-    if kind is None:
-        valid = ", ".join(map(repr, (*CLOSURE_KINDS, COUPLING)))
-        raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
-    return kind
+    kind = value.lower() if isinstance(value, str) else ""
+    if kind in CLOSURE_KINDS:
+        return kind
+    if kind in (COUPLING, *JointCoupling.aliases):
+        return COUPLING
+    for name, known in CLOSURE_KINDS.items():
+        if kind in known.aliases:
+            return name
+    valid = ", ".join(map(repr, (*CLOSURE_KINDS, COUPLING)))
+    raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
 
 
 Kind = Annotated[str, BeforeValidator(_known_kind)]
@@ -169,6 +171,10 @@ class Description(Section):
         for names in (self.name_mot, self.joint_name):
             for name in _repeated(names) if isinstance(names, list) else ():
                 raise ValueError(f"joint {name} is listed twice")
+        if COUPLING in self.type:
+            raise ValueError(
+                "type: a coupling joins joints, not frames: list it as one of 'couplings'"
+            )
         if self.urdf is not None and self.mjcf is not None:
             raise ValueError("'urdf' and 'mjcf' exclude each other: the tree has one file")
         return self

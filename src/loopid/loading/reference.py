@@ -292,13 +292,15 @@ def _measure(closed: ClosedReference) -> float:
 
 def _outside(mechanism: Mechanism) -> str:
     """The first joint outside its limits, in words; nothing where there is none."""
-    for name in mechanism.joints:
-        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
-        value = mechanism.reference[joint.idx_q]
-        if joint.nq == 1 and not low - LIMIT_TOLERANCE <= value <= high + LIMIT_TOLERANCE:
-            limits = f"{low:.4g} ... {high:.4g}"
-            return f"outside the limits of joint {name}: {value:.4g} is not in {limits}"
-    return ""
+    (low, high), q = mechanism.position_limits, mechanism.reference
+    outside = np.flatnonzero((q < low - LIMIT_TOLERANCE) | (q > high + LIMIT_TOLERANCE))
+    if not len(outside):
+        return ""
+    k = int(outside[0])
+    name = mechanism.joints[list(mechanism.model.idx_qs)[1:].index(k)]
+    return (
+        f"outside the limits of joint {name}: {q[k]:.4g} is not in {low[k]:.4g} ... {high[k]:.4g}"
+    )
 
 
 def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> RobotFileError:

@@ -1,8 +1,4 @@
-"""A URDF: Pinocchio's model of its tree, and what the file declares beyond that.
-
-Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
-missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
-So both get a copy of what the tree is made of, in which names and numbers are sound.
+"""What a URDF says beyond its tree: closures, motors, forces in joints.
 
 Closures are joints that ``<mimic>`` others and joints that give a link a second parent; dialects,
 registered in ``urdf_dialects``, have tags of their own.
@@ -13,11 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pinocchio as pin
 from lxml import etree
 from pydantic import ValidationError
@@ -27,15 +21,19 @@ from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.xml import (
+from loopid.loading.urdf_tree import (
+    LEAST_AXIS,
+    ROOT_JOINT,
     Element,
+    UrdfFile,
+    build_model,
     child,
     inner_tags,
     label,
+    local_name,
     numbers,
     placement,
-    read_xml,
-    refuse_repetition,
+    read_urdf_file,
     required,
     said,
     single,
@@ -45,33 +43,9 @@ from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
 if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint, Robot
+    from yourdfpy.urdf import Joint
 
-JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 SEVERAL = ("floating", "planar")  # types of joints with several coordinates
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-# What the tree is made of: tags inside tags, those that must be there, names, and numbers with
-# their count and the default of URDF. Geometry and extensions may be broken without harm.
-TAGS = {
-    "link": ("inertial",),
-    "inertial": ("origin", "mass", "inertia"),
-    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
-}
-REQUIRED = ("mass", "inertia", "parent", "child")
-NAMES = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
-NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
-    "origin": {"xyz": (3, "0 0 0"), "rpy": (3, "0 0 0")},
-    "mass": {"value": (1, None)},
-    "inertia": dict.fromkeys(MOMENTS, (1, None)),
-    "axis": {"xyz": (3, "1 0 0")},
-    # An effort or velocity of zero is none, and many files give none.
-    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), (1, "0")),
-    "mimic": {"multiplier": (1, "1"), "offset": (1, "0")},
-}
-LEAST_AXIS = 1e-9
-MOST_LINKS = 2000  # far more than robots have
-ROOT_JOINT = "root_joint"
-PACKAGE = "package://"
 PARENT_CHILD = ("parent", "child")
 AXIAL = ("hinge", "cylindrical", "prismatic", "universal")
 # Kinds of closures by the types of joints, of URDF+ and of others.
@@ -79,17 +53,6 @@ LOOPS = {kind: kind for kind in AXIAL[1:]}
 LOOPS |= {"continuous": "hinge", "fixed": "6d", "revolute": "hinge", "spherical": "3d"}
 ALSO = {"ball": "3d", "weld": "6d", "hinge": "hinge"}
 Terms = dict[str, dict[str, float]]  # by joint and kind
-
-
-@dataclass(frozen=True)
-class UrdfFile:
-    """A URDF whose names, numbers and tree are sound."""
-
-    root: Element  # the whole file
-    tree: str  # XML of links and joints only, for Pinocchio
-    robot: Robot  # links and joints in the order of the file
-    # Joints that give a link a second parent: they are no part of the tree
-    second: tuple[Element, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,155 +106,6 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
         left_out=tuple(left_out),
         notes=(*notes, *(note for dialect in dialects for note in dialect.notes)),
     )
-
-
-# The tree.
-
-
-def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
-    from yourdfpy import URDF  # here, as it takes 0.3 s to import
-
-    with naming(path):
-        root = urdf_root(path)
-        # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
-        name = " ".join(root.get("name", "").split())
-        if not name.isprintable():
-            raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
-        copy = etree.Element("robot", {"name": name})
-        if len(root.findall("link")) > MOST_LINKS:
-            raise RobotFileError(f"it has more than the {MOST_LINKS} links that are read")
-        second, carried = list[Element](), set[str]()
-        for element in root.iterchildren("link", "joint"):
-            with naming(f"{element.tag!s} {required(element, 'name')}"):
-                sound = _sound(element)
-            link = "" if element.tag == "link" else required(child(sound, "child"), "link")
-            if link in carried:
-                second.append(element)
-            else:
-                copy.append(sound)
-            carried |= {link} - {""}
-        tree = etree.tostring(copy)
-        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
-        if not robot.links:
-            raise RobotFileError("not a valid URDF: it has no <link>")
-        refuse_repetition("link", (link.name for link in robot.links))
-        refuse_repetition("joint", (joint.name for joint in robot.joints))
-        for joint in robot.joints:
-            with naming(f"joint {joint.name}"):
-                _check_joint(joint)
-        for link in robot.links:
-            if link.inertial is not None and link.inertial.mass < 0:
-                mass = f"{link.inertial.mass:g} kg"
-                raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
-        _check_tree(robot)
-    return UrdfFile(root, tree.decode(), robot, tuple(second))
-
-
-def urdf_root(path: Path) -> Element:
-    """Root of a URDF; another root is refused."""
-    root = read_xml(path)
-    # Some simulators declare a default namespace.
-    space = f"{{{root.nsmap.get(None)}}}"
-    for element in root.iter(f"{space}*"):
-        element.tag = str(element.tag).removeprefix(space)
-    if root.tag != "robot":
-        hint = ": convert it to a URDF" if root.tag == "sdf" else ""
-        raise RobotFileError(f"it is no URDF: the root is <{root.tag!s}>, not <robot>{hint}")
-    return root
-
-
-def _sound(element: Element) -> Element:
-    """What the tree needs of an element."""
-    tag, kind = str(element.tag), element.get("type", "").strip()
-    copy = etree.Element(tag, {"type": kind} if tag == "joint" else None)
-    if tag in NAMES:
-        copy.set(NAMES[tag], required(element, NAMES[tag]))
-    for attribute, (count, default) in NUMBERS.get(tag, {}).items():
-        copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
-    for inner in TAGS.get(tag, ()):
-        there = child(element, inner) if inner in REQUIRED else single(element, inner)
-        if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
-            copy.append(_sound(there))
-    return copy
-
-
-def _check_joint(joint: Joint) -> None:
-    if joint.type not in JOINT_TYPES:
-        listed = ", ".join(JOINT_TYPES)
-        raise RobotFileError(f"unknown type {joint.type!r}: choose among {listed}")
-    if np.abs(joint.axis).max() < LEAST_AXIS:
-        raise RobotFileError("<axis> is zero")
-    limit = joint.limit
-    if limit is None:
-        if joint.type in ("revolute", "prismatic"):
-            raise RobotFileError(f"a {joint.type} joint needs a <limit>")
-        return
-    if limit.lower > limit.upper:
-        raise RobotFileError(f"<limit> lower {limit.lower} exceeds upper {limit.upper}")
-    for key in ("effort", "velocity"):
-        if getattr(limit, key) < 0:
-            raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
-
-
-def _check_tree(robot: Robot) -> None:
-    """Refuse joints between links that are not there, and links that do not form one tree."""
-    links = {link.name for link in robot.links}
-    for joint in robot.joints:
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
-    carriers = {joint.child for joint in robot.joints}
-    roots = sorted(links - carriers)
-    if len(roots) != 1:
-        listed = ", ".join(roots) or "none"
-        hint = (
-            "" if roots else ": a joint closes a loop at the root: write it as a closure in a YAML"
-        )
-        raise RobotFileError(
-            f"the links must form one tree with one root, but roots are: {listed}{hint}"
-        )
-    reached, more = set(roots), set(roots)
-    while more:
-        more = {joint.child for joint in robot.joints if joint.parent in more}
-        reached |= more
-    if reached != links:
-        lost = ", ".join(sorted(links - reached))
-        raise RobotFileError(f"links {lost} hang on a cycle of joints, not on root {roots[0]}")
-
-
-def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
-    """Pinocchio's model, with mimicking joints as joints of their own."""
-    taken = {"universe": "the ground"}
-    if floating_base:
-        taken[ROOT_JOINT] = "the joint of the floating base"
-    for joint in urdf.robot.joints:
-        if joint.name in taken:
-            what = f"joint {joint.name} must not be called like {taken[joint.name]}"
-            raise RobotFileError(f"{what}: rename it")
-    base = [pin.JointModelFreeFlyer()] if floating_base else []
-    try:
-        return pin.buildModelFromXML(urdf.tree, *base)
-    except (ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
-
-
-def unread_mesh(file: Path) -> str:
-    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
-    try:
-        for mesh in urdf_root(file).iterfind("link/collision/geometry/mesh"):
-            name = required(mesh, "filename")
-            places = [file.parent / name.removeprefix("file://")]
-            if name.startswith(PACKAGE):
-                package, *rest = Path(name.removeprefix(PACKAGE)).parts
-                above = file.resolve().parents
-                places = [folder.joinpath(*p) for folder in above for p in ((package, *rest), rest)]
-            if not any(place.is_file() for place in places):
-                return f"there is no mesh {places[0] if len(places) == 1 else name}"
-    except RobotFileError as error:
-        return str(error)
-    return ""
 
 
 # Closures.
@@ -518,12 +332,13 @@ def _read_dynamics(urdf: UrdfFile, given: Terms) -> list[LeftOut]:
 
 def coefficients(element: Element) -> dict[str, float]:
     """Coefficients of terms that simulators write as tags of their own inside an element."""
-    found = {}
-    for tag, kind in COEFFICIENTS.items():
-        if text := said(element, tag):
-            found[kind] = number(text)
-            if not math.isfinite(found[kind]):
-                raise RobotFileError(f"<{tag}> must be a finite number, not {text!r:.60}")
+    found: dict[str, float] = {}
+    for tag in inner_tags(element, COEFFICIENTS):
+        name, text = local_name(tag), (tag.get("value") or tag.text or "").strip()
+        if text and COEFFICIENTS[name] not in found:
+            found[COEFFICIENTS[name]] = value = number(text)
+            if not math.isfinite(value):
+                raise RobotFileError(f"<{name}> must be a finite number, not {text!r:.60}")
     return found
 
 

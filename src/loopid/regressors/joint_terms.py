@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from math import isfinite, nan
-from shlex import quote
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -587,7 +586,7 @@ def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
     said = [] if terms is None else [terms.choice(mechanism)]
     words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
-        f"{mechanism.path} gives {listed}, which this model leaves out: --terms {quote(words)} "
-        f"includes it, in Python JointTerms.of(robot, {words!r})",
+        f"{mechanism.path} gives {listed}, which this model leaves out: "
+        f'terms="{words}" includes it',
         ModelWarning,
     )

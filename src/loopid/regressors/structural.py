@@ -30,6 +30,7 @@ from loopid.observation import (
     Observation,
     Rounding,
 )
+from loopid.records import record
 from loopid.regressors.closed_loop import (
     gravity_regressor,
     motion_parameters,
@@ -135,11 +136,11 @@ def structural_observation(
             natural_size=natural,
             driven=driven if mechanism.free and driven else None,
         )
-    rounded = partial(_rounding, mechanism, model, joint_terms, kept)
-    order = mechanism.coordinate_order
-    if alone := found.motors_alone:
-        alone = replace(alone, order=order, rounding=rounded(driven))
-    return replace(found, order=order, rounding=rounded(None), motors_alone=alone)
+    seen = _Seen(mechanism, model, joint_terms, tuple(kept), geometry_accuracy(mechanism))
+    order, alone = mechanism.coordinate_order, found.motors_alone
+    if alone is not None:
+        alone = replace(alone, order=order, rounding=seen.rounding(driven))
+    return replace(found, order=order, rounding=seen.rounding(None), motors_alone=alone)
 
 
 def _random_rates(
@@ -164,42 +165,33 @@ def _random_rates(
     return rates
 
 
-def _rounding(
-    mechanism: Mechanism,
-    model: str,
-    joint_terms: JointTerms | None,
-    motions: list[Motions],
-    driven: int | None,
-) -> Rounding:
-    """What the robot file's numbers leave open."""
-    accuracy = geometry_accuracy(mechanism)
-    known_to = max(accuracy.length, accuracy.angle * mechanism.length)
-    factors = partial(_factors_within, mechanism, model, joint_terms, motions, driven, accuracy)
-    return Rounding(known_to, accuracy.source, factors)
+@record
+class _Seen:
+    """A robot as it was observed, so that others can be observed in the same motions."""
 
+    mechanism: Mechanism
+    model: str
+    joint_terms: JointTerms | None
+    motions: tuple[Motions, ...]
+    accuracy: Accuracy
 
-def _factors_within(
-    mechanism: Mechanism,
-    model: str,
-    joint_terms: JointTerms | None,
-    motions: list[Motions],
-    driven: int | None,
-    accuracy: Accuracy,
-    count: int,
-    within: float | None = None,
-) -> FloatArray:
-    """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
+    def rounding(self, driven: int | None) -> Rounding:
+        """What the robot file's numbers leave open in the first ``driven`` rows, or in all."""
+        known_to = max(self.accuracy.length, self.accuracy.angle * self.mechanism.length)
+        return Rounding(known_to, self.accuracy.source, partial(self.factors, driven))
 
-    Of the first ``driven`` rows of each sample, or of all. Lengths of the others may be ``within``
-    another accuracy, in m, and angles accordingly.
-    """
-    if within is not None:
-        accuracy = replace(accuracy, length=within, angle=within / mechanism.length)
-    generator, parameters = random_generator(0), motion_parameters(mechanism, model, joint_terms)
-    others = (within_accuracy(mechanism, accuracy, generator) for _ in range(count))
-    found = []
-    for other in (mechanism, *others):
-        moved = (same_motion(mechanism, other, *batch) for batch in motions)
-        parts = (motion_regressor(other, one, model, joint_terms)[:, :driven] for one in moved)
-        found.append(Observation.from_parts(parts, parameters).factor)
-    return np.stack(found)
+    def factors(self, driven: int | None, count: int, within: float | None = None) -> FloatArray:
+        """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
+
+        Lengths of the others may be ``within`` another accuracy, in m, and angles accordingly.
+        """
+        own, accuracy, generator = self.mechanism, self.accuracy, random_generator(0)
+        if within is not None:
+            accuracy = replace(accuracy, length=within, angle=within / own.length)
+        parameters, found = motion_parameters(own, self.model, self.joint_terms), []
+        for other in (own, *(within_accuracy(own, accuracy, generator) for _ in range(count))):
+            moved = (same_motion(own, other, *batch) for batch in self.motions)
+            parts = (motion_regressor(other, one, self.model, self.joint_terms) for one in moved)
+            rows = (part[:, :driven] for part in parts)
+            found.append(Observation.from_parts(rows, parameters).factor)
+        return np.stack(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -66,8 +65,11 @@ LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
 LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
-def identification_record(study: Study) -> dict[str, Any]:
-    """All findings of a study, ready for JSON."""
+def identification_record(study: Study, command: str | None = None) -> dict[str, Any]:
+    """All findings of a study, ready for JSON.
+
+    ``command`` is one that designs the motion to add, where who asks has commands.
+    """
     found, reduction = study.identification, study.reduction
     model, told, consistent = found.force_model, found.identifiability, study.consistent
     terms = model.joint_terms
@@ -89,7 +91,7 @@ def identification_record(study: Study) -> dict[str, Any]:
         "fitted_bodies_pay": study.term_sets.bodies_pay,
         "identifiability": {
             **json_fields(told, "structural_rank", "rank"),
-            "command": excite_command(found),
+            "command": command,
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
             "structural_effects": json_value(told.excitation.structural),
@@ -102,7 +104,7 @@ def identification_record(study: Study) -> dict[str, Any]:
         "essential_parameters": list(reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
         "suspicions": [_suspicions(one) for one in study.suspicions],
-        "findings": findings(study),
+        "findings": findings(study, command),
     }
 
 
@@ -110,24 +112,6 @@ def _candidates(study: Study) -> tuple[Candidate, ...]:
     """The robot file, all parameters, the essential ones, and the robot file as prior."""
     start, whole, *others = study.identification.candidates.values()
     return (start, whole, study.essential, *others)
-
-
-def excite_command(found: Identification) -> str:
-    """``loopid excite`` for a robot as it was loaded, its model and what the data tell little of.
-
-    To be typed after the log LOG.
-    """
-    mechanism, terms = found.force_model.mechanism, found.force_model.joint_terms
-    words = ["loopid excite", quote(str(mechanism.path)), "--out DIR"]
-    words.append(f"--model {found.force_model.model}")
-    if terms is not None:
-        words += ["--terms", quote(terms.choice(mechanism))]
-    for option, value in mechanism.options.items():
-        name = "--" + option.replace("_", "-")
-        joints = [value] if isinstance(value, str) else value
-        words += [name] if value is True else [f"{name} {quote(j)}" for j in joints or ()]
-    leads = (f"--for {quote(lead)}" for lead in found.identifiability.leads)
-    return " ".join([*words, "--after LOG", *leads])
 
 
 def _suspicions(found: Suspicions) -> dict[str, Any]:
@@ -190,7 +174,7 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study) -> list[str]:
+def findings(study: Study, command: str | None = None) -> list[str]:
     """What a reader should know before trusting the numbers, one sentence each."""
     found = study.identification
     cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
@@ -217,9 +201,10 @@ def findings(study: Study) -> list[str]:
             f"{', '.join(told.assumed)} rest on it."
         )
     if told.unidentifiable or told.weak:
+        designer = command or f"design_excitation with parameters={list(told.leads)}"
         said.append(
             "What is unidentifiable or weakly identifiable is excited by the motion that "
-            f"{excite_command(found)} designs."
+            f"{designer} designs."
         )
     if study.consistent is not None:
         said += _consistent_findings(study.consistent)
@@ -252,7 +237,7 @@ def _terms_finding(found: TermComparison) -> str:
         f"{'' if found.bodies_pay else 'not '}clearly better."
     )
     best = found.enough[1]
-    return said if best is found.chosen else f"{said} Try --terms {quote(best.choice)}."
+    return said if best is found.chosen else f'{said} Try terms="{best.choice}".'
 
 
 def _error_text(error: PredictionError) -> str:
@@ -300,7 +285,7 @@ def _consistent_findings(found: ConsistentFit) -> list[str]:
     return said
 
 
-def identification_tables(study: Study) -> list[Table]:
+def identification_tables(study: Study, command: str | None = None) -> list[Table]:
     """Parameters, prediction errors, what was left out, findings."""
     found = study.identification
     told, name, whole = (
@@ -319,7 +304,7 @@ def identification_tables(study: Study) -> list[Table]:
     if found.recommended is not whole:
         title = f"recommended: {found.recommended.name}"
         tables.append(_estimates_table(title, found.fit))
-    return [*tables, plain_table("findings", ("",), ([text] for text in findings(study)))]
+    return [*tables, plain_table("findings", ("",), ([text] for text in findings(study, command)))]
 
 
 def _estimates_table(title: str, fit: FitResult) -> Table:
@@ -431,7 +416,7 @@ def _dropped_table(found: Identification) -> Table:
     )
 
 
-def identification_files(study: Study) -> dict[str, bytes | str]:
+def identification_files(study: Study, command: str | None = None) -> dict[str, bytes | str]:
     """Page, figures, record and results, by file name."""
     figures, found = identification_figures(study), study.identification
     captions = {name: text for name, text in CAPTIONS.items() if f"{name}.svg" in figures}
@@ -441,8 +426,8 @@ def identification_files(study: Study) -> dict[str, bytes | str]:
     other = None if found.recommended is whole else whole.fit
     fits = dict(zip(names, (found.fit, other, study.consistent), strict=True))
     return {
-        page: markdown_page(title, identification_tables(study), captions),
-        data: json_text(identification_record(study)) + "\n",
+        page: markdown_page(title, identification_tables(study, command), captions),
+        data: json_text(identification_record(study, command)) + "\n",
         **{
             name: SavedFit.of(found.force_model, fit).content(name)
             for name, fit in fits.items()

@@ -100,7 +100,7 @@ def _file_force(force: FileForce) -> dict[str, Any]:
         "value": json_value(force.value),
         "unit": force.unit or None,
         "relative_size": json_value(force.size),
-        "included_by": f"--terms {OF_FILE}" if force.kind else None,
+        "included_by": f'terms="{OF_FILE}"' if force.kind else None,
     }
 
 

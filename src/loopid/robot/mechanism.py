@@ -356,7 +356,7 @@ class Mechanism:
 
     # Equations of the closures, and their units.
 
-    @property
+    @cached_property
     def rows(self) -> int:
         """Number of scalar closure equations, redundant ones and couplings included."""
         return len(self.row_names)
