@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 
@@ -19,6 +18,7 @@ from loopid.identification.result import Quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
 from loopid.parameters import html_table
+from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.scratch import (
     row_blocks,
@@ -28,7 +28,7 @@ from loopid.scratch import (
 BLOCK = 2048  # samples whose regressor is in memory at a time
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class Prediction:
     """Measured forces beside those that a fit gives for the same motion.
 

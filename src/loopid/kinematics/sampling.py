@@ -109,8 +109,8 @@ def configuration_batches(
     if count < 1:
         raise OptionError(f"samples must be at least 1, not {count}")
     affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
-    if not (margin is None or margin >= 0):
-        raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
+    if not (margin is None or 0 <= margin < 1):
+        raise OptionError(f"margin must be a singularity measure from 0 to 1, not {margin}")
     margin = mechanism.margin if margin is None else margin
     kept = mechanism.drawn.get((seed, margin, spread), ())
     enough = sum(map(len, kept)) >= count
