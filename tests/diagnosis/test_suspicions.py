@@ -59,16 +59,9 @@ def exchanged(positions, forces):
     return spoil
 
 
-def offset(value):
+def moved(shift, column):
     def spoil(position, force):
-        force[:, 0] += value
-
-    return spoil
-
-
-def moved(scale, shift, columns=slice(None)):
-    def spoil(position, force):
-        position[:, columns] = scale * position[:, columns] + shift
+        position[:, column] += shift
 
     return spoil
 
@@ -78,14 +71,12 @@ CASES = [
     ("five_bar", times(1e-3), "force of {0} is 0.000", "force_scale"),
     ("five_bar", times(-1.0), "force of {0} is -", "sign"),
     ("five_bar", times(1e-3, slice(None)), "all forces are about 0.0", "another unit"),
-    ("five_bar", offset(5.0), "force of {0} seems to have an offset of ", "Fo"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} look exchanged", "mapping"),
-    ("five_bar", moved(1.0, 0.1, 0), "positions of {0} look shifted", "position_offset"),
-    ("five_bar", moved(1.05, 0.0), "positions of {0}, {1} look shifted by", "or 1.06 ± 0.0"),
+    ("five_bar", moved(0.1, 0), "positions of {0} look shifted", "position_offset"),
     ("3ups_rpu", times(2.0, 1), "force of {1} is ", "ratio"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
     pytest.param(
-        *("3ups_rpu", moved(1.0, 0.05, 1), "positions of {1} look shifted by 0.04"),
+        *("3ups_rpu", moved(0.05, 1), "positions of {1} look shifted by 0.04"),
         "position_offset",
         marks=pytest.mark.validate,
     ),
@@ -155,9 +146,8 @@ def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, nam
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (moved(1.0, 0.05, 1), "positions of leg2_stroke"),
+        (moved(0.05, 1), "positions of leg2_stroke"),
         (exchanged(True, True), "the positions and forces of leg1_stroke and leg2_stroke"),
-        (offset(70.0), "the force of leg1_stroke seems to have an offset of "),
     ],
 )
 def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
@@ -168,5 +158,5 @@ def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
 @pytest.mark.validate
 @pytest.mark.parametrize("seed", [7, 11, 15])
 def test_a_leg_that_leads_to_another_assembly_mode_is_named(runs, seed):
-    (said,) = runs("3ups_rpu", seed, moved(1.0, 0.05, 3)).sentences
+    (said,) = runs("3ups_rpu", seed, moved(0.05, 3)).sentences
     assert said.startswith("the positions of leg4_stroke look shifted by 0.0")

@@ -2,16 +2,16 @@ from .bands import (
     BandSweep as BandSweep,
     sweep_bands as sweep_bands,
 )
-from .elimination import (
+from .comparison import (
     PredictionError as PredictionError,
+    prediction_errors as prediction_errors,
+)
+from .elimination import (
     Reduction as Reduction,
     ReductionStep as ReductionStep,
     eliminate as eliminate,
     eliminate_parameters as eliminate_parameters,
-    influence as influence,
     judge_essential as judge_essential,
-    prediction_errors as prediction_errors,
-    truncated_values as truncated_values,
 )
 from .log_mistakes import (
     MotorGain as MotorGain,
@@ -40,4 +40,8 @@ from .term_sets import (
     TermComparison as TermComparison,
     TermSet as TermSet,
     compare_terms as compare_terms,
+)
+from .truncation import (
+    influence as influence,
+    truncated_values as truncated_values,
 )

@@ -3,10 +3,9 @@
 The forces are explained by the bodies of the robot file, whose parameters may be off by half, by
 friction of each motor, which is projected out, and by small offsets. Then each mistake that is
 often made is undone in turn, at the value that explains the forces best: forces of a motor in other
-units or with another sign, an offset, columns of two motors exchanged, positions that are shifted
-or stretched. One that raises the evidence [MacKay1992] of the data clearly is suspected, and undone
-before the next is looked for. Wrong bodies alone do not look like a mistake of one motor: all
-motors carry them.
+units or with another sign, columns of two motors exchanged, positions that are shifted. One that
+raises the evidence [MacKay1992] of the data clearly is suspected, and undone before the next is
+looked for. Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
 """
 
 from __future__ import annotations
@@ -66,20 +65,13 @@ CLOSING = 0.9  # part of the samples whose loops must close once a mistake is un
 LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
 # Gains that are tried first, and the least of one motor and of all that is worth a sentence.
 GAINS, LEAST_GAIN, LEAST_COMMON_GAIN = np.logspace(-4, 4, 17), 1.25, 4.0
-# The same of an offset, as a part of the force, of a shift, as a part of the range of the
-# positions, and of a stretch, all up to three times the usual.
-SIZES = {
-    "offset": np.array([0.1, 0.3, 1.0, 3.0]),
-    "shift": np.array([0.06, 0.2, 0.5, 1.0]),
-    "stretch": np.array([0.03, 0.08, 0.2]),
-}
-LEAST = {"offset": 0.03, "shift": 0.02, "stretch": 0.01}
+# The same of a shift, as a part of the range of the positions, up to three times the usual.
+SHIFTS, LEAST_SHIFT = np.array([0.06, 0.2, 0.5, 1.0]), 0.02
 # From these errors, as a part of the force, or squares of deviations from the robot file on, a log
 # is strange; errors of motors that were exchanged, over those before.
 STRANGE_ERROR, STRANGE_BODIES, BETTER = 0.05, 12.0, 0.8
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
 SILENT = 1e-6  # relative, squared, of combinations of parameters that hardly change a force
-MOVES = "shift", "stretch"  # kinds of mistakes in the positions
 INTERVAL, TINY, HOPELESS = 1.96, 1e-300, 1e9  # the first in standard deviations
 
 
@@ -240,15 +232,14 @@ class _Signals:
 class _Mistake:
     """A mistake of some motors, of one unknown size unless columns are exchanged."""
 
-    kind: str  # "gain", "offset", "shift", "stretch", or what is exchanged
+    kind: str  # "gain", "shift", or what is exchanged
     motors: tuple[int, ...]
     sizes: FloatArray | None = None  # ascending, that are tried first
     dull: tuple[float, float] = (0.0, 0.0)  # sizes between which it is not worth a sentence
 
     def repeats(self, other: _Mistake) -> bool:
         """Whether nothing new is told once another was undone."""
-        alike = self.kind == other.kind or {self.kind, other.kind} == set(MOVES)
-        return alike and self.motors == other.motors
+        return self.kind == other.kind and self.motors == other.motors
 
     def undone(self, signals: _Signals, size: float = 1.0) -> _Signals:
         """The signals without a mistake of that size."""
@@ -258,13 +249,8 @@ class _Mistake:
         if self.kind == "gain":
             scale, gain = signals.size / np.abs(factor), signals.gain * factor
             return replace(signals, force=force / factor, size=scale, gain=gain)
-        if self.kind == "offset":
-            return replace(signals, force=force - added)
         if self.kind == "shift":
             return replace(signals, position=position - added, columns=None)
-        if self.kind == "stretch":
-            rates = rates / np.stack([np.ones_like(factor), factor, factor], axis=1)
-            return replace(signals, position=position / factor, rates=rates, columns=None)
         order = np.arange(len(mine))
         order[mine] = order[mine][::-1]
         if "positions" in self.kind:
@@ -285,12 +271,6 @@ class _Mistake:
 
 def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
     """Those that there may be."""
-
-    def sized(kind: str, motors: tuple[int, ...], none: float, unit: float) -> _Mistake:
-        sizes = np.concatenate([-SIZES[kind][::-1], [0.0], SIZES[kind]])
-        least = unit * LEAST[kind]
-        return _Mistake(kind, motors, none + unit * sizes, (none - least, none + least))
-
     size, everyone = found.signals.size, tuple(model.present)
     one_each = [(k,) for k in everyone]
     possible = found.columns.known**2 + (found.columns.terms**2).sum(axis=2)
@@ -300,14 +280,13 @@ def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
         gains = GAINS[: np.searchsorted(GAINS, largest[list(motors)].max())]
         least = LEAST_GAIN if len(motors) == 1 else LEAST_COMMON_GAIN
         yield _Mistake("gain", motors, np.concatenate([-gains[::-1], gains]), (1 / least, least))
-    for (k,) in one_each:
-        yield sized("offset", (k,), 0.0, size[k])
     moving = [k for k in everyone if model.range[k] > 0]
     straight = np.isin(model.mechanism.velocity_indices(model.names), model.mechanism.prismatic)
     alike = [tuple(k for k in moving if straight[k] == flag) for flag in (True, False)]
     for motors in [*((k,) for k in moving), *(group for group in alike if len(group) > 1)]:
-        yield sized("shift", motors, 0.0, model.range[list(motors)].max())
-        yield sized("stretch", motors, 1.0, 1.0)
+        unit = model.range[list(motors)].max()
+        sizes, least = unit * np.concatenate([-SHIFTS[::-1], [0.0], SHIFTS]), unit * LEAST_SHIFT
+        yield _Mistake("shift", motors, sizes, (-least, least))
     for pair in combinations(everyone, 2):
         for kind in ("forces", "positions", "positions and forces"):
             yield _Mistake(kind, pair)
@@ -354,7 +333,7 @@ class _Model:
         q, rates, force, used = map(np.concatenate, zip(*parts, strict=True))
         # Of joints that turn without end, too.
         position = np.unwrap(JointCoordinates(mechanism, self.names).read(q.copy()), axis=0)
-        self.range, self.middle = np.ptp(position, axis=0), position.mean(axis=0)
+        self.range = np.ptp(position, axis=0)
         counts = np.maximum(used.sum(axis=0), 1)
         size = np.sqrt(np.where(used, force**2, 0.0).sum(axis=0) / counts)
         signals = _Signals(q, position, rates, force, used, size, np.ones(len(size)))
@@ -480,7 +459,7 @@ def _found(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | Non
     """A mistake where it is worth a sentence."""
     if mistake.sizes is None:
         return _exchanged(model, mistake, found)
-    if mistake.kind in MOVES and not _promising(model, mistake, found):
+    if mistake.kind == "shift" and not _promising(model, mistake, found):
         return None
     evidence, size, deviation = _fit(model, mistake, found)
     (low, high), reach = mistake.dull, INTERVAL * deviation
@@ -574,19 +553,10 @@ def _sentence(model: _Model, mistake: _Mistake, size: float, reach: float) -> st
             f"all forces are about {value} times what the robot file lets expect: look for "
             f"another unit (force_scale {1 / size:.2g} in a mapping would undo it)"
         )
-    if kind == "offset":
+    if kind == "shift":
         return (
-            f"the force of {names} seems to have an offset of {value} N or N m: identify it (Fo "
-            f"among the terms), or take it off (force_offset {-size:.3g} in a mapping)"
-        )
-    if kind in MOVES:  # over a short way nearly the same
-        middle = float(model.middle[motors].mean())
-        shift, stretch = value, f"{middle / (middle - size):.3g}"
-        if kind == "stretch":
-            shift, stretch = f"{(1 - 1 / size) * middle:.3g}", value
-        return (
-            f"the positions of {names} look shifted by {shift} m or rad, or {stretch} times as "
-            "large as they are: correct them by position_offset or position_scale in a mapping"
+            f"the positions of {names} look shifted by {value} m or rad: correct them by "
+            "position_offset in a mapping"
         )
     return (
         f"the {kind} of {names.replace(', ', ' and ')} look exchanged: the bodies explain the "

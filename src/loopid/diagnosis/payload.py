@@ -45,10 +45,7 @@ from loopid.parameters import (
     html_table,
 )
 from loopid.records import record
-from loopid.scratch import (
-    row_blocks,
-    spooled,
-)
+from loopid.scratch import row_blocks
 
 PAYLOAD = "payload"
 # Relative change of the gains at which they have converged, and after how many steps at most.
@@ -348,12 +345,7 @@ def drive_gains(
     values, scales, chosen = np.zeros(n), np.ones(dof), chosen_estimator(estimator)
     for _ in range(MOST_STEPS):
         rigid = samples.predicted(values) + extra
-        slopes = spooled(
-            np.concatenate(
-                [scales[:, None] * W[rows], rigid[rows][:, :, None] * np.eye(dof)], axis=2
-            )
-            for rows in row_blocks(len(W))
-        )
+        slopes = np.concatenate([scales[:, None] * W, rigid[:, :, None] * np.eye(dof)], axis=2)
         # c ≈ s₀ (K Φ + K_L δ) + (s - s₀) (K Φ₀ + K_L δ), linear in Φ and s.
         target = samples.force + scales * (rigid - extra)
         data = FitSamples.of(
@@ -394,12 +386,13 @@ def _link_columns(force_model: ForceModel, link: str) -> list[int]:
 def _link_regressor(force_model: ForceModel, run: Recording, columns: list[int]) -> FloatArray:
     """Forces (N, dof, k) per unit of each parameter of the link."""
     motion = run.motion
-    return spooled(
+    blocks = (
         force_model.standard_regressor(
             motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         )[:, :, columns]
         for rows in row_blocks(len(run))
     )
+    return np.concatenate(list(blocks))
 
 
 def _payload_base(force_model: ForceModel, link: str) -> tuple[BaseParameters, list[int]]:
@@ -424,8 +417,5 @@ def _augmented(
     samples = force_model.samples(run)
     names = force_model.parameters + base.parameters.select(base.base)
     load = carried * base.regressor(_link_regressor(force_model, run, columns))
-    W = spooled(
-        np.concatenate([samples.regressor[rows], load[rows]], axis=2)
-        for rows in row_blocks(len(run))
-    )
+    W = np.concatenate([samples.regressor, load], axis=2)
     return replace(samples, parameters=names, regressor=W)

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from loopid.arguments import (
     checked,
-    checked_fields,
 )
 from loopid.diagnosis.bands import (
     BandSweep,
@@ -57,8 +56,7 @@ from loopid.workers import Progress
 AUTOMATIC, SPRINGS = "auto", "Fc,Fv,Ks,file"
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class StudyOptions:
     """What a study asks for.
 

@@ -13,7 +13,7 @@ from loopid.arguments import (
     FloatArray,
     checked,
 )
-from loopid.diagnosis.elimination import (
+from loopid.diagnosis.comparison import (
     PredictionError,
     prediction_errors,
 )

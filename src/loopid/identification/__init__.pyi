@@ -60,13 +60,15 @@ from .instrumental import (
 )
 from .least_squares import (
     LEAST_EXCITATION as LEAST_EXCITATION,
-    OrdinaryLeastSquares as OrdinaryLeastSquares,
-    WeightedLeastSquares as WeightedLeastSquares,
+    Convergence as Convergence,
     excited_rank as excited_rank,
 )
 from .options import (
     UNIDENTIFIABLE as UNIDENTIFIABLE,
     FitOptions as FitOptions,
+)
+from .ordinary import (
+    OrdinaryLeastSquares as OrdinaryLeastSquares,
 )
 from .pipeline import (
     Identification as Identification,
@@ -108,4 +110,7 @@ from .saved import (
     read_fit as read_fit,
     robot_files as robot_files,
     save_fit as save_fit,
+)
+from .weighted import (
+    WeightedLeastSquares as WeightedLeastSquares,
 )

@@ -14,7 +14,6 @@ from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    checked_fields,
 )
 from loopid.errors import OptionError
 from loopid.records import record
@@ -23,8 +22,7 @@ from loopid.scratch import row_blocks
 LARGEST_REFLECTION = 0.9999  # keeps models of very slow errors stationary
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class CorrelationOptions:
     """How errors that are not independent are modelled.
 

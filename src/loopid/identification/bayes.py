@@ -13,17 +13,14 @@ squares: then s² = 1 and ν is N less the parameters that the data determine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from loopid.arguments import (
-    ComparedByFields,
     FloatArray,
     checked,
-    checked_fields,
     finite,
-    frozen,
     rectangular,
 )
 from loopid.errors import (
@@ -52,6 +49,7 @@ from loopid.identification.result import (
 )
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
+from loopid.records import record
 from loopid.workers import one_blas_thread
 
 # Smallest over largest eigenvalue of the correlations, below which a covariance is singular.
@@ -62,9 +60,8 @@ NOISE_SAMPLES = 100.0
 SCALE_STEPS = 31
 
 
-@checked_fields
-@dataclass(frozen=True, eq=False, repr=False)
-class Prior(ComparedByFields):
+@record(checked=True)
+class Prior:
     """Normal distribution of parameters; nothing is known of those with infinite variance.
 
     Attributes
@@ -95,8 +92,8 @@ class Prior(ComparedByFields):
                 f"a prior of {n} parameters must have shapes ({n},) and ({n}, {n}), not "
                 f"{values.shape} and {covariance.shape}"
             )
-        object.__setattr__(self, "values", frozen(values))
-        object.__setattr__(self, "covariance", frozen(covariance))
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "covariance", covariance)
         variances = np.diag(covariance)
         wrong = np.flatnonzero(~(variances > 0))
         if len(wrong):
@@ -219,9 +216,8 @@ def _without_nan(array: FloatArray, name: str) -> FloatArray:
     return np.where(infinite, given, finite(np.where(infinite, 0.0, given), name))
 
 
-@checked_fields
-@dataclass(frozen=True, eq=False, repr=False)
-class BayesianRidge(ComparedByFields, Estimator):
+@record(checked=True)
+class BayesianRidge(Estimator):
     """Parameters from data and a prior; intervals are those of the posterior.
 
     Attributes
@@ -269,7 +265,7 @@ class BayesianRidge(ComparedByFields, Estimator):
         if not 0 < self.noise_samples < np.inf:
             raise OptionError(f"noise_samples must be above 0, not {self.noise_samples}")
         if self.noise is not None:
-            object.__setattr__(self, "noise", frozen(finite(self.noise, "noise")))
+            object.__setattr__(self, "noise", finite(self.noise, "noise"))
             if not (self.noise > 0).all():
                 raise OptionError("the noise of each actuator must be above 0")
 

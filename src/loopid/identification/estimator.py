@@ -64,9 +64,11 @@ class WorkingFit:
 
 
 class Estimator:
-    """A way of finding parameters: subclasses have ``_fit``, or ``fit_samples`` if they need those.
+    """A way of finding parameters: a record of its options with ``_fit`` or ``fit_samples``.
 
-    Triangular factors are enough for ``_fit``, which finds a ``FitResult`` for independent errors.
+    Triangular factors are enough for ``_fit``, which finds a ``FitResult`` for independent errors;
+    an estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line
+    in ``ESTIMATORS``.
     """
 
     name: ClassVar[str]
@@ -101,8 +103,8 @@ class Estimator:
 ESTIMATORS: Registry[type[Estimator]] = Registry(
     "estimator",
     {
-        "ols": "loopid.identification.least_squares:OrdinaryLeastSquares",
-        "wls": "loopid.identification.least_squares:WeightedLeastSquares",
+        "ols": "loopid.identification.ordinary:OrdinaryLeastSquares",
+        "wls": "loopid.identification.weighted:WeightedLeastSquares",
         "bisquare": "loopid.identification.robust:Bisquare",
         "iv": "loopid.identification.instrumental:InstrumentalVariables",
         "bayes": "loopid.identification.bayes:BayesianRidge",

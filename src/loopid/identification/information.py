@@ -27,10 +27,7 @@ from loopid.identification.directions import (
 )
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
-from loopid.identification.least_squares import (
-    LEAST_EXCITATION,
-    OrdinaryLeastSquares,
-)
+from loopid.identification.least_squares import LEAST_EXCITATION
 from loopid.identification.problem import FitSamples
 from loopid.identification.samples import samples_of
 from loopid.logs.recording import Recording
@@ -290,7 +287,7 @@ def _standard_errors(
     if not excitation.rank:
         return np.empty(0), np.empty((0, 0))
     excited = excited_samples(samples, prior, excitation)
-    for estimator in ("wls", OrdinaryLeastSquares()):
+    for estimator in ("wls", "ols"):
         try:
             found = quiet_fit(excited, estimator)
         except (DataError, RankError):

@@ -8,7 +8,7 @@ itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from loopid.identification.estimator import (
     require_rows,
 )
 from loopid.identification.least_squares import (
+    Convergence,
     converged_weights,
     require_excitation,
     result_of,
@@ -32,22 +33,24 @@ from loopid.identification.problem import (
     FitSamples,
 )
 from loopid.observation import triangular_factor
-from loopid.scratch import (
-    mapped_rows,
-    row_blocks,
-)
+from loopid.records import record
+from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
-# Statistic F of the regression of the regressor on the instruments, in the direction that these
-# determine least, below which they are too weak for intervals to hold [Staiger1997].
-LEAST_STRENGTH = 10.0
 
-
-@dataclass(frozen=True)
+@record(checked=True)
 class InstrumentalVariables(Estimator):
     """Estimates by instruments, which the samples bring (``FitSamples.with_instruments``).
 
     Each actuator counts by its own error variance, as in weighted least squares.
+
+    Attributes
+    ----------
+    least_strength : float
+        Statistic F of the regression of the regressor on the instruments, in the direction that
+        these determine least, below which they are too weak for intervals to hold [Staiger1997].
+    convergence : Convergence
+        Of the weights.
 
     Examples
     --------
@@ -66,6 +69,8 @@ class InstrumentalVariables(Estimator):
     """
 
     name = "iv"
+    least_strength: float = 10.0
+    convergence: Convergence = Convergence()
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``.
@@ -89,19 +94,44 @@ class InstrumentalVariables(Estimator):
 
             def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
                 rows = weights[:, None, None] * factors
-                own, shared, values = _projection(problem, rows)
+                own, shared, values = self._projection(problem, rows)
                 # Leverages are tr Xᵢ (ZᵀX)⁻¹ Zᵢᵀ.
                 columns = rows[:, :, : len(own)] @ np.linalg.inv(own)
                 leverage = columns * (rows[:, :, len(own) : -1] @ np.linalg.inv(shared))
                 return values, leverage.sum(axis=(1, 2))
 
-            weights = converged_weights(problem, fitted)
-            own, shared, values = _projection(problem, weights[:, None, None] * factors)
+            weights = converged_weights(problem, fitted, self.convergence)
+            own, shared, values = self._projection(problem, weights[:, None, None] * factors)
             result = result_of(self.name, problem, values, shared, weights, 1.0)
         turn, residual = np.linalg.solve(own, shared), samples.residual(values)
-        X = mapped_rows(lambda rows: Z[rows] @ turn, len(Z))
-        force = mapped_rows(lambda rows: X[rows] @ values + residual[rows], len(Z))
-        return WorkingFit(result, replace(samples, regressor=X, force=force))
+        X = Z @ turn
+        return WorkingFit(result, replace(samples, regressor=X, force=X @ values + residual))
+
+    def _projection(
+        self, problem: FitProblem, rows: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Z = Q Rz and P = Qᵀ X of weighted rows of [Z | X | y]: Rz, P (n, n), estimates (n,).
+
+        The projection of X on Z is X̂ = Q P.
+        """
+        width = len(problem.parameters)
+        whole = triangular_factor(rows.reshape(-1, rows.shape[-1]))
+        own, shared = whole[:width, :width], whole[:width, width:-1]
+        R = triangular_factor(whole[:, width:-1])
+        for part in (own, shared, R):
+            require_excitation(problem, part)
+        cosine = float(np.linalg.svd(shared @ np.linalg.inv(R), compute_uv=False)[-1])
+        unexplained = max(1.0 - cosine**2, np.finfo(float).eps)
+        strength = problem.freedom / width * cosine**2 / unexplained
+        if strength < self.least_strength:
+            raise RankError(
+                f"the instruments are too weak: F statistic {strength:.2g} of the combination of "
+                f"parameters that they determine least (least {self.least_strength:g}); are they "
+                "of the same motion?",
+                strength=strength,
+                least=self.least_strength,
+            )
+        return own, shared, np.asarray(np.linalg.solve(shared, whole[:width, -1]), dtype=np.float64)
 
 
 def _joint_factors(samples: FitSamples, instruments: FloatArray) -> FloatArray:
@@ -113,26 +143,3 @@ def _joint_factors(samples: FitSamples, instruments: FloatArray) -> FloatArray:
         block = np.concatenate(parts, axis=2) * samples.used[rows][:, :, None]
         factors = triangular_factor(np.concatenate([factors, block.transpose(1, 0, 2)], axis=1))
     return factors
-
-
-def _projection(problem: FitProblem, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Z = Q Rz and P = Qᵀ X of weighted rows of [Z | X | y]: Rz, P (n, n), estimates (n,).
-
-    The projection of X on Z is X̂ = Q P.
-    """
-    width = len(problem.parameters)
-    whole = triangular_factor(rows.reshape(-1, rows.shape[-1]))
-    own, shared = whole[:width, :width], whole[:width, width:-1]
-    R = triangular_factor(whole[:, width:-1])
-    for part in (own, shared, R):
-        require_excitation(problem, part)
-    cosine = float(np.linalg.svd(shared @ np.linalg.inv(R), compute_uv=False)[-1])
-    unexplained = max(1.0 - cosine**2, np.finfo(float).eps)
-    strength = problem.freedom / width * cosine**2 / unexplained
-    if strength < LEAST_STRENGTH:
-        raise RankError(
-            f"the instruments are too weak: F statistic {strength:.2g} of the combination of "
-            f"parameters that they determine least (least {LEAST_STRENGTH:g}); are they of "
-            "the same motion?"
-        )
-    return own, shared, np.asarray(np.linalg.solve(shared, whole[:width, -1]), dtype=np.float64)

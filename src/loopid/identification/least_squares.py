@@ -1,4 +1,8 @@
-"""Ordinary and weighted least squares on triangular factors, which all estimators build on."""
+"""Least squares on triangular factors, which all estimators build on.
+
+Rows of each actuator are weighted by one over the deviation of its errors; weights that follow from
+the residuals that they lead to are found by iteration [Gautier1997].
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,6 @@ from loopid.errors import (
     DataError,
     RankError,
 )
-from loopid.identification.estimator import Estimator
 from loopid.identification.problem import (
     ROUND_OFF,
     FitProblem,
@@ -21,38 +24,30 @@ from loopid.identification.result import (
     FitResult,
     fit_quality,
 )
+from loopid.records import record
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
 # Part in the unidentifiable directions, relative to the largest, above which a parameter is named.
 INVOLVED = 0.1
-WEIGHT_ITERATIONS = 500
-# Change of the weights that ends the iteration: relative, or round-off of the forces relative to
-# the errors, which is all that is known of these where they are small.
-WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF = 1e-10, 1e-13
+# Round-off of the forces, relative to them: all that is known of errors that are as small.
+WEIGHT_ROUND_OFF = 1e-13
 
 
-class OrdinaryLeastSquares(Estimator):
-    """All actuators count alike: errors of one variance for all."""
+@record(checked=True)
+class Convergence:
+    """When weights have converged.
 
-    name = "ols"
+    Attributes
+    ----------
+    iterations : int
+        At most.
+    tolerance : float
+        Relative change of the weights that ends the iteration.
+    """
 
-    def _fit(self, problem: FitProblem) -> FitResult:
-        weights = equal_weights(problem)
-        values, R = solved(problem, weights)
-        variance = problem.residual_squares(values).sum() / problem.freedom
-        return result_of(self.name, problem, values, R, weights, variance)
-
-
-class WeightedLeastSquares(Estimator):
-    """Each actuator counts by its own error variance, found by iteration [Gautier1997]."""
-
-    name = "wls"
-
-    def _fit(self, problem: FitProblem) -> FitResult:
-        weights = least_squares_weights(problem)
-        values, R = solved(problem, weights)
-        return result_of(self.name, problem, values, R, weights, 1.0)
+    iterations: int = 500
+    tolerance: float = 1e-10
 
 
 def solved(
@@ -95,13 +90,16 @@ def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatA
     if undefined.any():
         name = problem.actuators[int(undefined.argmax())]
         raise DataError(
-            f"actuator {name} is fitted without error: its weight is undefined; use ols"
+            f"actuator {name} is fitted without error: its weight is undefined; use ols",
+            actuator=name,
         )
     return np.where(present, 1.0 / np.where(present, deviations, 1.0), 0.0)
 
 
 def converged_weights(
-    problem: FitProblem, fitted: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    problem: FitProblem,
+    fitted: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    convergence: Convergence = Convergence(),
 ) -> FloatArray:
     """Weights (dof,) that are the inverse deviations of the residuals that they lead to.
 
@@ -109,24 +107,31 @@ def converged_weights(
     """
     weights = equal_weights(problem)
     present, force = weights > 0, problem.force_rms
-    for _ in range(WEIGHT_ITERATIONS):
+    for _ in range(convergence.iterations):
         values, leverage = fitted(weights)
         last, squares = weights, problem.residual_squares(values)
         weights = inverse_deviations(problem, squares, problem.samples - leverage)
         change = np.abs(weights[present] / last[present] - 1.0).max(initial=0.0)
-        if change <= max(WEIGHT_TOLERANCE, WEIGHT_ROUND_OFF * (weights * force).max()):
+        if change <= max(convergence.tolerance, WEIGHT_ROUND_OFF * (weights * force).max()):
             return weights
-    raise DataError(f"the weights do not converge in {WEIGHT_ITERATIONS} iterations: use ols")
+    raise DataError(
+        f"the weights do not converge in {convergence.iterations} iterations: use ols",
+        iterations=convergence.iterations,
+    )
 
 
-def least_squares_weights(problem: FitProblem, prior: FloatArray | None = None) -> FloatArray:
+def least_squares_weights(
+    problem: FitProblem,
+    prior: FloatArray | None = None,
+    convergence: Convergence = Convergence(),
+) -> FloatArray:
     """The converged weights (dof,) of least squares with the rows of a prior."""
 
     def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         values, R = solved(problem, weights, prior)
         return values, leverages(problem, weights, R)
 
-    return converged_weights(problem, fitted)
+    return converged_weights(problem, fitted, convergence)
 
 
 def result_of(
@@ -156,17 +161,21 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent."""
     labels, norms = problem.parameters.labels, np.linalg.norm(R, axis=0)
     if not (norms > 0).all():
-        raise RankError(f"the data do not excite {labels[int(norms.argmin())]} at all")
+        name = labels[int(norms.argmin())]
+        raise RankError(f"the data do not excite {name} at all", parameters=(name,))
     _, values, right = np.linalg.svd(R / norms)
     if values[-1] >= LEAST_EXCITATION * values[0]:
         return
     # Round-off turns the single directions where there are several: only their span is named.
     part = np.linalg.norm(right[values < LEAST_EXCITATION * values[0]], axis=0)
-    involved = np.flatnonzero(part > INVOLVED * part.max())
+    names = tuple(labels[j] for j in np.flatnonzero(part > INVOLVED * part.max()))
     raise RankError(
-        f"the data do not excite a combination of {', '.join(labels[j] for j in involved)}: "
+        f"the data do not excite a combination of {', '.join(names)}: "
         f"relative singular value {values[-1] / values[0]:.1e} (least {LEAST_EXCITATION:g}); fit "
-        "base parameters, or use a motion that excites them"
+        "base parameters, or use a motion that excites them",
+        parameters=names,
+        singular_value=float(values[-1] / values[0]),
+        tolerance=LEAST_EXCITATION,
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import checked_fields
 from loopid.errors import OptionError
 from loopid.identification.estimator import (
     ESTIMATORS,
@@ -17,8 +16,7 @@ from loopid.workers import require_processes
 UNIDENTIFIABLE = ("error", "prior")
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class FitOptions:
     """Options of ``identify``.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +17,8 @@ from loopid.arguments import (
     checked,
 )
 from loopid.errors import (
-    DataWarning,
     OptionError,
     RankError,
-    warn,
 )
 from loopid.identification.bayes import (
     BayesianRidge,
@@ -64,6 +63,7 @@ from loopid.identification.robot_prior import (
 from loopid.identification.samples import (
     samples_of,
     split_recordings,
+    warn_of_fitted,
 )
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
@@ -234,20 +234,17 @@ def identify(
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
     new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
-    excited = identifiability(
-        force_model, data if first is None else data.select(force_model.body_columns)
-    )
+    fitted = data if first is None else data.select(force_model.body_columns)
+    excited = identifiability(force_model, fitted)
     whole = fit_all(force_model, data, excited, first=first, options=options)
     start = fit_joint_terms(force_model, data, excited, options=options)
-    fits, deviation = {ROBOT_FILE: start, ALL: whole}, None
-    if options.weighs_robot_file and force_model.has_masses and whole.noise is not None:
-        deviation = likely_deviation(force_model, data, excited, noise=whole.noise, options=options)
+    fits = {ROBOT_FILE: start, ALL: whole}
+    deviation = likely_deviation(force_model, data, excited, noise=whole.noise, options=options)
+    if deviation is not None:
         near = replace(options, estimator="bayes", prior_deviation=deviation)
-        with warnings.catch_warnings():  # the same as of the other fit
-            warnings.simplefilter("ignore")
-            fits[NEAR_FILE] = fit_all(force_model, data, excited, first=first, options=near)
+        fits[NEAR_FILE] = _quiet_fit_all(force_model, data, excited, first=first, options=near)
     excited.warn()
-    _warn_of_fitted(training, judging)
+    warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
     return Identification(force_model, *runs, data, new, excited, judged, options, deviation)
@@ -358,22 +355,33 @@ def fit_joint_terms(
     )
 
 
+def _quiet_fit_all(*samples: Any, **options: Any) -> FitResult:
+    """As ``fit_all``; its warnings would be the same as of the other fit."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return fit_all(*samples, **options)
+
+
 @checked
 def likely_deviation(
     force_model: ForceModel,
     data: FitSamples,
     excited: Identifiability,
     *,
-    noise: NoiseModel,
+    noise: NoiseModel | None,
     options: FitOptions = FitOptions(),
-) -> float:
+) -> float | None:
     """Deviation of the robot file, in sizes, under which the data are most likely [MacKay1992].
+
+    None where the robot file gives no masses, or another estimator than ``"wls"`` was asked for.
 
     Parameters
     ----------
     noise : NoiseModel
         Errors of the forces, from a fit of all parameters.
     """
+    if noise is None or not (options.weighs_robot_file and force_model.has_masses):
+        return None
     unit = cad_prior(force_model, 1.0, joint_deviations=_joint_deviations(excited, options))
     return evidence_scale(unit, data.problem, noise, bounds=options.deviations)
 
@@ -397,13 +405,3 @@ def _require_excited(found: Identifiability, estimator: Estimator) -> None:
     """Refuse unidentifiable combinations, unless a prior knows of them."""
     if found.unidentifiable and not isinstance(estimator, BayesianRidge):
         raise found.refusal
-
-
-def _warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording]) -> None:
-    """Name recordings that judge what was fitted to them."""
-    for run in validation:
-        if any(np.array_equal(run.force, other.force) for other in training):
-            warn(
-                f"{run.name} is fitted and validates: its errors say nothing of new data",
-                DataWarning,
-            )

@@ -12,20 +12,21 @@ from loopid.arguments import (
     FloatArray,
     checked,
 )
-from loopid.errors import DataError
+from loopid.errors import (
+    DataError,
+    OptionError,
+)
 from loopid.files import csv_text
-from loopid.identification.result import Quality
+from loopid.identification.force_model import ForceModel
+from loopid.identification.result import (
+    FitResult,
+    Quality,
+)
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
 from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import (
-    row_blocks,
-    spooled,
-)
-
-BLOCK = 2048  # samples whose regressor is in memory at a time
 
 
 @record
@@ -102,23 +103,27 @@ class Prediction:
 
 
 @checked
-def predict(fit: SavedFit, mechanism: Mechanism, recording: Recording) -> Prediction:
-    """Forces that a saved fit gives for the motion of a recording.
+def predict(
+    fit: SavedFit | FitResult, robot: Mechanism | ForceModel, recording: Recording
+) -> Prediction:
+    """Forces that a fit gives for the motion of a recording.
 
     Parameters
     ----------
-    fit : SavedFit
-        From ``read_fit``.
-    mechanism : Mechanism
-        The robot of the fit.
+    fit : SavedFit or FitResult
+        From ``read_fit``, or of an identification.
+    robot : Mechanism or ForceModel
+        The robot of a saved fit; the force model of a fit that is not saved, whose combinations of
+        parameters only that knows.
     recording : Recording
         From ``prepare_recording``, of that robot.
 
     Raises
     ------
+    OptionError
+        When a fit that is not saved comes without its force model.
     DataError
-        When the mechanism is another one than that of the fit, or has other motors than the
-        recording.
+        When the robot is another one than that of the fit, or has other motors than the recording.
 
     Examples
     --------
@@ -134,12 +139,25 @@ def predict(fit: SavedFit, mechanism: Mechanism, recording: Recording) -> Predic
     >>> loopid.predict(fit, robot, recording)
     <Prediction of 'run': R² where motors move: crank_joint 1.000>
     """
-    model = fit.find_force_model(mechanism)
-    if recording.actuators != fit.force_model.rows:
+    model = _force_model(fit, robot)
+    if recording.actuators != model.mechanism.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
-            f"{', '.join(fit.force_model.rows)}"
+            f"{', '.join(model.mechanism.independent)}",
+            recording=recording.name,
         )
-    W = model.samples(recording).regressor
-    rows = row_blocks(len(recording), BLOCK)
-    return Prediction(recording, spooled(W[block] @ fit.values for block in rows))
+    return Prediction(recording, model.samples(recording).predicted(fit.values))
+
+
+def _force_model(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> ForceModel:
+    """The force model of a fit."""
+    if isinstance(fit, SavedFit):
+        return fit.find_force_model(robot if isinstance(robot, Mechanism) else robot.mechanism)
+    if isinstance(robot, Mechanism):
+        raise OptionError(
+            "a fit that is not saved needs its ForceModel: predict(found.fit, found.force_model, "
+            "recording)"
+        )
+    if fit.parameters != robot.parameters:
+        raise DataError("the fit is of other parameters than the force model has")
+    return robot

@@ -9,7 +9,7 @@ squares, Σ w² x s ψ(r / s) / m = 0. So each row counts by ψ(r / s) / (r / s)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +17,6 @@ import numpy as np
 from loopid.arguments import (
     BoolArray,
     FloatArray,
-    checked_fields,
-    frozen,
 )
 from loopid.errors import (
     DataError,
@@ -29,7 +27,6 @@ from loopid.identification.estimator import (
     WorkingFit,
 )
 from loopid.identification.least_squares import (
-    WeightedLeastSquares,
     inverse_deviations,
     leverages,
     result_of,
@@ -44,21 +41,11 @@ from loopid.identification.result import (
     Robustness,
     fit_quality,
 )
-from loopid.scratch import (
-    mapped_rows,
-    row_blocks,
-)
+from loopid.identification.weighted import WeightedLeastSquares
+from loopid.records import record
+from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
-HUBER_LIMIT = 1.345  # in units of the scale, 95 % as efficient where errors are normal
-ITERATIONS = 200
-# Change of the predicted forces, relative to the scale of their errors, that ends the iteration,
-# and that of Huber's from which on bisquare takes over.
-TOLERANCE, START_TOLERANCE = 1e-9, 1e-3
-# Iterations after which scales and mean slopes are held: single samples would let them flip.
-HELD_FROM = 20
-# Mean slope of ψ below which residuals are no normal core with outliers.
-LEAST_SLOPE = 0.1
 # Weight below which a sample counts as down-weighted.
 DOWN_WEIGHTED = 0.5
 # Median of the absolute value of a standard normal variable.
@@ -90,8 +77,7 @@ def bisquare(limit: float) -> _Score:
     return _Score(lambda u: np.asarray(np.maximum(1 - (u / limit) ** 2, 0.0) ** 2), slope)
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class Bisquare(Estimator):
     """Least squares in which outliers do not count.
 
@@ -102,6 +88,22 @@ class Bisquare(Estimator):
     tuning : float
         Residual, in units of their scale, from which on samples do not count. Weighted least
         squares for a large one; by default 95 % as efficient as these where errors are normal.
+    huber_limit : float
+        The same of Huber's estimate, which is the start.
+    iterations : int
+        At most, of each of both.
+    tolerance, start_tolerance : float
+        Change of the predicted forces, relative to the scale of their errors, that ends the
+        iteration, and that of Huber's from which on bisquare takes over.
+    held_from : int
+        Iterations after which scales and mean slopes are held: single samples would let them flip.
+    least_slope : float
+        Mean slope of ψ below which residuals are no normal core with outliers.
+
+    Raises
+    ------
+    OptionError
+        When a limit is not above 0.
 
     Examples
     --------
@@ -119,10 +121,17 @@ class Bisquare(Estimator):
 
     name = "bisquare"
     tuning: float = 4.685
+    huber_limit: float = 1.345
+    iterations: int = 200
+    tolerance: float = 1e-9
+    start_tolerance: float = 1e-3
+    held_from: int = 20
+    least_slope: float = 0.1
 
     def __post_init__(self) -> None:
-        if not 0 < self.tuning < np.inf:
-            raise OptionError(f"the tuning constant must be above 0, not {self.tuning}")
+        for name in ("tuning", "huber_limit"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OptionError(f"{name} must be above 0, not {getattr(self, name)}")
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``, by iteratively reweighted least squares.
@@ -135,9 +144,57 @@ class Bisquare(Estimator):
         """
         with one_blas_thread():
             plain = WeightedLeastSquares().fit(samples.problem)
-            start = _iterated(samples, huber(HUBER_LIMIT), plain.values, plain.weights)
+            found = self._iterated(samples, huber(self.huber_limit), plain.values, plain.weights)
             score = bisquare(self.tuning)
-            return _working_fit(samples, score, _iterated(samples, score, *start[:3]))
+            found = self._iterated(samples, score, found.values, found.weights, found.scale)
+            return _working_fit(samples, score, found)
+
+    def _iterated(
+        self,
+        samples: FitSamples,
+        score: _Score,
+        values: FloatArray,
+        weights: FloatArray,
+        held_scale: FloatArray | None = None,
+    ) -> _State:
+        """Reweighted until the predicted forces stay; with scales of its own only roughly."""
+        problem = samples.problem
+        tolerance = self.start_tolerance if held_scale is None else self.tolerance
+        for k in range(self.iterations):
+            residual = samples.residual(values)
+            if k < self.held_from:
+                scale = _scales(samples, residual) if held_scale is None else held_scale
+            row_weights = _row_weights(samples, score, residual, scale)
+            if k < self.held_from:
+                counts = (row_weights > 0).sum(axis=0).astype(float)
+                slope = _mean_slope(samples, score, residual / scale, row_weights > 0)
+                self._require_core(samples, slope)
+            squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
+            R = problem.weighted(weights)[:-1, :-1]
+            weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
+            reweighted = FitProblem.combined(
+                samples.block_problem(rows, np.sqrt(row_weights[rows] / slope))
+                for rows in row_blocks(len(samples))
+            )
+            last, (values, _) = values, solved(reweighted, weights)
+            step = problem.factors[:, :, :-1] @ (values - last)
+            if (np.sqrt((step**2).sum(axis=1) / len(samples)) <= tolerance * scale).all():
+                return _State(values, weights, scale, slope)
+        raise DataError(
+            f"the robust fit does not converge in {self.iterations} iterations: use wls, or a "
+            "larger tuning constant",
+            iterations=self.iterations,
+        )
+
+    def _require_core(self, samples: FitSamples, slope: FloatArray) -> None:
+        """Refuse residuals that are no normal core with outliers."""
+        if (slope < self.least_slope).any():
+            name = samples.actuators[int(slope.argmin())]
+            raise DataError(
+                f"the residuals of {name} have no normal core: mean slope {slope.min():.2g} (least "
+                f"{self.least_slope:g}); use wls, or a larger tuning constant",
+                actuator=name,
+            )
 
 
 class _State(NamedTuple):
@@ -149,46 +206,11 @@ class _State(NamedTuple):
     slope: FloatArray
 
 
-def _iterated(
-    samples: FitSamples,
-    score: _Score,
-    values: FloatArray,
-    weights: FloatArray,
-    held_scale: FloatArray | None = None,
-) -> _State:
-    """Reweighted until the predicted forces stay; with scales of its own only roughly."""
-    problem, tolerance = samples.problem, START_TOLERANCE if held_scale is None else TOLERANCE
-    for k in range(ITERATIONS):
-        residual = samples.residual(values)
-        if k < HELD_FROM:
-            scale = _scales(samples, residual) if held_scale is None else held_scale
-        row_weights = _row_weights(samples, score, residual, scale)
-        if k < HELD_FROM:
-            counts = (row_weights > 0).sum(axis=0).astype(float)
-            slope = _mean_slope(samples, score, residual / scale, row_weights > 0)
-        squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
-        R = problem.weighted(weights)[:-1, :-1]
-        weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
-        reweighted = FitProblem.combined(
-            samples.block_problem(rows, np.sqrt(row_weights[rows] / slope))
-            for rows in row_blocks(len(samples))
-        )
-        last, (values, _) = values, solved(reweighted, weights)
-        step = problem.factors[:, :, :-1] @ (values - last)
-        if (np.sqrt((step**2).sum(axis=1) / len(samples)) <= tolerance * scale).all():
-            return _State(values, weights, scale, slope)
-    raise DataError(
-        f"the robust fit does not converge in {ITERATIONS} iterations: use wls, or a larger tuning "
-        "constant"
-    )
-
-
 def _row_weights(
     samples: FitSamples, score: _Score, residual: FloatArray, scale: FloatArray
 ) -> FloatArray:
     """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
-    used = samples.used
-    return mapped_rows(lambda r: score.weight(residual[r] / scale) * used[r], len(residual))
+    return np.asarray(score.weight(residual / scale) * samples.used)
 
 
 def _mean_slope(
@@ -196,13 +218,7 @@ def _mean_slope(
 ) -> FloatArray:
     """Means (dof,) of ψ' over the samples (N, dof) that count."""
     counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
-    slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
-    if (slope < LEAST_SLOPE).any():
-        raise DataError(
-            f"the residuals of {samples.actuators[int(slope.argmin())]} have no normal core: mean "
-            f"slope {slope.min():.2g} (least {LEAST_SLOPE:g}); use wls, or a larger tuning constant"
-        )
-    return slope
+    return np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
 
 
 def _working_fit(samples: FitSamples, score: _Score, state: _State) -> WorkingFit:
@@ -213,8 +229,7 @@ def _working_fit(samples: FitSamples, score: _Score, state: _State) -> WorkingFi
     residual, present = samples.residual(state.values), samples.problem.samples > 0
     row_weights = _row_weights(samples, score, residual, state.scale)
     force = samples.predicted(state.values) + residual * row_weights / state.slope
-    used = frozen(row_weights > 0, np.bool_)
-    working = replace(samples.with_force(force), used=used)
+    working = replace(samples.with_force(force), used=row_weights > 0)
     values, R = solved(working.problem, state.weights)
     result = result_of(Bisquare.name, working.problem, values, R, state.weights, 1.0)
     low = ((row_weights < DOWN_WEIGHTED) & samples.used).sum(axis=0)
@@ -238,6 +253,7 @@ def _scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
         if scales[i] <= ROUND_OFF * problem.force_rms[i]:
             raise DataError(
                 f"actuator {samples.actuators[i]} is fitted without error in more than half of its "
-                "samples: the scale of its errors is undefined; use ols"
+                "samples: the scale of its errors is undefined; use ols",
+                actuator=samples.actuators[i],
             )
     return scales

@@ -13,7 +13,9 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     DataError,
+    DataWarning,
     OptionError,
+    warn,
 )
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
@@ -60,6 +62,16 @@ def split_recordings(
     """
     parts = [recording.split(fraction) for recording in recordings]
     return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
+
+
+def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording]) -> None:
+    """Name recordings that judge what was fitted to them."""
+    for run in validation:
+        if any(np.array_equal(run.force, other.force) for other in training):
+            warn(
+                f"{run.name} is fitted and validates: its errors say nothing of new data",
+                DataWarning,
+            )
 
 
 @checked

@@ -9,6 +9,8 @@ from .assembly import (
     try_assemble as try_assemble,
 )
 from .closing import (
+    ClosingOptions as ClosingOptions,
+    WalkOptions as WalkOptions,
     close_by_continuation as close_by_continuation,
     close_loops as close_loops,
     displaced as displaced,
@@ -29,6 +31,7 @@ from .freedoms import (
 )
 from .modes import (
     FOLDED as FOLDED,
+    ModeOptions as ModeOptions,
     assembly_modes as assembly_modes,
 )
 from .poses import (

@@ -37,25 +37,39 @@ from loopid.kinematics.projection import (
     least_over_largest,
     singularity_measure,
 )
+from loopid.records import record
 from loopid.robot.mechanism import (
     AssemblyMode,
     Loop,
     Mechanism,
 )
 
-# Starts of the passive joints, ever further from the drawn pose; each is one of every loop.
-STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8
-MOST_MODES = 8
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
-# Steps of the motors away from such a pose, in rad or characteristic lengths, and how many of them.
-LEAST_STEP, LARGEST_STEP, STEPS = 0.15, 0.35, 4
-SAME = 1e-4  # distance of points in the same pose, in characteristic lengths
-PARALLEL = 1e-4  # relative rate at which parallel links may turn against each other
-# A mode leads to the drawn pose when this part of the step away from it ...
-BACK = 0.1
-# ... leaves at most this part of the distance: where two branches fold, it falls with the root.
-LEFT = 0.5
 DIGITS = 4  # to which distances differ: round-off does not choose
+
+
+@record(checked=True)
+class ModeOptions:
+    """How assembly modes are searched; lengths are in characteristic ones."""
+
+    # Starts of the passive joints, ever further from the drawn pose; each is one of every loop
+    starts: int = 64
+    starts_of_many: int = 16  # of more loops than these
+    many_loops: int = 8
+    most: int = 8  # modes that are told
+    # Steps of the motors away from a folded pose, in rad or lengths, and how many of them
+    least_step: float = 0.15
+    largest_step: float = 0.35
+    steps: int = 4
+    same: float = 1e-4  # distance of points in the same pose
+    parallel: float = 1e-4  # relative rate at which parallel links may turn against each other
+    # A mode leads to the drawn pose when a part of the step away from it leaves at most a part of
+    # the distance: where two branches fold, it falls with the root
+    back: float = 0.1
+    left: float = 0.5
+
+
+OPTIONS = ModeOptions()
 
 
 @dataclass(frozen=True)
@@ -76,23 +90,26 @@ class _Solution:
         return not self.continues, parallel, round(self.distance, DIGITS), last
 
 
-def assembly_modes(mechanism: Mechanism, drawn: FloatArray) -> tuple[AssemblyMode, ...]:
+def assembly_modes(
+    mechanism: Mechanism, drawn: FloatArray, *, options: ModeOptions = OPTIONS
+) -> tuple[AssemblyMode, ...]:
     """Assembly modes of a mechanism around a drawn pose (nq,), closed or not; the best first.
 
     The mechanism is closed at its reference: the drawn pose, or one near it. Modes that lead to a
     singular drawn pose come first, among them those in which most links stay parallel; then those
-    of least motion. They are ``MOST_MODES`` at most, without ranks; none where no regular pose
-    inside the limits is found.
+    of least motion. There are none where no regular pose inside the limits is found.
     """
     motors = JointCoordinates(mechanism, mechanism.measured)
     home = mechanism.reference[None]
     folded = bool(singularity_measure(mechanism, home)[0] < FOLDED)
     loops = [_LoopPoses(motors, loop, drawn) for loop in mechanism.loops]
     origin = motors.read(home)
-    for step in _motor_steps(motors, origin[0]) if folded else [np.zeros(motors.width)]:
-        starts = motors.write(np.concatenate([home, _scattered(motors, drawn)]), origin + step)
+    for step in _motor_steps(motors, origin[0], options) if folded else [np.zeros(motors.width)]:
+        starts = motors.write(
+            np.concatenate([home, _scattered(motors, drawn, options)]), origin + step
+        )
         q = _unwound(mechanism, close_loops(mechanism, starts, motors.unknown)[0], drawn)
-        found = [loop.solutions(q) for loop in loops]
+        found = [loop.solutions(q, options) for loop in loops]
         if all(found):
             break
     else:
@@ -101,10 +118,10 @@ def assembly_modes(mechanism: Mechanism, drawn: FloatArray) -> tuple[AssemblyMod
     for loop, solutions in zip(loops, found, strict=True):
         base = loop.put(base, solutions[0].q)
     if folded:
-        found = _told_apart(motors, loops, found, base, origin + BACK * step)
+        found = _told_apart(motors, loops, found, base, origin + options.back * step, options.left)
     ranked = [sorted(solutions, key=lambda solution: solution.order) for solutions in found]
     modes = []
-    for choice in islice(_choices([len(solutions) for solutions in ranked]), MOST_MODES):
+    for choice in islice(_choices([len(solutions) for solutions in ranked]), options.most):
         parts = [solutions[k] for solutions, k in zip(ranked, choice, strict=True)]
         for loop, part in zip(loops, parts, strict=True):
             base = loop.put(base, part.q)
@@ -125,14 +142,16 @@ def _choices(counts: Sequence[int]) -> Iterator[tuple[int, ...]]:
                 yield tuple(choice.get(loop, 0) for loop in range(len(counts)))
 
 
-def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[FloatArray]:
+def _motor_steps(
+    motors: JointCoordinates, origin: FloatArray, options: ModeOptions
+) -> Iterator[FloatArray]:
     """Steps (m,) of the motors: first towards the farther limits, then in any direction."""
     mechanism, generator = motors.mechanism, random_generator(0, stream=4)
     limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
     down, up = origin - limits[:, 0], limits[:, 1] - origin
     places = mechanism.draw_places(motors.known)
-    for attempt in range(STEPS):
-        size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)[places]
+    for attempt in range(options.steps):
+        size = generator.uniform(options.least_step, options.largest_step, motors.width)[places]
         upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
         size = np.minimum(
             size * mechanism.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
@@ -140,9 +159,10 @@ def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[Float
         yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
 
 
-def _scattered(motors: JointCoordinates, drawn: FloatArray) -> FloatArray:
+def _scattered(motors: JointCoordinates, drawn: FloatArray, options: ModeOptions) -> FloatArray:
     """The drawn pose (N, nq) with passive joints ever further away, up to half a turn."""
-    count = STARTS if len(motors.mechanism.loops) <= MANY_LOOPS else STARTS_OF_MANY
+    many = len(motors.mechanism.loops) > options.many_loops
+    count = options.starts_of_many if many else options.starts
     radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
     steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
     steps = steps[:, motors.mechanism.draw_places(motors.unknown)]
@@ -171,6 +191,7 @@ def _told_apart(
     found: Sequence[Sequence[_Solution]],
     base: FloatArray,
     back: FloatArray,
+    left_at_most: float,
 ) -> list[list[_Solution]]:
     """The solutions, with whether they lead back to the singular pose that is the reference."""
     own = [(loop, one) for loop, solutions in zip(loops, found, strict=True) for one in solutions]
@@ -182,7 +203,7 @@ def _told_apart(
         points = loop.points(np.stack([motors.mechanism.reference, away[k], near[k]]))
         first, left = (float(np.abs(points[i] - points[0]).max(initial=0.0)) for i in (1, 2))
         # Where the first ones do not lead back, the others were not tried on their own.
-        continues = left <= LEFT * first or not path.assembled[0]
+        continues = left <= left_at_most * first or not path.assembled[0]
         marked[loops.index(loop)].append(replace(one, continues=continues))
     return marked
 
@@ -225,7 +246,7 @@ class _LoopPoses:
         away = frames.origin - frames.origin[:, :1]
         return np.asarray(away @ frames.rotation[:, 0] / self.mechanism.length)
 
-    def solutions(self, q: FloatArray) -> list[_Solution]:
+    def solutions(self, q: FloatArray, options: ModeOptions) -> list[_Solution]:
         """Different poses among those (N, nq) that close the loop, regular and inside limits."""
         mechanism = self.mechanism
         residual, jacobian = Constraint(mechanism, q).scaled()
@@ -237,9 +258,10 @@ class _LoopPoses:
         frames = frame_poses(mechanism, q, self.frames)
         points, found = self._points(frames), list[_Solution]()
         for k in np.flatnonzero(good):
-            if all(np.abs(points[k] - other.points).max() > SAME for other in found):
+            if all(np.abs(points[k] - other.points).max() > options.same for other in found):
                 turning = self._turning(jacobian[k], frames.angular[k])
-                found.append(_Solution(q[k], points[k], self._distance(q[k]), _pairs(turning)))
+                parallel = _pairs(turning, options.parallel)
+                found.append(_Solution(q[k], points[k], self._distance(q[k]), parallel))
         return found
 
     def _distance(self, q: FloatArray) -> float:
@@ -258,8 +280,8 @@ class _LoopPoses:
         return np.asarray(turning.reshape(len(turning), -1))
 
 
-def _pairs(turning: FloatArray) -> int:
+def _pairs(turning: FloatArray, tolerance: float) -> int:
     """Pairs of links that turn alike."""
     apart = np.abs(turning[:, None] - turning[None]).max(axis=2, initial=0.0)
-    alike = apart <= PARALLEL * np.abs(turning).max(initial=1e-300)
+    alike = apart <= tolerance * np.abs(turning).max(initial=1e-300)
     return int(np.triu(alike, 1).sum())

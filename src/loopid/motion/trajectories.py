@@ -262,6 +262,23 @@ def point_to_point(
     >>> bool(abs(motion.velocity.max() - 1.875 * 0.5) < 1e-12)  # 1.875 times the average
     True
     """
+    stops = _stops(names, start, waypoints)
+    ends = np.cumsum([0.0, *(waypoint.seconds for waypoint in waypoints)])
+    time = _sample_times(float(ends[-1]), rate)
+    # The way that each sample is on; the last sample ends the last way.
+    on = np.minimum(np.searchsorted(ends, time, side="right") - 1, len(waypoints) - 1)
+    motion = np.empty((3, len(time), len(names)))
+    for k, waypoint in enumerate(waypoints):
+        here = np.flatnonzero(on == k)
+        part = np.minimum((time[here] - ends[k]) / waypoint.seconds, 1.0)
+        motion[:, here] = _on_way(names, stops[k], stops[k + 1], waypoint, part)
+    return Motion(tuple(names), time, *motion)
+
+
+def _stops(
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint]
+) -> list[FloatArray]:
+    """The start and all waypoints (c,), which fit the coordinates and each other."""
     if not waypoints:
         raise DataError("a motion needs at least one waypoint")
     stops = [finite(point, "waypoint") for point in (start, *(w.position for w in waypoints))]
@@ -270,38 +287,41 @@ def point_to_point(
             raise DataError(f"a waypoint must have shape ({len(names)},), not {point.shape}")
     for waypoint in waypoints:
         if not 0 < waypoint.seconds < np.inf:
-            raise DataError(f"a way must take a positive time, not {waypoint.seconds} s")
+            raise DataError(
+                f"a way must take a positive time, not {waypoint.seconds} s", given=waypoint.seconds
+            )
         if waypoint.curve is not None and waypoint.curve.shape.shape[1] != len(names):
             raise DataError(f"a curve must have a shape (functions, {len(names)})")
         for arc in waypoint.arcs:
             if arc.coordinate not in names:
-                valid = ", ".join(names)
                 raise DataError(
-                    f"arc of unknown coordinate {arc.coordinate!r}: choose among {valid}"
+                    f"arc of unknown coordinate {arc.coordinate!r}: choose among "
+                    f"{', '.join(names)}",
+                    given=arc.coordinate,
+                    valid=tuple(names),
                 )
-    ends = np.cumsum([0.0, *(waypoint.seconds for waypoint in waypoints)])
-    time = _sample_times(float(ends[-1]), rate)
-    # The way that each sample is on; the last sample ends the last way.
-    on = np.minimum(np.searchsorted(ends, time, side="right") - 1, len(waypoints) - 1)
-    motion = np.empty((3, len(time), len(names)))
-    for k, waypoint in enumerate(waypoints):
-        here = np.flatnonzero(on == k)
-        t = np.minimum((time[here] - ends[k]) / waypoint.seconds, 1.0)
-        s = t**3 * (10 - 15 * t + 6 * t**2)
-        ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
-        dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
-        change = stops[k + 1] - stops[k]
-        position = stops[k] + s[:, None] * change
-        slope, curvature = np.broadcast_to(change, position.shape).copy(), np.zeros_like(position)
-        for arc in waypoint.arcs:
-            for part, detour in zip((position, slope, curvature), arc.detour(s), strict=True):
-                part[:, names.index(arc.coordinate)] += detour
-        # By the chain rule.
-        acceleration = slope * dds[:, None] + curvature * ds[:, None] ** 2
-        motion[:, here] = position, slope * ds[:, None], acceleration
-        if waypoint.curve is not None:
-            motion[:, here] += waypoint.curve.detour(t * waypoint.seconds, waypoint.seconds)
-    return Motion(tuple(names), time, *motion)
+    return stops
+
+
+def _on_way(
+    names: Sequence[str], start: FloatArray, end: FloatArray, waypoint: Waypoint, t: FloatArray
+) -> FloatArray:
+    """Positions, velocities and accelerations (3, N, c) at parts t (N,) of the time of a way."""
+    s = t**3 * (10 - 15 * t + 6 * t**2)
+    ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
+    dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
+    position = start + s[:, None] * (end - start)
+    slope = np.broadcast_to(end - start, position.shape).copy()
+    curvature = np.zeros_like(position)
+    for arc in waypoint.arcs:
+        for part, detour in zip((position, slope, curvature), arc.detour(s), strict=True):
+            part[:, names.index(arc.coordinate)] += detour
+    # By the chain rule.
+    acceleration = slope * dds[:, None] + curvature * ds[:, None] ** 2
+    motion = np.stack([position, slope * ds[:, None], acceleration])
+    if waypoint.curve is not None:
+        motion += waypoint.curve.detour(t * waypoint.seconds, waypoint.seconds)
+    return motion
 
 
 @record(checked=True)

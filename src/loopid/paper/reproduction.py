@@ -26,7 +26,7 @@ from loopid.base_parameters.base import (
     BaseParameters,
     find_base_parameters,
 )
-from loopid.diagnosis.elimination import (
+from loopid.diagnosis.truncation import (
     influence,
     truncated_values,
 )

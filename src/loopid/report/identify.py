@@ -12,10 +12,8 @@ from loopid.arguments import (
     FloatArray,
 )
 from loopid.diagnosis.bands import BandSweep
-from loopid.diagnosis.elimination import (
-    PredictionError,
-    Reduction,
-)
+from loopid.diagnosis.comparison import PredictionError
+from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison

@@ -1,0 +1,56 @@
+"""What the bundled logs identify stays what it was: values, intervals, what they excite."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from loopid import (
+    FitOptions,
+    find_force_model,
+    identify,
+    load_mechanism,
+    prepare_recording,
+    read_log,
+)
+from made_runs import quietly
+
+NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text())
+LOGS = Path(__file__).parents[2] / "urdf" / "logs"
+SAME = 1e-6  # relative; processors differ by some 1e-9
+
+
+@cache
+def task(name, kind):
+    robot = load_mechanism(name)
+    recording = quietly(prepare_recording, robot, read_log(LOGS / f"{name}.csv", robot))
+    return find_force_model(robot, kind), recording
+
+
+def assert_same(fit, expected):
+    errors = np.array(expected["standard_errors"])
+    assert (np.abs(fit.values - expected["values"]) <= SAME * errors).all()
+    np.testing.assert_allclose(fit.standard_errors, errors, rtol=SAME)
+    off = np.abs(fit.intervals()[:, 1] - expected["upper"])
+    assert (off <= 10 * SAME * errors).all()
+
+
+@pytest.mark.parametrize("case", NUMBERS)
+def test_fits_of_the_bundled_logs_are_what_they_were(case):
+    expected, (name, kind, estimator) = NUMBERS[case], case.split()
+    model, recording = task(name, kind)
+    found = quietly(identify, model, [recording], options=FitOptions(estimator=estimator))
+    assert_same(found["all parameters"].fit, expected)
+    if estimator != "wls":
+        assert found.recommended is found["all parameters"]
+        return
+    assert found.recommended is found["robot file as prior"]
+    assert_same(found.fit, expected["near_file"])
+    np.testing.assert_allclose(found.prior_deviation, expected["prior_deviation"], rtol=1e-5)
+    told = found.identifiability
+    np.testing.assert_allclose(told.excitation.effects, expected["effects"], rtol=SAME)
+    # Small ones are eigenvalues beside others 10,000 times as large.
+    np.testing.assert_allclose(told.standard_errors, expected["combination_errors"], rtol=1e-4)
+    np.testing.assert_allclose(found.recommended.error_ratio, expected["error_ratio"], rtol=1e-5)
