@@ -9,10 +9,10 @@ import numpy as np
 
 from loopid.arguments import (
     FloatArray,
-    affordable,
     checked,
     frozen,
     random_generator,
+    require_count,
 )
 from loopid.errors import (
     AssemblyError,
@@ -49,7 +49,6 @@ BATCH = 64  # draws between which the spread adapts
 SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
 MOST_KEPT = 512  # samples that a mechanism keeps: most work draws the same ones again
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
-SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
@@ -91,7 +90,7 @@ def random_configurations(
     >>> loopid.random_configurations(robot, 10, seed=1).shape
     (10, 4)
     """
-    affordable("count", count, bytes_each=2 * 8 * mechanism.model.nq)
+    require_count(count, "count")
     return np.concatenate(list(configuration_batches(mechanism, count, seed, margin)))
 
 
@@ -106,9 +105,7 @@ def configuration_batches(
 
     They are from a part ``spread`` of the limits around the reference, or less.
     """
-    if count < 1:
-        raise OptionError(f"samples must be at least 1, not {count}")
-    affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
+    require_count(count, "samples")
     if not (margin is None or 0 <= margin < 1):
         raise OptionError(f"margin must be a singularity measure from 0 to 1, not {margin}")
     margin = mechanism.margin if margin is None else margin
@@ -225,7 +222,7 @@ def random_motions(
     """
     if count < 0:
         raise OptionError(f"count must be a number of samples from 0 on, not {count}")
-    affordable("count", count, bytes_each=3 * 16 * len(mechanism.independent))
+    require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))

@@ -21,7 +21,6 @@ import numpy as np
 from loopid.arguments import (
     FloatArray,
     checked,
-    checked_fields,
 )
 from loopid.errors import (
     AccuracyWarning,
@@ -46,6 +45,7 @@ from loopid.parameters import (
     Parameter,
     ParameterSet,
 )
+from loopid.records import record
 from loopid.robot.mechanism import (
     LeftOut,
     Mechanism,
@@ -168,8 +168,7 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
     return replace(term, at=at)
 
 
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class JointTerms:
     """Which joints have which terms.
 
