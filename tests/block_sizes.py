@@ -2,8 +2,8 @@
 
 import pytest
 
+import loopid.arguments
 import loopid.files
-import loopid.scratch
 
 
 @pytest.fixture
@@ -11,7 +11,7 @@ def set_block_rows(monkeypatch):
     """Set how many rows a block has, and keep nothing larger in memory."""
 
     def set_them(rows):
-        monkeypatch.setattr(loopid.scratch, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(loopid.arguments, "BLOCK_ROWS", rows)
         monkeypatch.setattr(loopid.files, "BLOCK_BYTES", 100 * rows)
 
     return set_them

@@ -11,7 +11,6 @@ GROUND = (
     "registry",
     "arguments",
     "records",
-    "scratch",
     "workers",
     "files",
     "yaml_files",

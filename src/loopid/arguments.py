@@ -6,7 +6,7 @@ functions that take them, which know their shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import signature
@@ -51,6 +51,7 @@ Number = Annotated[
 ]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
+BLOCK_ROWS = 4096  # of long arrays that are worked on at a time
 # Of any number that is taken: no product of a few such numbers overflows.
 LARGEST = 1e100
 
@@ -93,6 +94,8 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
 
 def _real(array: ArrayLike, name: str) -> FloatArray:
     """The array as floats: NumPy would read text and dates, and drop masks and imaginary parts."""
+    if type(array) is np.ndarray and array.dtype == np.float64:
+        return array
     given = rectangular(array, name)
     if given.dtype.kind == "O":
         strange = [x for x in given.flat if not isinstance(x, Real)]
@@ -122,6 +125,14 @@ def spread_rows(count: int, most: int) -> IntArray:
     """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
     rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
     return np.asarray(np.unique(rows), dtype=np.int64)
+
+
+def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
+    """The rows, or so many from 0 on, in blocks, lest a temporary array be as large as all."""
+    whole = slice(0, rows) if isinstance(rows, int) else rows
+    step = BLOCK_ROWS if size is None else size
+    for first in range(whole.start, whole.stop, step):
+        yield slice(first, min(first + step, whole.stop))
 
 
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:

@@ -49,7 +49,7 @@ def _rebuilt(kind: type[LoopidError], args: tuple[Any, ...], facts: dict[str, An
 
 
 class OptionError(LoopidError, ValueError):
-    """An argument is not one of those that are valid."""
+    """An argument is not one of those that are valid, or asks for what cannot be done."""
 
     @classmethod
     def unknown(cls, what: str, given: object, valid: Iterable[str]) -> OptionError:
@@ -95,10 +95,6 @@ class DataError(LoopidError, ValueError):
 
 class RankError(LoopidError, ArithmeticError):
     """A rank cannot be told from round-off."""
-
-
-class SearchError(LoopidError, RuntimeError):
-    """A search is refused, or found no valid choice."""
 
 
 class LogError(LoopidError, ValueError):

@@ -20,11 +20,11 @@ from loopid.arguments import (
     checked,
     finite,
     frozen,
+    row_blocks,
 )
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.records import record
-from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
 # Rows that are reduced at a time, and columns whose reflections are applied together: so many, or

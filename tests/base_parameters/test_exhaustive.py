@@ -16,7 +16,7 @@ from loopid.base_parameters import (
     SearchEffort,
 )
 from loopid.base_parameters.exhaustive import promising
-from loopid.errors import SearchError
+from loopid.errors import OptionError
 
 ONE = ExhaustiveSearch()
 
@@ -74,11 +74,11 @@ def test_ties_beyond_those_listed_are_still_counted():
 
 def test_absurd_sizes_are_refused_with_their_number():
     problem = ChoiceProblem(random_structure(60, 30))
-    with pytest.raises(SearchError) as refused:
+    with pytest.raises(OptionError) as refused:
         ONE.search(problem)
     assert refused.value.facts["candidates"] == comb(60, 30) > refused.value.facts["bound"]
     few = ExhaustiveSearch(effort=SearchEffort(candidates=10))
-    with pytest.raises(SearchError):
+    with pytest.raises(OptionError):
         few.search(ChoiceProblem(random_structure(6, 3)))
 
 

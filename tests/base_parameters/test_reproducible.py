@@ -18,7 +18,7 @@ import json, sys
 from loopid.base_parameters import PivotedQR, SearchEffort, SubgroupSearch
 from loopid import ExactSearch, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
-from loopid.errors import SearchError
+from loopid.errors import OptionError
 
 def choices(time_limit, *robots):
     found = {}
@@ -36,7 +36,7 @@ def choices(time_limit, *robots):
             problem = ChoiceProblem(analyse(structural_observation(load_mechanism(robot))))
             try:
                 found[robot + " subgroup"] = SubgroupSearch().search(problem).dependent
-            except SearchError as error:
+            except OptionError as error:
                 found[robot + " subgroup"] = str(error)
     return json.dumps(found)
 """

@@ -24,7 +24,6 @@ from loopid.base_parameters import (
 from loopid.errors import (
     LoopidError,
     OptionError,
-    SearchError,
 )
 from loopid.observation import Observation
 
@@ -48,7 +47,7 @@ def test_a_search_with_options_is_used_as_it_is(observation):
     search = ExhaustiveSearch(progress=lambda *counts: asked.append(counts))
     assert find_base_parameters(observation, search).search.name == "exhaustive"
     assert asked
-    with pytest.raises(SearchError):  # of so many choices none is valid
+    with pytest.raises(OptionError):  # of so many choices none is valid
         find_base_parameters(observation, SubgroupSearch(condition_limit=1.0001))
 
 

@@ -16,7 +16,6 @@ from loopid.base_parameters import (
 )
 from loopid.errors import (
     OptionError,
-    SearchError,
 )
 from loopid.observation import Observation
 
@@ -40,19 +39,19 @@ def test_a_group_never_has_more_rows_than_there_are():
 
 def test_more_dependent_parameters_than_a_group_holds_are_refused():
     problem = ChoiceProblem(random_structure(10, 8))
-    with pytest.raises(SearchError) as refused:
+    with pytest.raises(OptionError) as refused:
         SubgroupSearch().search(problem)
     assert refused.value.facts == {"dependent": 8, "group": 3}
 
 
 def test_more_combinations_than_fit_in_memory_are_refused_with_their_number():
     problem = ChoiceProblem(random_structure(60, 30))
-    with pytest.raises(SearchError) as refused:
+    with pytest.raises(OptionError) as refused:
         SubgroupSearch().search(problem)
     assert refused.value.facts == {"needed": comb(38, 30) * 30 * 32 * 8, "bound": 2**30}
     small = ChoiceProblem(random_structure(9, 4))
     assert SubgroupSearch().search(small).found
-    with pytest.raises(SearchError):
+    with pytest.raises(OptionError):
         SubgroupSearch(effort=SearchEffort(memory=1000)).search(small)
 
 
@@ -87,7 +86,7 @@ def test_nothing_found_is_said_and_raised():
     assert result.dependent is None
     assert result.condition_number == np.inf
     assert not result.certified
-    with pytest.raises(SearchError, match="subgroup search found no valid choice among") as caught:
+    with pytest.raises(OptionError, match="subgroup search found no valid choice among") as caught:
         find_base_parameters(observation, strict)
     assert f"{result.evaluated:,} of {result.candidates:,}" in str(caught.value)
     assert "search='exact'" in str(caught.value)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid.errors import SearchError
+from loopid.errors import OptionError
 from loopid.paper import reproduction as structure
 from loopid.paper.page import transfer_table
 from loopid.paper.reproduction import (
@@ -75,7 +75,7 @@ def test_a_row_that_differs_is_not_found(knee, comparison, monkeypatch):
     rows = matching_rows(comparison.base)
     assert [k for k, row in enumerate(rows) if row is None] == [8]
     assert not replace(comparison, rows=rows).agrees
-    with pytest.raises(SearchError, match=r"rows 9 .*not found"):
+    with pytest.raises(OptionError, match=r"rows 9 .*not found"):
         rows_of_table_ii(comparison.base)
 
 

@@ -31,7 +31,7 @@ for line in sys.stdin:
 """
 SOURCE = Path(loopid.__file__).parent
 # Where files may be written: there alone care is taken that they are whole.
-WRITERS = {"files.py", "scratch.py"}
+WRITERS = {"files.py"}
 WRITING = {"write_text", "write_bytes", "savez", "savez_compressed", "savetxt", "mkstemp"}
 
 

@@ -38,7 +38,6 @@ from loopid.base_parameters.structure import (
 from loopid.errors import (
     DataError,
     OptionError,
-    SearchError,
 )
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
@@ -273,9 +272,8 @@ def find_base_parameters(
     ------
     RankError
         When no parameter has an effect, or when there are too few rows.
-    SearchError
-        When the search is refused or finds nothing.
     OptionError
+        When the search is refused or finds nothing.
 
     Warns
     -----
@@ -300,7 +298,7 @@ def find_base_parameters(
     order = np.argsort(places, kind="stable")
     result = strategy.search(ChoiceProblem(structure.permuted(order), criterion))
     if result.dependent is None:
-        raise SearchError(
+        raise OptionError(
             f"{result.name} search found no valid choice among {result.evaluated:,} of "
             f"{result.candidates:,} combinations: use search='exact', or another order of columns",
             search=result.name,
@@ -337,7 +335,7 @@ def find_felt_parameters(
 
     Raises
     ------
-    RankError, SearchError, OptionError
+    RankError, OptionError
         As ``find_base_parameters``.
 
     Examples

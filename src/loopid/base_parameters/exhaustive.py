@@ -23,7 +23,7 @@ from loopid.base_parameters.ties import (
     most_readable,
     readabilities,
 )
-from loopid.errors import SearchError
+from loopid.errors import OptionError
 from loopid.records import record
 from loopid.workers import Progress
 
@@ -58,7 +58,7 @@ class ExhaustiveSearch(SearchStrategy):
     def _search(self, problem: ChoiceProblem) -> SearchResult:
         total, vectors, tolerance = problem.candidates, problem.vectors, self.effort.tolerance
         if total > self.effort.candidates:
-            raise SearchError(
+            raise OptionError(
                 f"exhaustive search would evaluate C({problem.size}, {problem.dependent_count}) = "
                 f"{total:,} combinations (bound {self.effort.candidates:,}): use search='exact'",
                 candidates=total,

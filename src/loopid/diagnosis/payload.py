@@ -14,6 +14,7 @@ from loopid.arguments import (
     checked,
     finite,
     frozen,
+    row_blocks,
 )
 from loopid.base_parameters.base import (
     BaseParameters,
@@ -45,7 +46,6 @@ from loopid.parameters import (
     html_table,
 )
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 PAYLOAD = "payload"
 # Relative change of the gains at which they have converged, and after how many steps at most.

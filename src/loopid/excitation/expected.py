@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, row_blocks
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.problem import Problem, file_forces
 from loopid.excitation.shapes import PosesShape
-from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording
@@ -23,7 +23,6 @@ from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.observation import triangular_factor
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048

@@ -14,10 +14,10 @@ from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
+    row_blocks,
 )
 from loopid.errors import OptionError
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 LARGEST_REFLECTION = 0.9999  # keeps models of very slow errors stationary
 

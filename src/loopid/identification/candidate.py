@@ -8,6 +8,7 @@ from loopid.arguments import (
     FloatArray,
     checked,
     finite,
+    row_blocks,
 )
 from loopid.errors import DataError
 from loopid.identification.problem import FitSamples
@@ -17,7 +18,6 @@ from loopid.identification.result import (
     fit_quality,
 )
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
 # are autocorrelated over seconds.

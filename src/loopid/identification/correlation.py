@@ -20,6 +20,7 @@ import numpy as np
 from loopid.arguments import (
     BoolArray,
     FloatArray,
+    row_blocks,
 )
 from loopid.errors import (
     DataWarning,
@@ -37,7 +38,6 @@ from loopid.identification.result import (
     FitResult,
     NoiseModel,
 )
-from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
 # Parts of a correction that are tried, until one leaves innovations enough.

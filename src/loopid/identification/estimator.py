@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import cho_solve
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import (
     DataError,
     OptionError,
@@ -25,7 +25,6 @@ from loopid.identification.problem import (
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.registry import Registry
-from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import (
     OptionError,
     RankError,
@@ -34,7 +34,6 @@ from loopid.identification.problem import (
 )
 from loopid.observation import triangular_factor
 from loopid.records import record
-from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
 

@@ -21,12 +21,12 @@ from loopid.arguments import (
     checked,
     finite,
     rectangular,
+    row_blocks,
 )
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
-from loopid.scratch import row_blocks
 
 # Residuals of an actuator, relative to its force, that are but round-off.
 ROUND_OFF = 1e-10

@@ -17,6 +17,7 @@ import numpy as np
 from loopid.arguments import (
     BoolArray,
     FloatArray,
+    row_blocks,
 )
 from loopid.errors import (
     DataError,
@@ -43,7 +44,6 @@ from loopid.identification.result import (
 )
 from loopid.identification.weighted import WeightedLeastSquares
 from loopid.records import record
-from loopid.scratch import row_blocks
 from loopid.workers import one_blas_thread
 
 # Weight below which a sample counts as down-weighted.

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
-from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.log import Log, renumbered
 from loopid.logs.mapping import LogMapping
@@ -26,7 +26,6 @@ from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import row_blocks
 from loopid.workers import Progress
 
 LEAST_SAMPLES = 3  # what it takes to differentiate
@@ -385,7 +384,10 @@ def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
         order = np.arange(len(names))
         order[[i, j]] = j, i
         found = try_assemble(
-            robot, position[:, order], trajectory=True, shortest_step=SHORTEST_STEP
+            robot,
+            position[:, order],
+            trajectory=True,
+            options=AssemblyOptions(shortest_step=SHORTEST_STEP),
         )
         if found.assembled.all():
             return f"; all close with the positions of {names[i]} and {names[j]} exchanged"

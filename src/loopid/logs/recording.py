@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks, samples
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.logs.options import FilterOptions, MaskOptions
@@ -20,7 +20,6 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
-from loopid.scratch import row_blocks
 
 
 @record

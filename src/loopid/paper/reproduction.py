@@ -32,7 +32,7 @@ from loopid.diagnosis.truncation import (
 )
 from loopid.errors import (
     DataWarning,
-    SearchError,
+    OptionError,
 )
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.candidate import prediction_reach
@@ -232,7 +232,7 @@ def rows_of_table_ii(base: BaseParameters) -> IntArray:
     rows = matching_rows(base)
     missing = [str(number) for number, row in enumerate(rows, start=1) if row is None]
     if missing:
-        raise SearchError(f"rows {', '.join(missing)} of the paper's Table II were not found")
+        raise OptionError(f"rows {', '.join(missing)} of the paper's Table II were not found")
     return np.array(rows, dtype=np.int64)
 
 

@@ -1,0 +1,45 @@
+"""A format of logs that loopid does not know: a class and a line, without a change inside loopid.
+
+Here a controller writes a sample a line, as JSON. Formats of robot files and dialects of URDF are
+registered alike (``loopid.registry``).
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import polars
+
+import loopid
+from loopid.logs.formats import LogFormat, Table
+from loopid.registry import log_formats
+
+CSV = Path(__file__).parents[1] / "urdf" / "logs" / "five_bar.csv"
+
+
+class JsonLines(LogFormat):
+    """One stream, a sample a line."""
+
+    endings = (".jsonl",)
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the columns of the stream."""
+        return {self.path.name: tuple(polars.read_ndjson(self.path).columns)}
+
+    def tables(self, stream: str, names: Sequence[str]) -> Sequence[Table]:
+        """The chosen columns, with the numbers of their rows."""
+        cells = polars.read_ndjson(self.path).select(names)
+        return [Table(cells, np.arange(1, len(cells) + 1))]
+
+
+log_formats.register("jsonl", JsonLines)
+
+robot = loopid.load_mechanism("five_bar")
+with TemporaryDirectory() as folder:
+    path = Path(folder) / "run.jsonl"
+    polars.read_csv(CSV).write_ndjson(path)
+    print(path.read_text().splitlines()[0])
+    log = loopid.read_log(path, robot)
+print(log)
+print(loopid.prepare_recording(robot, log))
