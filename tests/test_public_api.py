@@ -23,12 +23,10 @@ CLASSES = {
 } | {getattr(loopid, name) for name in names(loopid) if inspect.isclass(getattr(loopid, name))}
 # Functions that still have more than three positional arguments, or more than seven in all.
 TOO_MANY = {
-    "assemble",
     "consistent_fit",
     "drive_gains",
     "dynamic_regressor",
     "identify_payload",
-    "random_configurations",
     "structural_observation",
 }
 # Public records that a run of the pipeline yields and that are no values yet.
