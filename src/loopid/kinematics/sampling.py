@@ -93,7 +93,7 @@ class SamplingOptions:
     least_steps: int = 8
 
     def __post_init__(self) -> None:
-        if not (self.margin is None or 0 <= self.margin < 1):
+        if not (self.margin is None or 0 <= self.margin <= 1):
             raise OptionError(
                 f"margin must be a singularity measure from 0 to 1, not {self.margin}",
                 margin=self.margin,
