@@ -87,6 +87,7 @@ from .parameters import (
     ParameterSet as ParameterSet,
 )
 from .regressors import (
+    ClosedLoop as ClosedLoop,
     JointTerms as JointTerms,
     dynamic_regressor as dynamic_regressor,
     gravity_regressor as gravity_regressor,

@@ -17,13 +17,13 @@ from loopid.base_parameters.base import (
 from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
     singularity_measure,
 )
-from loopid.regressors.joint_terms import (
-    OF_FILE,
+from loopid.regressors.joint_terms import OF_FILE
+from loopid.regressors.left_out import (
     FileForce,
     file_forces,
 )

@@ -307,11 +307,6 @@ class Mechanism:
         lower[none], upper[none] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
-    @cached_property
-    def drawn(self) -> dict[tuple[int, float | None, float], tuple[FloatArray, ...]]:
-        """Random configurations drawn before, in batches, by seed, margin and spread."""
-        return {}
-
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
         lower, upper = self.position_limits
