@@ -137,10 +137,19 @@ def structural_observation(
             driven=driven if mechanism.free and driven else None,
         )
     seen = _Seen(mechanism, model, joint_terms, tuple(kept), geometry_accuracy(mechanism))
-    order, alone = mechanism.coordinate_order, found.motors_alone
+    order, alone = _order(mechanism), found.motors_alone
     if alone is not None:
         alone = replace(alone, order=order, rounding=seen.rounding(driven))
     return replace(found, order=order, rounding=seen.rounding(None), motors_alone=alone)
+
+
+def _order(mechanism: Mechanism) -> tuple[str, ...]:
+    """Links of bodies, then coordinates, in an order that no name and no file decides."""
+    ranks = mechanism.joint_ranks
+    carriers = {body.link: mechanism.joints[body.joint_id - 1] for body in mechanism.bodies}
+    links = sorted(carriers, key=lambda link: ranks[carriers[link]])
+    coordinates = mechanism.coordinates_of(sorted(mechanism.joints, key=ranks.__getitem__))
+    return tuple(dict.fromkeys((*mechanism.in_groups(links), *coordinates)))
 
 
 def _random_rates(

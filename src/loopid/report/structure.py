@@ -53,6 +53,7 @@ SEARCH = (
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
+MOST_TERMS = 6  # of a doubtful combination, in tables
 # loopid check: joints, closures, mobility, distance to singularity.
 
 
@@ -319,7 +320,8 @@ def _parameters(title: str, choice: dict[str, Any]) -> Table:
 def _doubtful(combinations: Sequence[Mapping[str, Any]]) -> Table:
     rows = (
         (
-            one["expression"],
+            expression(dict(list(one["terms"].items())[:MOST_TERMS]))
+            + (" + ..." if len(one["terms"]) > MOST_TERMS else ""),
             f"{one['singular_value']:.1e}",
             "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}",
         )

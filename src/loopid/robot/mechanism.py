@@ -8,7 +8,7 @@ from dataclasses import field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -68,7 +68,7 @@ class LinkGroup:
     links: tuple[str, ...]
 
 
-@record
+@record(checked=True)
 class AssemblyMode:
     """One way of assembling a robot whose drawn pose leaves a choice."""
 
@@ -81,7 +81,7 @@ class AssemblyMode:
     parallel: int  # pairs of links of a loop that do not turn against each other
 
 
-@record
+@record(checked=True)
 class LeftOut:
     """What the robot file gives of forces and no model has."""
 
@@ -93,7 +93,8 @@ class LeftOut:
     is_force: bool = True
 
 
-class Loop(NamedTuple):
+@record
+class Loop:
     """Closures that share passive joints: they open and close together."""
 
     rows: IntArray  # of the closure equations
@@ -510,15 +511,6 @@ class Mechanism:
     def draw_places(self, coordinates: IntArray) -> IntArray:
         """Which of k random values is that of each of k coordinates, given by velocity indices."""
         return np.argsort(np.argsort(self.precedence[coordinates]))
-
-    @cached_property
-    def coordinate_order(self) -> tuple[str, ...]:
-        """Links of bodies, then coordinates, in the order of ``joint_ranks``."""
-        carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
-        links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
-        joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
-        names = (*self.in_groups(links), *self.coordinates_of(joints))
-        return tuple(dict.fromkeys(names))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
