@@ -54,7 +54,7 @@ class Rounding:
     factors: Callable[..., FloatArray] = field(compare=False, repr=False)
 
 
-@record
+@record(checked=True)
 class Observation:
     """Stacked rows of a regressor W, reduced to R of W = Q R.
 
