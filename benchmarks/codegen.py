@@ -116,7 +116,7 @@ def python_regressor(model: ForceModel, motion: ClosedMotion) -> np.ndarray:
     chosen = model.mechanism.velocity_indices(model.mechanism.independent)
     rates, second = motion.velocities[:, chosen], motion.accelerations[:, chosen]
     whole = closed_motion(model.mechanism, motion.configurations, rates, second)
-    W = motion_regressor(model.mechanism, whole, model.model, model.joint_terms)
+    W = motion_regressor(model.mechanism, whole, model.model, joint_terms=model.joint_terms)
     return model.base.regressor(W)
 
 
@@ -128,7 +128,7 @@ def one_by_one(model: ForceModel, motion: ClosedMotion) -> None:
         rates, second = motion.velocities[k, chosen], motion.accelerations[k, chosen]
         whole = closed_motion(model.mechanism, q, rates, second)
         model.base.regressor(
-            motion_regressor(model.mechanism, whole, model.model, model.joint_terms)
+            motion_regressor(model.mechanism, whole, model.model, joint_terms=model.joint_terms)
         )
 
 

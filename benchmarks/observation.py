@@ -1,6 +1,6 @@
 """What an observation costs beside a bare loop of Pinocchio's regressor over the same samples.
 
-    python benchmarks/observation.py [--samples N] [--json FILE]
+    python benchmarks/observation.py [--samples N | --single] [--json FILE]
 
 One core; microseconds of processor time per sample, the least of rounds in which all phases take
 turns. The bare loop asks Pinocchio for the regressor Y of each sample and keeps it. The regressor
@@ -12,6 +12,9 @@ K = Gᵀ Y of the closed loops takes
 
 the triangular factor of the stacked columns comes on top. The last table follows measured
 strokes along a smooth trajectory of 10 s at 1 kHz, each from the one before (assembly).
+
+With ``--single`` a controller's questions, one sample at a time: the gravity regressor of a pose,
+and from measured strokes, warm-started a millisecond before, the forces that hold the robot.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from collections.abc import Callable
+from math import nan
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -31,6 +35,7 @@ import pinocchio as pin
 
 from example_robots import robots_folder
 from loopid import (
+    ClosedLoop,
     Observation,
     assemble,
     dynamic_regressor,
@@ -54,6 +59,8 @@ TRAJECTORY = DURATION * RATE
 SWING = 0.01  # characteristic lengths
 BARS = {("3ups_rpu", "gravity"): 3.0, ("3ups_rpu", "full"): 4.0}
 ASSEMBLY_BAR = 8.0
+SINGLE = 200  # samples that are asked for one at a time
+SINGLE_BARS = {("3ups_rpu", "gravity"): 25.0, ("3ups_rpu", "assembly + forces"): 80.0}
 
 
 def main() -> None:
@@ -61,7 +68,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--samples", type=int, default=4000, help="samples of an observation")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
+    parser.add_argument("--single", action="store_true", help="one sample at a time")
     arguments = parser.parse_args()
+    if arguments.single:
+        rows = [single(name, load_mechanism(name)) for name in ("3ups_rpu", "6ups")]
+        show("one sample at a time, µs", rows)
+        if arguments.json:
+            write_json(arguments.json, {"single": rows})
+        return
     robots = {name: load_mechanism(name) for name in ("3ups_rpu", "6ups")}
     ur10 = load_mechanism(str(Path(robots_folder()) / "ur_description/urdf/ur10_robot.urdf"))
     observations = [
@@ -132,6 +146,33 @@ def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
     )
     ratio = taken["assembly"] / taken["bare"]
     return {"robot": name, **taken, "assembly / bare": ratio, "bar": ASSEMBLY_BAR}
+
+
+def single(name: str, robot: Mechanism) -> dict[str, Any]:
+    """Costs of one sample at a time, along a trajectory at 1 kHz."""
+    loop, strokes = ClosedLoop(robot), smooth_strokes(robot)[:SINGLE]
+    poses = loop.assemble(strokes, start=robot.reference, trajectory=True)
+    still, pairs = np.zeros_like(poses), list(zip(strokes[1:], poses[:-1], strict=True))
+
+    def gravity() -> None:
+        for q in poses:
+            loop.gravity_regressor(q)
+
+    def assembly_and_forces() -> None:
+        for stroke, before in pairs:
+            loop.forces(loop.assemble(stroke, start=before))
+
+    phases: dict[str, Callable[[], object]] = {
+        "bare": bare(robot, poses, still, still),
+        "gravity": gravity,
+        "assembly + forces": assembly_and_forces,
+    }
+    taken = least(phases, len(poses), rounds=25)
+    ratios = {phase: taken[phase] / taken["bare"] for phase in list(taken)[1:]}
+    row: dict[str, Any] = {"robot": name, **taken}
+    for phase, ratio in ratios.items():
+        row |= {f"{phase} / bare": ratio, f"bar of {phase}": SINGLE_BARS.get((name, phase), nan)}
+    return row
 
 
 def smooth_strokes(robot: Mechanism) -> np.ndarray:

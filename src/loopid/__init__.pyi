@@ -18,6 +18,8 @@ from . import (
 )
 from .base_parameters import (
     ExactSearch as ExactSearch,
+    RankTolerances as RankTolerances,
+    SearchEffort as SearchEffort,
     find_base_parameters as find_base_parameters,
 )
 from .diagnosis import (
@@ -85,6 +87,7 @@ from .parameters import (
     ParameterSet as ParameterSet,
 )
 from .regressors import (
+    ClosedLoop as ClosedLoop,
     JointTerms as JointTerms,
     dynamic_regressor as dynamic_regressor,
     gravity_regressor as gravity_regressor,

@@ -95,6 +95,8 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
 
 def _real(array: ArrayLike, name: str) -> FloatArray:
     """The array as floats: NumPy would read text and dates, and drop masks and imaginary parts."""
+    if type(array) is np.ndarray and array.dtype == np.float64:
+        return array
     given = rectangular(array, name)
     if given.dtype.kind == "O":
         strange = [x for x in given.flat if not isinstance(x, Real)]

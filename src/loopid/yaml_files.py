@@ -43,7 +43,6 @@ class Section(BaseModel):
 MOST_BYTES = 500_000
 MOST_DEPTH = 50
 MOST_ANCHORS = 100  # and aliases
-MOST_NAMED = 1000  # values that have anchors, each of which may be copied as often
 LONGEST_TEXT = 100_000
 LARGE = 4_000_000  # bytes of YAML that programs write
 # YAML takes 1_6 and 0x10 for 16.
@@ -130,7 +129,7 @@ class _BoundedParser(Parser):
     def __init__(self, loader: Any) -> None:
         super().__init__(loader)
         self.open: list[bool] = []  # for each collection, whether it is in one with an anchor
-        self.anchors = self.named = 0
+        self.anchors = 0
 
     def get_event(self) -> Any:
         event = super().get_event()
@@ -140,11 +139,6 @@ class _BoundedParser(Parser):
         if self.anchors > MOST_ANCHORS:
             raise _BoundError(
                 f"line {line} has more than the {MOST_ANCHORS} anchors (&) and aliases (*) read"
-            )
-        self.named += named
-        if self.named > MOST_NAMED:
-            raise _BoundError(
-                f"line {line} has more than the {MOST_NAMED} values with anchors (&) that are read"
             )
         if isinstance(event, AliasEvent):
             if named:  # a few would stand for any number of values

@@ -56,7 +56,7 @@ def test_everything_at_once(run_json, tmp_path, model):
     again = load_mechanism(tmp_path / "new_robot.yaml")
     q = random_configurations(again, 10, seed=0)
     motion = closed_motion(again, q, *np.random.default_rng(1).standard_normal((2, 10, 2)))
-    W = motion_regressor(again, motion, model, found.joint_terms)
+    W = motion_regressor(again, motion, model, joint_terms=found.joint_terms)
     whole = np.concatenate([again.standard_parameters(model), np.full(4, 0.7)])
     expected = found.base.regressor(W) @ values
     np.testing.assert_allclose(W @ whole, expected, atol=1e-9 * np.abs(expected).max())

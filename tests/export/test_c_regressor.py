@@ -134,7 +134,7 @@ def residuals(regressor, q):
 
 def assert_agrees(model, regressor, motion=None):
     motion = moved(model) if motion is None else motion
-    W = motion_regressor(model.mechanism, motion, model.model, model.joint_terms)
+    W = motion_regressor(model.mechanism, motion, model.model, joint_terms=model.joint_terms)
     expected = model.base.regressor(W)
     state = motion.configurations, motion.velocities, motion.accelerations
     K, status = regressor(*state)

@@ -58,7 +58,7 @@ def assert_same_forces(model, again, standard, motion, expected):
     bodies = again.standard_parameters(model.model)
     state = motion.configurations, motion.velocities, motion.accelerations
     whole = closed_motion(again, *state)
-    W = motion_regressor(again, whole, model.model, model.joint_terms)
+    W = motion_regressor(again, whole, model.model, joint_terms=model.joint_terms)
     found = W @ np.concatenate([bodies, standard[len(bodies) :]])
     assert relative(found, expected) < ROUND_TRIP
 

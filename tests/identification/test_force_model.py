@@ -51,7 +51,7 @@ def joint_forces(robot, terms, motion, values):
 
 def parts_of(robot, motion, standard=None):
     state = motion.configurations, motion.velocities, motion.accelerations
-    return force_parts(robot, *state, standard)
+    return force_parts(robot, *state, standard_parameters=standard)
 
 
 @pytest.fixture(

@@ -12,7 +12,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import (
     Assembly,
-    assembly as assembly_module,
+    AssemblyOptions,
     constraint_jacobian,
     constraint_residual,
     measured_coordinates,
@@ -92,7 +92,12 @@ def test_only_the_samples_out_of_reach_are_lost(mechanism, poses):
 
 
 def test_an_impossible_tolerance_is_not_met(mechanism, poses):
-    outcome = try_assemble(mechanism, read(mechanism, poses, "platform"), "platform", tolerance=0)
+    outcome = try_assemble(
+        mechanism,
+        read(mechanism, poses, "platform"),
+        "platform",
+        options=AssemblyOptions(tolerance=0),
+    )
     np.testing.assert_array_equal(outcome.assembled, outcome.residual == 0)
     assert not outcome.assembled.all()
 
@@ -404,16 +409,15 @@ def test_a_trajectory_is_followed_as_if_sample_by_sample(load, name, kind):
 
 
 @pytest.mark.parametrize(
-    "sizes", [{"STRIDE": 1}, {"STRIDE": 5, "LEAST_WINDOW": 3}, {"BLOCK": 7}], ids=str
+    "sizes", [{"stride": 1}, {"stride": 5, "least_window": 3}, {"window": 7}], ids=str
 )
 @pytest.mark.parametrize("name", ["3ups_rpu", "four-bar 6d"])
-def test_how_samples_are_thinned_out_and_batched_is_irrelevant(load, name, sizes, monkeypatch):
+def test_how_samples_are_thinned_out_and_batched_is_irrelevant(load, name, sizes):
     robot = load(name)
     values = far_out(robot)
     expected = try_assemble(robot, values, trajectory=True)
-    for name, size in sizes.items():
-        monkeypatch.setattr(assembly_module, name, size)
-    assert_same(robot, try_assemble(robot, values, trajectory=True), expected)
+    found = try_assemble(robot, values, trajectory=True, options=AssemblyOptions(**sizes))
+    assert_same(robot, found, expected)
 
 
 def test_poses_of_the_platform_are_followed_as_if_one_by_one(knee):

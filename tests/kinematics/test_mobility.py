@@ -34,13 +34,13 @@ FLAT = {
 
 @pytest.mark.filterwarnings("ignore:.*outside the limits")
 @pytest.mark.parametrize("name", FLAT)
-def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files):
+def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files, write_files):
     bars, angles = FLAT[name]
     parts, description = four_bar("hinge", bars)
     joints = ("crank_joint", "coupler_joint", "rocker_joint")
     description["reference"] = dict(zip(joints, angles, strict=True))
     with pytest.warns(UserWarning, match="2 degrees of freedom there, 1 around it"):
-        robot = load_files(parts, description)
+        robot = load_mechanism(write_files(*files(parts, description)))
     flat = np.array(angles, dtype=float)
     found = mobility(robot, flat)
     assert found.singular

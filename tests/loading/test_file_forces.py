@@ -99,7 +99,7 @@ def test_bodies_and_terms_of_the_file_are_what_mujoco_feels(load, mujoco):
     terms, motion = JointTerms.of(robot, "file"), states(robot)
     values = np.concatenate([robot.standard_parameters(), terms.values(robot)])
     expected = mujoco_forces(mujoco, text, motion)
-    forces = motion_regressor(robot, motion, "full", terms) @ values
+    forces = motion_regressor(robot, motion, joint_terms=terms) @ values
     np.testing.assert_allclose(forces, expected, atol=1e-12 * np.abs(expected).max())
     assert robot.actuated == ("j1", "j2")
     named = {force.what for force in file_forces(robot) if not force.kind}

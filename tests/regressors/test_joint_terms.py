@@ -21,6 +21,7 @@ from loopid.kinematics import (
 )
 from loopid.regressors import (
     JOINT_TERMS,
+    JointState,
     JointTerm,
 )
 
@@ -114,21 +115,39 @@ def test_wrong_terms_are_refused(knee, arguments, word):
         JointTerms(**({"joints": knee.actuated} | arguments)).parameters(knee)
 
 
-def test_a_new_term_is_one_entry(knee, monkeypatch):
-    def law(joint, terms, math, at):
-        return joint.rate * math.fabs(joint.rate)
+def test_a_term_of_ones_own_is_one_entry(knee):
+    """Registered from outside, it has columns, units, labels, and a place in choices."""
 
-    drag = JointTerm("drag", ("N s²/m²", "N m s²/rad²"), law)
-    monkeypatch.setitem(JOINT_TERMS, "Fq", drag)
+    def law(joint, at):
+        return joint.rate * joint.math.fabs(joint.rate)
+
+    JOINT_TERMS.register("Fd", JointTerm("drag", ("N s²/m²", "N m s²/rad²"), law, ("rate",)))
     q = random_configurations(knee, 5, seed=5)
     motion = closed_motion(knee, q, *random_motions(knee, 5))
-    terms = JointTerms(("leg1_stroke", "platform_yaw"), ("Fq",))
+    terms = JointTerms.of(knee, "none; leg1_stroke: Fd; platform_yaw: Fd")
     assert [p.unit for p in terms.parameters(knee)] == ["N s²/m²", "N m s²/rad²"]
     columns = terms.columns(knee, motion)
     for k, index in enumerate(knee.velocity_indices(terms.joints)):
         v = motion.velocities[:, index, None]
         expected = motion.projection.G[:, index] * v * np.abs(v)
         np.testing.assert_allclose(columns[:, :, k], expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", JOINT_TERMS)
+def test_a_law_needs_what_it_says_and_no_more(kind):
+    """It fails without any one thing that it needs, and nothing else changes it."""
+    term = JOINT_TERMS[kind]
+    at = 0.3 if kind.endswith(("RATE", "POSITION")) else 0.0
+    given = {"position": 0.7, "rate": 1.1, "acceleration": -0.4, "load": 2.0}
+    usual = term.law(JointState(**given, math=np), at)
+    for name, value in given.items():
+        needed = name in term.needs or (name == "rate" and "sign" in term.needs)
+        if needed:
+            with pytest.raises(TypeError):
+                term.law(JointState(**given | {name: None}, math=np), at) + 0.0
+        else:
+            other = JointState(**given | {name: 3 * value}, math=np)
+            assert term.law(other, at) == usual
 
 
 def test_each_joint_may_have_terms_of_its_own(moving, motion):

@@ -99,12 +99,13 @@ def test_loads_are_those_of_the_bodies(cut):
     pi = robot.standard_parameters()
     ids = range(1, 5)
     of_file, heavier, weightless = (
-        bearing_forces(robot, motion, ids, values)[0] for values in (None, 3 * pi, 0 * pi)
+        bearing_forces(robot, motion, ids, standard_parameters=values)[0]
+        for values in (None, 3 * pi, 0 * pi)
     )
     np.testing.assert_allclose(heavier, 3 * of_file, rtol=1e-9)
     assert not weightless.any()
     with pytest.raises(DataError, match="left has first moments but no mass"):
-        bearing_forces(robot, motion, ids, pi * (np.arange(len(pi)) % 10 > 0))
+        bearing_forces(robot, motion, ids, standard_parameters=pi * (np.arange(len(pi)) % 10 > 0))
 
 
 def test_redundant_motors_are_refused(linkage):

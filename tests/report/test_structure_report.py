@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.strategies import floats
+from rich.console import Console
 
 from closure_robots import files
 from linkages import rssr
 from loopid import find_base_parameters, load_mechanism, structural_observation
-from loopid.base_parameters import expression
-from loopid.errors import ModelWarning
+from loopid.base_parameters import RankTolerances, expression
+from loopid.errors import AccuracyWarning, ModelWarning
 from loopid.motion import (
     JointRange,
     MotionReview,
@@ -74,6 +75,23 @@ def test_a_printed_bound_holds(gap):
     printed = 1 + number / 100 if "%" in said else number
     assert gap <= printed * (1 + 1e-12)
     assert printed - 1 < 1.011 * (gap - 1)
+
+
+def test_doubtful_combinations_are_listed_with_their_rounding(knee):
+    observation = structural_observation(knee)
+    with pytest.warns(AccuracyWarning, match="doubtful"):
+        base = find_base_parameters(observation, tolerances=RankTolerances(least=0.05))
+    record = base_record(knee, "gravity", base)
+    assert len(record["doubtful"]) == len(base.doubtful) == 15 - len(base)
+    for told, one in zip(record["doubtful"], base.doubtful, strict=True):
+        assert told["terms"] == dict(one.terms)
+        assert told["singular_value"] == one.singular_value < 0.05
+        assert told["rounding"] == one.rounding > 1e-5
+    console = Console(width=200)
+    with console.capture() as shown:
+        console.print(*base_tables(json.loads(json.dumps(record))))
+    for told in record["doubtful"]:
+        assert f" {next(iter(told['terms']))} " in shown.get()
 
 
 def test_terms_rebuild_the_matrix(knee, base):

@@ -58,6 +58,14 @@ class SearchEffort:
     ------
     OptionError
         Unless all are above 0.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> minute = loopid.SearchEffort(time_limit=60.0)
+    >>> loopid.find_base_parameters(observation, effort=minute).search.effort.time_limit
+    60.0
     """
 
     time_limit: float = 10.0

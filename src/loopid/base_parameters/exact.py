@@ -234,33 +234,37 @@ class _Interval:
 
     def _ask(self, above: float, below: float, attempt: int) -> Selections | None:
         """Joint selections in a box, None if a block has none; OutOfBudgetError if undecided."""
-        found, undecided = [], False
-        most = self.effort.nodes * MORE_NODES**attempt
+        found: dict[int, IntArray] = {}
+        # Blocks that keep the smallest eigenvalue low are the likeliest to have none.
         for b in sorted(range(len(self.blocks)), key=lambda b: self._known[b][-1][1].smallest):
-            known = [own for own, levels in self._known[b] if levels.inside(above, below)]
-            if not known:
-                part = self.budget.part(most)
-                leaves: Leaves | None = [] if self.keep else None
-                try:
-                    own = next(
-                        selections_between(self.blocks[b], above, below, part, leaves=leaves), None
-                    )
-                except OutOfBudgetError:
-                    self.budget.check()
-                    undecided = True
-                    continue
-                finally:
-                    self.budget.add(part)
-                if own is None:
-                    if leaves is not None:
-                        vectors = self.blocks[b].vectors
-                        self.proof.append(Exclusion(b, vectors, above, below, tuple(leaves)))
-                    return None
-                known = [self._polished(b, own, below)]
-            found.append((b, known[-1]))
-        if undecided:
+            try:
+                own = self._selection_in(b, above, below, attempt)
+            except OutOfBudgetError:
+                self.budget.check()
+                continue
+            if own is None:
+                return None
+            found[b] = own
+        if len(found) < len(self.blocks):
             raise OutOfBudgetError
-        return [own for _, own in sorted(found, key=lambda pair: pair[0])]
+        return [found[b] for b in range(len(self.blocks))]
+
+    def _selection_in(self, b: int, above: float, below: float, attempt: int) -> IntArray | None:
+        """A selection of a block in a box, None if it has none; OutOfBudgetError if undecided."""
+        known = [own for own, levels in self._known[b] if levels.inside(above, below)]
+        if known:
+            return known[-1]
+        block, part = self.blocks[b], self.budget.part(self.effort.nodes * MORE_NODES**attempt)
+        leaves: Leaves | None = [] if self.keep else None
+        try:
+            own = next(selections_between(block, above, below, part, leaves=leaves), None)
+        finally:
+            self.budget.add(part)
+        if own is not None:
+            return self._polished(b, own, below)
+        if leaves is not None:
+            self.proof.append(Exclusion(b, block.vectors, above, below, tuple(leaves)))
+        return None
 
     def _polished(self, b: int, selection: IntArray, below: float) -> IntArray:
         """The selection after swaps that raise its smallest eigenvalue, if it stays below."""

@@ -31,6 +31,7 @@ from loopid.records import record
 SHOWN = 4  # parameters that a warning names
 TRIED = 1e-4  # of the characteristic length: rounding that shows what doubtful values take
 EQUAL = 1e-6  # relative; round-off decides no pivot
+DIGITS = 6  # nor the order of combinations
 SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
 
@@ -57,6 +58,20 @@ class RankTolerances:
     faint, presumed : float
         Where the file does not tell its accuracy, they are tried where that value is below
         ``faint``, with lengths ``presumed`` times the characteristic length off.
+
+    Raises
+    ------
+    OptionError
+        Unless all are above 0, and ``least`` between ``zero`` and 1.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("five_bar"))
+    >>> coarse = loopid.RankTolerances(least=0.1)  # what forces hardly depend on does not count
+    >>> base = loopid.find_base_parameters(observation, tolerances=coarse)
+    >>> len(base), len(base.doubtful), base.structure.tolerances.least
+    (5, 1, 0.1)
     """
 
     least: float = 1e-7
@@ -266,11 +281,8 @@ def _combinations(
     rows = np.linalg.inv(basis[:, leaders]) @ basis
     along = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     sizes = np.linalg.norm(forces @ along.T, axis=0)
-    roundings = _roundings(observation, scales, along, sizes)
-    if source and observation.rounding is not None:
-        roundings[:] = observation.rounding.accuracy
-    found = []
-    for k in np.argsort(-sizes, kind="stable"):
+    roundings, found = _roundings(observation, scales, along, sizes, known=bool(source)), []
+    for k in np.argsort(-np.log10(sizes).round(DIGITS), kind="stable"):
         leader, row = leaders[k], rows[k]
         kept = np.flatnonzero(np.abs(row) > SLIGHT * np.abs(row).max())
         order = [leader, *kept[kept != leader]]
@@ -280,15 +292,22 @@ def _combinations(
 
 
 def _roundings(
-    observation: Observation, scales: FloatArray, along: FloatArray, sizes: FloatArray
+    observation: Observation,
+    scales: FloatArray,
+    along: FloatArray,
+    sizes: FloatArray,
+    *,
+    known: bool,
 ) -> FloatArray:
-    """Rounding (k,) in m that makes relative forces as large as those along some directions."""
+    """Rounding (k,) in m: the ``known`` one, or one that makes as large forces along directions."""
     if observation.rounding is None:
         return np.full(len(sizes), np.nan)
+    if known:
+        return np.full(len(sizes), observation.rounding.accuracy)
     tried = TRIED * observation.length
     written, *others = observation.rounding.factors(2, tried) * scales
-    squares = [np.linalg.norm(other @ along.T, axis=0) ** 2 for other in others]
-    made = np.sqrt(np.mean(squares, axis=0)) / np.linalg.norm(written, 2)
+    own, *moved = (np.linalg.norm(factor @ along.T, axis=0) for factor in (written, *others))
+    made = np.sqrt(np.mean((np.array(moved) - own) ** 2, axis=0)) / np.linalg.norm(written, 2)
     return np.asarray(tried * sizes / np.maximum(made, np.finfo(float).tiny))
 
 

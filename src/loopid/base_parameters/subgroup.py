@@ -37,9 +37,6 @@ from loopid.errors import (
 from loopid.records import record
 
 VARIANTS = ("gap", "pseudocode")
-# Singular values below this fraction of the largest are zero to the variant "gap": null vectors
-# are known to some 1e-12, and regular choices of robots stay above 1e-4.
-RANK_TOLERANCE = 1e-8
 DIGITS = 6  # that condition numbers are compared with
 
 
@@ -60,6 +57,9 @@ class SubgroupSearch(SearchStrategy):
         ``"gap"``: rank by a gap, invalid choices in the order of their rank and of the condition
         number of what is not zero, rows in the order of pivoted QR. ``"pseudocode"``: as printed
         in the paper.
+    rank_tolerance : float
+        Singular values below this fraction of the largest are zero to the variant ``"gap"``: null
+        vectors are known to some 1e-12, and regular choices of robots stay above 1e-4.
 
     Examples
     --------
@@ -77,6 +77,7 @@ class SubgroupSearch(SearchStrategy):
     condition_limit: float = 2000.0
     alpha: float = 0.25
     variant: str = "gap"
+    rank_tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
         if not 0 < self.alpha <= 0.5:
@@ -86,6 +87,9 @@ class SubgroupSearch(SearchStrategy):
             raise OptionError(f"condition_limit must exceed 1, not {limit}", given=limit)
         if self.variant not in VARIANTS:
             raise OptionError.unknown("variant", self.variant, VARIANTS)
+        zero = self.rank_tolerance
+        if not 0 < zero < 1:
+            raise OptionError(f"rank_tolerance must be in (0, 1), not {zero}", given=zero)
 
     def group_size(self, problem: ChoiceProblem) -> int:
         """Rows n* of a group; OptionError if that makes no combination, or too many."""
@@ -141,7 +145,7 @@ class SubgroupSearch(SearchStrategy):
         """Which choices (c, d, d) are valid, and the worse half of the invalid ones."""
         values = np.linalg.svd(V22, compute_uv=False)
         if self.variant == "gap":
-            ranks = (values > RANK_TOLERANCE * values[:, :1]).sum(axis=1)
+            ranks = (values > self.rank_tolerance * values[:, :1]).sum(axis=1)
             counted = np.maximum(ranks, 1) - 1
             last = values[np.arange(len(values)), counted]
             conditions = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)

@@ -32,9 +32,10 @@ from loopid.errors import (
 from loopid.identification.pipeline import Identification
 from loopid.identification.robot_prior import body_sizes
 from loopid.kinematics.assembly import (
-    JointCoordinates,
+    AssemblyOptions,
     try_assemble,
 )
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import (
     closed_motion,
     singularity_measure,
@@ -370,7 +371,7 @@ class _Model:
 
     def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
         whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])
-        K = motion_regressor(self.mechanism, whole, "full", self.joint_terms)
+        K = motion_regressor(self.mechanism, whole, joint_terms=self.joint_terms)
         return np.asarray(K[:, :, self.kept])
 
     def _columns(self, signals: _Signals, q: FloatArray, closed: BoolArray) -> _Columns:
@@ -384,7 +385,9 @@ class _Model:
         if signals.columns is not None:
             return signals.columns
         mechanism, q = self.mechanism, signals.start.copy()
-        found = try_assemble(mechanism, signals.position, start=q, shortest_step=COARSE)
+        found = try_assemble(
+            mechanism, signals.position, start=q, options=AssemblyOptions(shortest_step=COARSE)
+        )
         q[found.assembled] = found.configurations[found.assembled]
         closed = found.assembled & (singularity_measure(mechanism, q) >= MaskOptions().singularity)
         q[~closed] = signals.start[~closed]

@@ -14,7 +14,7 @@ from loopid.arguments import FloatArray, row_blocks
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.problem import Problem, file_forces
 from loopid.excitation.shapes import PosesShape
-from loopid.kinematics.assembly import JointCoordinates
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording

@@ -10,8 +10,8 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.excitation.collisions import Collisions
-from loopid.kinematics.assembly import platform_coordinates
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.platform import platform_coordinates
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
@@ -407,10 +407,10 @@ def _constraint_singularity(mechanism: Mechanism, least: float) -> Quantities:
 
 def _twists(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> FloatArray:
     """Twists (N, k, dof) of the platform, or of the closed frames, that the motors make."""
-    platform, (ids, supports) = mechanism.platform, mechanism.closure_frames
+    platform, (ids, _) = mechanism.platform, mechanism.closure_frames
     if platform is not None:
-        ids, supports = (platform.frame_id,), mechanism.supports([platform.frame_id])
-    frames = frame_poses(mechanism, q, ids, supports)
+        ids = (platform.frame_id,)
+    frames = frame_poses(mechanism, q, ids)
     twists = np.concatenate([frames.linear, mechanism.length * frames.angular], axis=2)
     units = mechanism.coordinate_scales[partition(mechanism)[0]]
     return np.asarray(twists.reshape(len(q), -1, G.shape[1]) @ G * units)

@@ -21,7 +21,8 @@ from loopid.excitation.criteria import Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
 from loopid.identification.force_model import ForceModel
-from loopid.kinematics.assembly import platform_motion, try_assemble
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
+from loopid.kinematics.platform import platform_motion
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.records import record
@@ -60,7 +61,10 @@ class Coordinates:
         """
         names, follow = "platform" if self.on_platform else self.names, start is None
         step = SHORTEST_STEP if start is not None else 2.0**-12
-        found = try_assemble(self.mechanism, positions, names, start, follow, shortest_step=step)
+        options = AssemblyOptions(shortest_step=step)
+        found = try_assemble(
+            self.mechanism, positions, names, start=start, trajectory=follow, options=options
+        )
         return found.configurations if found.assembled.all() else None
 
     def follow(
@@ -211,7 +215,9 @@ class Problem:
         """
         model, first = self.force_model.model, _first(motion, poses)
         part = first if self.is_static else motion
-        K = motion_regressor(self.force_model.mechanism, part, model, self._smooth_terms)
+        K = motion_regressor(
+            self.force_model.mechanism, part, model, joint_terms=self._smooth_terms
+        )
         forces = self.forces(motion, K if model == "full" else None)
         moving = self.bounds.in_motion(motion, forces)
         return Outcome(self.rows(part, K), moving, self.bounds.in_poses(first, all_bounds=False))
@@ -225,7 +231,9 @@ class Problem:
         """Forces (N, dof, z) per unit of each unknown, in deviations of their noise."""
         model, mechanism = self.force_model, self.force_model.mechanism
         if regressor is None:
-            regressor = motion_regressor(mechanism, motion, model.model, model.joint_terms)
+            regressor = motion_regressor(
+                mechanism, motion, model.model, joint_terms=model.joint_terms
+            )
         # The motors' share in each force, (N, motors, dof): the identity as a rule.
         shares = motion.projection.G[:, mechanism.velocity_indices(mechanism.actuated)]
         deviation = np.sqrt(np.einsum("nmi,m->ni", shares**2, self.noise**2))

@@ -7,7 +7,8 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.errors import AssemblyError
 from loopid.excitation.problem import Problem, evaluate
-from loopid.kinematics.assembly import measured_coordinates, try_assemble
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
+from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import singularity_measure
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
@@ -45,7 +46,9 @@ def slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatAr
     """
     space, found = problem.coordinates, np.full((len(positions), len(problem.bounds.all)), -np.inf)
     names = "platform" if space.on_platform else space.names
-    outcome = try_assemble(space.mechanism, positions, names, shortest_step=2.0**-6)
+    outcome = try_assemble(
+        space.mechanism, positions, names, options=AssemblyOptions(shortest_step=2.0**-6)
+    )
     q = outcome.configurations[outcome.assembled]
     # Singular poses have no velocities to tell.
     regular = singularity_measure(space.mechanism, q) > 1e-6

@@ -24,7 +24,8 @@ from loopid.errors import OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.projection import partition
 from loopid.parameters import KINDS, Parameter
-from loopid.regressors.joint_terms import JointState, JointTerms, joint_term
+from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 from loopid.robot.mechanism import Mechanism
 
@@ -136,13 +137,14 @@ def _joint_term(
         joint = mechanism.joint(parameter.link)
         position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
     term, at = joint_term(parameter.kind), JointState(position, v[index], a[index])
-    if term.needs_load:
+    if "load" in term.needs:
         raise OptionError(
             f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
             f"identify without {parameter.kind} for it",
             parameter=parameter.label,
         )
-    return G[index, :].T * term.signal(at, terms or JointTerms(()), ca)
+    state = (terms or JointTerms(())).state(at, math=ca)
+    return G[index, :].T * term.law(state, term.at)
 
 
 def _closure_residual(mechanism: Mechanism, q: Any, frames: Sequence[Frame]) -> Any:

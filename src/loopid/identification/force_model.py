@@ -41,12 +41,12 @@ from loopid.parameters import (
 )
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_terms import (
+from loopid.regressors.joint_laws import (
     JointState,
-    JointTerms,
     joint_term,
-    warn_of_omitted,
 )
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.left_out import warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import (
@@ -167,7 +167,7 @@ class ForceModel:
             (N, dof) of the independent coordinates.
         """
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
-        return motion_regressor(self.mechanism, whole, self.model, self.joint_terms)
+        return motion_regressor(self.mechanism, whole, self.model, joint_terms=self.joint_terms)
 
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
@@ -212,7 +212,9 @@ class ForceModel:
         What is smooth comes out the same whether the motion is filtered or the forces are.
         """
         history, terms = recording.history, self.joint_terms or JointTerms(())
-        jumping = [j for j in self.joint_columns if joint_term(self.parameters[j].kind).jumps]
+        jumping = [
+            j for j in self.joint_columns if "sign" in joint_term(self.parameters[j].kind).needs
+        ]
         if not (history and jumping):
             return W
         rates = self.mechanism.velocity_indices([self.parameters[j].link for j in jumping])
@@ -226,8 +228,8 @@ class ForceModel:
                 return terms.loads(self.mechanism, motion)[0][joint]
 
             rate = history.of_joint(self.mechanism, joint)
-            loads = history.of_motion(self.mechanism, load) if law.needs_load else None
-            signal = law.signal(JointState(None, rate, None, loads), terms, np)
+            loads = history.of_motion(self.mechanism, load) if "load" in law.needs else None
+            signal = law.law(terms.state(JointState(None, rate, None), loads), law.at)
             stepped[:, :, j] = shares[:, k] * history.lowpassed(np.asarray(signal))[:, None]
         return stepped
 

@@ -582,7 +582,7 @@ class SavedFit(_Record):
         self, mechanism: Mechanism, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> FloatArray:
         kind, terms = self.force_model.model, self.force_model.joint_terms
-        W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, terms)
+        W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
         columns = [self.standard.labels.index(name) for name in self.parameters.labels]
         return np.asarray(W[..., columns] @ self.values, dtype=np.float64)
 

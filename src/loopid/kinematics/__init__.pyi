@@ -1,11 +1,8 @@
 from .assembly import (
     CLOSURE_TOLERANCE as CLOSURE_TOLERANCE,
     Assembly as Assembly,
-    JointCoordinates as JointCoordinates,
+    AssemblyOptions as AssemblyOptions,
     assemble as assemble,
-    measured_coordinates as measured_coordinates,
-    platform_coordinates as platform_coordinates,
-    platform_motion as platform_motion,
     try_assemble as try_assemble,
 )
 from .closing import (
@@ -29,10 +26,22 @@ from .freedoms import (
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
+from .linear import (
+    Factorisation as Factorisation,
+    null_space as null_space,
+)
+from .measured import (
+    JointCoordinates as JointCoordinates,
+    measured_coordinates as measured_coordinates,
+)
 from .modes import (
     FOLDED as FOLDED,
     ModeOptions as ModeOptions,
     assembly_modes as assembly_modes,
+)
+from .platform import (
+    platform_coordinates as platform_coordinates,
+    platform_motion as platform_motion,
 )
 from .poses import (
     difference as difference,
@@ -44,10 +53,8 @@ from .poses import (
 from .projection import (
     NEAR_SINGULARITY as NEAR_SINGULARITY,
     ClosedMotion as ClosedMotion,
-    Factorisation as Factorisation,
     Projection as Projection,
     closed_motion as closed_motion,
-    null_space as null_space,
     partition as partition,
     project as project,
     singularity_measure as singularity_measure,
@@ -68,6 +75,7 @@ from .rounding import (
 )
 from .sampling import (
     DEFAULT_MARGIN as DEFAULT_MARGIN,
+    SamplingOptions as SamplingOptions,
     configuration_batches as configuration_batches,
     random_configurations as random_configurations,
     random_motions as random_motions,

@@ -1,10 +1,9 @@
 """Assembly: all coordinates from measured ones, on the assembly branch of the start.
 
-Measured are joints, or the coordinates of the platform. Samples on their own are reached along
-straight lines from the start, in steps whose length adapts so that Newton's method contracts at
-once and the Jacobian keeps its orientation: the solution then stays on the branch of the start
-[Allgower2003]. All samples advance together; every linear solve is batched. Steps and residuals are
-in common units (see ``constraint``).
+Samples on their own are reached along straight lines from the start, in steps whose length adapts
+so that Newton's method contracts at once and the Jacobian keeps its orientation: the solution then
+stays on the branch of the start [Allgower2003]. All samples advance together; every linear solve is
+batched. Steps and residuals are in common units (see ``constraint``).
 
 Along a trajectory each is reached from the last one that was, window by window: a few samples, the
 nodes, are solved from the start; those between them are predicted by curves and corrected by
@@ -16,9 +15,9 @@ the next sample is followed in full.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -32,326 +31,117 @@ from loopid.arguments import (
 )
 from loopid.errors import (
     AssemblyError,
-    MobilityError,
     OptionError,
 )
-from loopid.kinematics.constraint import (
-    Constraint,
-    scaled_residual,
+from loopid.kinematics.linear import Solver
+from loopid.kinematics.measured import (
+    Linearisation,
+    MeasuredCoordinates,
+    measured_by,
 )
 from loopid.kinematics.poses import (
     BLOCK,
-    FramePoses,
     blocks,
-    difference,
-    frame_motions,
-    frame_poses,
     integrate,
 )
-from loopid.kinematics.projection import (
-    Factorisation,
-    Solver,
-    partition,
-)
-from loopid.robot.closures import relative_quaternion
+from loopid.records import record
 from loopid.robot.mechanism import Mechanism
-from loopid.robot.platform import Platform
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
-SHORTEST_PATH_STEP = 2.0**-12  # part of the way below which a sample is given up
-
-# Steps of the unknown coordinates are in rad or characteristic lengths.
-NEWTON_STEPS = 12
-LONGEST_STEP = 0.4  # of the first step of a correction
-# A Newton step this short, the root of the round-off, leaves an error of round-off.
-SHORT = 1e-8
-# A Newton step this short is good enough on the way: the next correction starts from there.
-ROUGH = 1e-3
-# A correction is accepted when each Newton step is at most this fraction of the last. Then, by
-# Kantorovich's theorem, one may expect that the root is unique around the start, hence the one
-# that continues its branch.
-CONTRACTION = 0.2
-# Ratio of singular values above which LU factors are good enough for a Newton step.
-REGULAR = 1e-6
-
-# Along a trajectory, in samples.
-LEAST_WINDOW = 16
-STRIDE = 8  # between nodes
 
 
-class Linearisation(NamedTuple):
-    """Residual and its derivatives, exact where it is zero: Newton needs no more."""
+@record(kw_only=True, checked=True)
+class AssemblyOptions:
+    """How closely loops are closed, and how paths are followed to there.
 
-    residual: FloatArray  # (N, m)
-    unknown: FloatArray  # (N, m, u), by the unknown coordinates in unit steps
-    known: FloatArray  # (N, m, c), by the measured values
+    Steps of Newton's method are in rad or characteristic lengths of the unknown coordinates.
 
-
-class MeasuredCoordinates(ABC):
-    """A set of numbers from which the configuration follows."""
-
-    def __init__(self, mechanism: Mechanism, unknown: IntArray, width: int) -> None:
-        self.mechanism = mechanism
-        self.unknown = unknown
-        self.width = width
-
-    @abstractmethod
-    def read(self, q: FloatArray) -> FloatArray:
-        """Their values (N, width) at configurations (N, nq)."""
-
-    @abstractmethod
-    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        """Configurations with the measured values put in, as far as they are coordinates."""
-
-    @abstractmethod
-    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        """The equations at configurations (N, nq) that should have values (N, width)."""
-
-    @abstractmethod
-    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        """Residual (N, m) alone."""
-
-    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
-        """The way (N, width) from values to values."""
-        return target - origin
-
-    def tangent(self, steps: FloatArray) -> FloatArray:
-        """Tangent vectors (N, nv) of scaled steps (N, u) of the unknown coordinates."""
-        tangent = np.zeros((len(steps), self.mechanism.model.nv))
-        tangent[:, self.unknown] = steps * self.mechanism.coordinate_scales[self.unknown]
-        return tangent
-
-    def steps(self, origin: FloatArray, target: FloatArray) -> FloatArray:
-        """Scaled steps (N, u) of the unknown coordinates between configurations (N, nq)."""
-        tangent = difference(self.mechanism, origin, target)
-        return tangent[:, self.unknown] / self.mechanism.coordinate_scales[self.unknown]
-
-
-class JointCoordinates(MeasuredCoordinates):
-    """Measured joints: the others are unknown, but for single coordinates that are independent.
-
-    The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
-    could be given: it stays as it is at the start.
-    """
-
-    def __init__(self, mechanism: Mechanism, joints: Sequence[str]) -> None:
-        self.known, _ = partition(mechanism, joints)
-        if len(self.known) != len(joints):
-            raise OptionError("only joints with one coordinate can be measured")
-        held = mechanism.velocity_indices(mechanism.held)
-        unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(self.known, held))
-        super().__init__(mechanism, unknown, len(joints))
-        models = [mechanism.joint(name) for name in joints]
-        self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
-        # A continuous joint is stored as the cosine and sine of its angle.
-        self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)
-
-    def read(self, q: FloatArray) -> FloatArray:
-        values = q[:, self.first]
-        circle = self.first[self.circular]
-        values[:, self.circular] = np.arctan2(q[:, circle + 1], q[:, circle])
-        return values
-
-    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        q = q.copy()
-        q[:, self.first] = values
-        angles, circle = values[:, self.circular], self.first[self.circular]
-        q[:, circle], q[:, circle + 1] = np.cos(angles), np.sin(angles)
-        return q
-
-    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
-        way = target - origin
-        turns = way[:, self.circular]
-        way[:, self.circular] = np.mod(turns + np.pi, 2 * np.pi) - np.pi
-        return way
-
-    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, jacobian = Constraint(self.mechanism, q).scaled()
-        known = jacobian[:, :, self.known] / self.mechanism.coordinate_scales[self.known]
-        return Linearisation(residual, jacobian[:, :, self.unknown], known)
-
-    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        return scaled_residual(self.mechanism, q)
-
-
-class PlatformCoordinates(MeasuredCoordinates):
-    """A measured platform pose: all joints are unknown, the pose adds six equations."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.platform = declared_platform(mechanism)
-        super().__init__(mechanism, np.arange(mechanism.model.nv), len(self.platform.motions))
-
-    def read(self, q: FloatArray) -> FloatArray:
-        return platform_coordinates(self.mechanism, q)
-
-    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        return q.copy()
-
-    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, closures = Constraint(self.mechanism, q).scaled()
-        frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
-        twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
-        pose = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1)
-        known = np.zeros((len(q), residual.shape[1] + 6, self.width))
-        known[:, -6:] = -twist * self.platform.twist_map(values)
-        return Linearisation(
-            np.concatenate([residual, self._off_pose(frame, values)], 1),
-            np.concatenate([closures, twist * pose * self.mechanism.coordinate_scales], 1),
-            known,
-        )
-
-    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        frame = frame_poses(self.mechanism, q, [self.platform.frame_id], jacobians=False)
-        return np.concatenate(
-            [scaled_residual(self.mechanism, q), self._off_pose(frame, values)], 1
-        )
-
-    def _off_pose(self, frame: FramePoses, values: FloatArray) -> FloatArray:
-        """What separates the frame from its target (N, 6), in m, along the fixed axes."""
-        rotation, origin = self.platform.placements(values)
-        inverses = np.swapaxes(frame.rotation[:, 0], 1, 2), np.swapaxes(rotation, 1, 2)
-        turn = 2 * self.mechanism.length * relative_quaternion(*inverses)[0]
-        return np.concatenate([frame.origin[:, 0] - origin, turn], 1)
-
-
-@checked
-def measured_coordinates(
-    mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
-) -> MeasuredCoordinates:
-    """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
-
-    A MobilityError says that they are too few or too many to determine the motion at the reference.
-    """
-    measured: MeasuredCoordinates
-    if coordinates == "platform":
-        measured = PlatformCoordinates(mechanism)
-    else:
-        names = mechanism.measured if coordinates is None else coordinates
-        joints = (names,) if isinstance(names, str) else tuple(names)
-        measured = JointCoordinates(mechanism, joints)
-    q, unknown = mechanism.reference[None], len(measured.unknown)
-    found = int(Factorisation.of(measured.linearise(q, measured.read(q)).unknown).rank[0])
-    if found < unknown:
-        raise MobilityError(
-            f"the measured coordinates determine {found} of the {unknown} other coordinates of "
-            f"{mechanism.name} at its reference: give more, or others, or a reference "
-            "that is not singular"
-        )
-    jacobian, tolerance = Constraint(mechanism, q).scaled()[1], mechanism.closure_rank_tolerance
-    if int(Factorisation.of(jacobian, tolerance).rank[0]) > found:
-        raise MobilityError(
-            f"the {measured.width} measured coordinates of {mechanism.name} are not "
-            "independent of each other: leave some out"
-        )
-    return measured
-
-
-@checked
-def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
-    """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
-
-    Raises
-    ------
-    OptionError
-        When the robot file declares none.
+    Attributes
+    ----------
+    tolerance : float
+        Largest closure residual that is left, in m.
+    shortest_step : float
+        Part of the way to a sample that must be done at a time; below it the sample is given up.
+    most_steps : float
+        Of a path.
+    longest_step : float
+        First Newton step of a correction at most.
+    contraction : float
+        Each further Newton step as a part of the last at most. By Kantorovich's theorem one may
+        then expect that the root is unique around the start, hence the one on its branch.
+    newton_steps : int
+        Of a correction at most.
+    near : float
+        Way of the unknown coordinates for which the start's tangent is followed first.
+    short : float
+        A Newton step this short, the root of the round-off, leaves an error of round-off.
+    rough : float
+        The same on the way, where the next correction starts.
+    regular : float
+        Ratio of singular values above which inverses are good enough for a Newton step.
+    stride, least_window, window : int
+        Samples of a trajectory between its nodes, and those that are linked at a time.
 
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> closer = loopid.kinematics.AssemblyOptions(tolerance=1e-12)
+    >>> loopid.assemble(robot, [[1.2, 1.9]], options=closer).shape
     (1, 4)
     """
-    platform = declared_platform(mechanism)
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    frame = frame_poses(mechanism, q, [platform.frame_id], jacobians=False)
-    return platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
+
+    tolerance: float = CLOSURE_TOLERANCE
+    shortest_step: float = 2.0**-12
+    most_steps: float = np.inf
+    longest_step: float = 0.4
+    contraction: float = 0.2
+    newton_steps: int = 12
+    near: float = 1e-2
+    short: float = 1e-8
+    rough: float = 1e-3
+    regular: float = 1e-6
+    stride: int = 8
+    least_window: int = 16
+    window: int = BLOCK
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tolerance < np.inf:
+            raise OptionError(
+                f"tolerance must be a length from 0 on, not {self.tolerance} m",
+                tolerance=self.tolerance,
+            )
 
 
-def declared_platform(mechanism: Mechanism) -> Platform:
-    """The platform of the robot file; an OptionError when it declares none."""
-    if mechanism.platform is None:
-        raise OptionError(f"{mechanism.name} declares no platform coordinates")
-    return mechanism.platform
+USUAL = AssemblyOptions()
 
 
-@checked
-def platform_motion(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    rates: FloatArray,
-    accelerations: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform.
-
-    At closed configurations (N, nq).
-    """
-    platform = declared_platform(mechanism)
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    xd = samples(rates, len(platform.motions), "platform rates", len(q))
-    xdd = samples(accelerations, len(platform.motions), "platform accelerations", len(q))
-    parts = [_platform_motion(mechanism, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
-    v, a = zip(*parts, strict=True)
-    return np.concatenate(v), np.concatenate(a)
-
-
-def _platform_motion(
-    mechanism: Mechanism, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    constraint = Constraint(mechanism, q)
-    frame = frame_poses(mechanism, q, [platform.frame_id])
-    x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
-    jacobian = [constraint.jacobian(), frame.linear[:, 0], frame.angular[:, 0]]
-    scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
-    rows = np.append(mechanism.row_scales, units)
-    factors = Factorisation.of(rows[:, None] * np.concatenate(jacobian, axis=1) * scales)
-
-    def solve(closures: FloatArray, twists: FloatArray) -> FloatArray:
-        wanted = rows * np.concatenate([closures, twists], axis=1)
-        return np.asarray(scales * factors.solve(wanted[:, :, None])[:, :, 0])
-
-    E = platform.twist_map(x)
-    v = solve(np.zeros((len(q), mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
-    moving = frame_motions(mechanism, q, v, frame)
-    felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
-    twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
-    return v, solve(-constraint.drift(v), twist_rate - felt)
-
-
-@dataclass(frozen=True, repr=False)
+@record
 class Assembly:
     """Assembled configurations."""
 
     configurations: FloatArray  # (N, nq); rows that could not be assembled hold NaN
     residual: FloatArray  # (N,), largest closure residual in m
     assembled: BoolArray  # (N,), whether the loops close on the start's branch
-
-    def __repr__(self) -> str:
-        return f"Assembly of {len(self.assembled)} samples, {int(self.assembled.sum())} assembled"
+    options: AssemblyOptions = field(default=USUAL, repr=False)
 
     def first(self, count: int) -> Assembly:
         """The first so many samples."""
-        return Assembly(self.configurations[:count], self.residual[:count], self.assembled[:count])
+        parts = self.configurations[:count], self.residual[:count], self.assembled[:count]
+        return Assembly(*parts, self.options)
 
     @classmethod
     def joined(cls, parts: Sequence[Assembly]) -> Assembly:
-        """Assemblies one after the other."""
-        fields = [(part.configurations, part.residual, part.assembled) for part in parts]
-        return cls(*(np.concatenate(rows) for rows in zip(*fields, strict=True)))
-
-
-@dataclass(frozen=True)
-class PathOptions:
-    """How exactly paths are followed, with which part of the way at least and steps at most."""
-
-    tolerance: float = CLOSURE_TOLERANCE
-    shortest_step: float = SHORTEST_PATH_STEP
-    most_steps: float = np.inf
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.tolerance < np.inf:
-            raise OptionError(f"tolerance must be a length from 0 on, not {self.tolerance} m")
+        """Assemblies one after the other, at least one."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([part.configurations for part in parts]),
+            np.concatenate([part.residual for part in parts]),
+            np.concatenate([part.assembled for part in parts]),
+            parts[0].options,
+        )
 
 
 @checked
@@ -359,9 +149,10 @@ def assemble(
     mechanism: Mechanism,
     values: FloatArray,
     coordinates: Sequence[str] | str | None = None,
+    *,
     start: FloatArray | None = None,
     trajectory: bool = False,
-    tolerance: float = CLOSURE_TOLERANCE,
+    options: AssemblyOptions = USUAL,
 ) -> FloatArray:
     """Solve all coordinates from measured ones, on the assembly branch of the start.
 
@@ -379,8 +170,8 @@ def assemble(
         (nq,), a closed configuration on the branch; by default the reference.
     trajectory : bool
         Whether the samples follow one another: each is then reached from the one before.
-    tolerance : float
-        Closure residual to reach, in m.
+    options : AssemblyOptions
+        Such as the closure residual to reach, ``tolerance``.
 
     Returns
     -------
@@ -402,16 +193,10 @@ def assemble(
     >>> loopid.kinematics.platform_coordinates(robot, q).round(6).tolist()
     [[0.0, 0.7, 0.1, 0.0]]
     """
-    outcome = try_assemble(mechanism, values, coordinates, start, trajectory, tolerance)
-    lost = np.flatnonzero(~outcome.assembled)
-    if len(lost):
-        raise AssemblyError(
-            f"sample {lost[0]} cannot be assembled from the start: the loops stay open by "
-            f"{outcome.residual[lost[0]]:.1e} m (tolerance {tolerance:g} m), so the coordinates "
-            f"are out of reach or beyond a singularity ({len(lost)} of {len(outcome.assembled)} "
-            "samples)"
-        )
-    return outcome.configurations
+    outcome = try_assemble(
+        mechanism, values, coordinates, start=start, trajectory=trajectory, options=options
+    )
+    return required(outcome).copy()
 
 
 @checked
@@ -419,66 +204,132 @@ def try_assemble(
     mechanism: Mechanism,
     values: FloatArray,
     coordinates: Sequence[str] | str | None = None,
+    *,
     start: FloatArray | None = None,
     trajectory: bool = False,
-    tolerance: float = CLOSURE_TOLERANCE,
-    shortest_step: float = SHORTEST_PATH_STEP,
+    options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """As ``assemble``, but report the samples that fail instead of raising.
 
     Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
-    there may be a start for each sample, (N, nq). A sample is given up where less than the
-    ``shortest_step``, a part of the way, can be done at a time.
+    there may be a start for each sample, (N, nq).
     """
-    measured = measured_coordinates(mechanism, coordinates)
+    measured = measured_by(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
     one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)
     q = samples(q, mechanism.model.nq, "start", len(targets) if one_each else 1)
-    options = PathOptions(tolerance, shortest_step)
-    with one_blas_thread():
-        if trajectory:
+    if trajectory:
+        with one_blas_thread():
             return follow_trajectory(measured, q[0], targets, options)
-        starts = q if one_each else np.repeat(q, len(targets), axis=0)
-        return follow_paths(measured, starts, targets, options)
+    return follow_paths(measured, q, targets, options)
+
+
+def required(outcome: Assembly) -> FloatArray:
+    """The configurations (N, nq), where all samples are assembled."""
+    if not outcome.assembled.all():
+        lost = np.flatnonzero(~outcome.assembled)
+        open_by, tolerance = float(outcome.residual[lost[0]]), outcome.options.tolerance
+        raise AssemblyError(
+            f"sample {lost[0]} cannot be assembled from the start: the loops stay open by "
+            f"{open_by:.1e} m (tolerance {tolerance:g} m), so the coordinates are out of reach or "
+            f"beyond a singularity ({len(lost)} of {len(outcome.assembled)} samples)",
+            sample=int(lost[0]),
+            residual=open_by,
+            tolerance=tolerance,
+            samples=len(lost),
+        )
+    return outcome.configurations
 
 
 def follow_paths(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
+    measured: MeasuredCoordinates,
+    starts: FloatArray,
+    targets: FloatArray,
+    options: AssemblyOptions = USUAL,
 ) -> Assembly:
-    """Move all samples (N, nq) along their straight lines to the targets (N, c)."""
-    parts = [_follow(measured, q[rows], targets[rows], options) for rows in blocks(len(q))]
+    """Move samples along their straight lines from starts (N or 1, nq) to targets (N, c)."""
+    q = np.repeat(starts, len(targets), axis=0) if len(starts) < len(targets) else starts
+    # Threads of BLAS only matter, and setting them only pays, where there are many samples.
+    with one_blas_thread() if len(targets) > 1 else nullcontext():
+        parts = [_followed(measured, q[rows], targets[rows], options) for rows in blocks(len(q))]
     return Assembly.joined(parts)
 
 
-def _follow(
-    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+def _followed(
+    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
     origin = measured.read(start)
-    way = measured.difference(origin, targets)
-    # The last point on the path, the part of the way done there, and the next part tried.
-    reached, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
-    jacobian = measured.linearise(start, origin).unknown
-    k, tried = np.arange(len(start)), 0
+    way, at = measured.difference(origin, targets), measured.linearise(start, origin)
+    # The whole way at once, from where the start's tangent leads if that is near; else in steps.
+    begin = _predicted(measured, start, at, way, options)
+    found = correct(measured, begin, targets, options.short, options)
+    arrived = found.accepted & same_side(at.unknown, found.jacobian)
+    q = found.configurations
+    if not arrived.all():
+        k = np.flatnonzero(~arrived)
+        path = _Path(start[k], origin[k], way[k], at.unknown[k])
+        q[k], arrived[k] = _in_steps(measured, path, options)
+        q = measured.write(q, targets)
+    residual, small = _closed(measured, q, targets, options)
+    assembled = arrived & small
+    q[~assembled] = np.nan
+    return Assembly(q, residual, assembled, options)
+
+
+class _Path(NamedTuple):
+    """Straight ways of the measured values."""
+
+    start: FloatArray  # (N, nq)
+    origin: FloatArray  # (N, c)
+    way: FloatArray  # (N, c)
+    jacobian: FloatArray  # (N, m, u) at the start, by the unknown coordinates
+
+
+def _in_steps(
+    measured: MeasuredCoordinates, path: _Path, options: AssemblyOptions
+) -> tuple[FloatArray, BoolArray]:
+    """The last points (N, nq) on paths that are followed in parts, and whether these are the ends.
+
+    The whole way was tried before.
+    """
+    count = len(path.start)
+    # The last point on the path, its Jacobian, the part of the way done there, and the next part.
+    reached, jacobian = path.start.copy(), path.jacobian.copy()
+    done, step = np.zeros(count), np.full(count, 0.5)
+    k, tried = np.arange(count), 1
     while len(k) and tried < options.most_steps:
         ahead = np.minimum(done[k] + step[k], 1.0)
-        short = np.where(ahead < 1.0, ROUGH, SHORT)
-        found = correct(measured, reached[k], origin[k] + ahead[:, None] * way[k], short)
-        good = found.accepted.copy()
-        good[good] = same_side(jacobian[k[good]], found.jacobian[good])
-        arrived = k[good]
-        reached[arrived], jacobian[arrived] = found.configurations[good], found.jacobian[good]
-        done[arrived] = ahead[good]
+        short = np.where(ahead < 1.0, options.rough, options.short)
+        values = path.origin[k] + ahead[:, None] * path.way[k]
+        found = correct(measured, reached[k], values, short, options)
+        good = found.accepted & same_side(jacobian[k], found.jacobian)
+        there = k[good]
+        reached[there], jacobian[there] = found.configurations[good], found.jacobian[good]
+        done[there] = ahead[good]
         step[k] *= np.where(good, 2.0, 0.5)
         k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
-    q = measured.write(reached, targets)
-    residual, small = closes(measured, q, targets, options)
-    assembled = (done >= 1.0) & small
-    return Assembly(np.where(assembled[:, None], q, np.nan), residual, assembled)
+    return reached, done >= 1.0
 
 
-def closes(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: PathOptions
+def _predicted(
+    measured: MeasuredCoordinates,
+    start: FloatArray,
+    at: Linearisation,
+    way: FloatArray,
+    options: AssemblyOptions,
+) -> FloatArray:
+    """Where the tangents lead that are short enough to be trusted; else the starts."""
+    if measured.holds:
+        return start
+    pull = at.known @ way[:, :, None]
+    steps = -Solver.of(at.unknown, options.regular).solve(pull)[:, :, 0]
+    steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0
+    return integrate(measured.mechanism, start, measured.tangent(steps))
+
+
+def _closed(
+    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> tuple[FloatArray, BoolArray]:
     """Largest residuals (N,) in m, and where they are small enough."""
     residual = np.abs(measured.residual(q, targets)).max(axis=1, initial=0.0)
@@ -492,38 +343,47 @@ class Correction(NamedTuple):
     configurations: FloatArray  # (N, nq)
     accepted: BoolArray  # (N,), whether it contracted at once
     jacobian: FloatArray  # (N, m, u), by the unknown coordinates
-    tangent: FloatArray  # (N, u, c), their steps per unit of the measured values
+    # (N, u, c), their steps per unit of the measured values; without columns where not asked for
+    tangent: FloatArray
 
 
 def correct(
     measured: MeasuredCoordinates,
     q: FloatArray,
     values: FloatArray,
-    short: FloatArray | float = SHORT,
+    short: FloatArray | float,
+    options: AssemblyOptions,
+    *,
+    tangents: bool = False,
 ) -> Correction:
     """Newton's method from configurations (N, nq) to measured values (N, c), up to a short step."""
-    q, accepted = measured.write(q, values), np.ones(len(q), dtype=bool)
-    k, longest = np.arange(len(q)), np.full(len(q), LONGEST_STEP)
-    short = np.broadcast_to(short, len(q))
-    for iteration in range(NEWTON_STEPS):
+    q, count = measured.write(q, values), len(q)
+    accepted, short = np.zeros(count, dtype=bool), np.full(count, short)
+    jacobian = tangent = np.empty((count, 0, 0))
+    longest: FloatArray | float = options.longest_step
+    k: IntArray | slice = slice(None)  # those that go on
+    for _ in range(options.newton_steps):
         at = measured.linearise(q[k], values[k])
-        pull = np.concatenate([at.residual[:, :, None], at.known], axis=2)
-        solution = -Solver.of(at.unknown, REGULAR).solve(pull)
-        step, slope = solution[:, :, 0], solution[:, :, 1:]
+        pull = at.residual[:, :, None]
+        if tangents:
+            pull = np.concatenate([pull, at.known], axis=2)
+        solution = Solver.of(at.unknown, options.regular).solve(pull)
+        step, slope = -solution[:, :, 0], -solution[:, :, 1:]
         q[k] = integrate(measured.mechanism, q[k], measured.tangent(step))
-        if iteration == 0:
-            jacobian, tangent = at.unknown.copy(), slope.copy()
+        if len(at.unknown) == count:
+            jacobian, tangent = at.unknown, slope
         else:
             jacobian[k], tangent[k] = at.unknown, slope
         length = np.abs(step).max(axis=1, initial=0.0)
-        done = length <= short[k]
-        good = done | (length <= longest)
-        accepted[k] = good
-        going = good & ~done
-        k, longest = k[going], CONTRACTION * length[going]
-        if not len(k):
+        accepted[k] = done = length <= short[k]
+        if done.all():
             break
-    accepted[k] = False
+        going = ~done & (length <= longest)
+        if not going.all():
+            k = left = np.arange(count)[k][going]
+            if not len(left):
+                break
+        longest = options.contraction * length[going]
     return Correction(q, accepted, jacobian, tangent)
 
 
@@ -537,21 +397,24 @@ def same_side(before: FloatArray, after: FloatArray) -> BoolArray:
 
 
 def follow_trajectory(
-    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+    measured: MeasuredCoordinates,
+    start: FloatArray,
+    targets: FloatArray,
+    options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    none = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool))
-    parts, first, window, alone = [none], 0, BLOCK, 1
+    none = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool), options)
+    parts, first, window, alone = [none], 0, options.window, 1
     while first < len(targets):
         part = _linked(measured, start, targets[first : first + window], options)
         count = len(part.residual)
-        window = min(max(2 * count, LEAST_WINDOW), BLOCK)
+        window = min(max(2 * count, options.least_window), options.window)
         if not count:
             # From one start as many samples as fail, and the first that does not.
             ahead = targets[first : first + alone]
-            part = follow_paths(measured, np.tile(start, (len(ahead), 1)), ahead, options)
+            part = follow_paths(measured, start[None], ahead, options)
             found = np.flatnonzero(part.assembled)
-            alone = 1 if len(found) else min(2 * alone, BLOCK)
+            alone = 1 if len(found) else min(2 * alone, options.window)
             part = part.first(int(found[0]) + 1 if len(found) else len(ahead))
         if part.assembled[-1]:
             start = part.configurations[-1]
@@ -561,33 +424,34 @@ def follow_trajectory(
 
 
 def _linked(
-    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: PathOptions
+    measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
     """The leading samples that are linked to each other and to the start."""
     values = np.concatenate([measured.read(start[None]), targets])
-    home = correct(measured, start[None], values[:1])
+    home = correct(measured, start[None], values[:1], options.short, options, tangents=True)
     way = measured.difference(values[:1], values)
     # As far as the start's tangent leads within the reach of Newton's method.
     steps = way @ home.tangent[0].T
-    near = _leading_true(np.abs(steps).max(axis=1, initial=0.0) <= LONGEST_STEP)
-    rows = np.append(np.arange(0, near - 1, STRIDE), near - 1)
+    near = _leading_true(np.abs(steps).max(axis=1, initial=0.0) <= options.longest_step)
+    rows = np.append(np.arange(0, near - 1, options.stride), near - 1)
     guess = integrate(
         measured.mechanism, np.tile(start, (len(rows), 1)), measured.tangent(steps[rows])
     )
-    nodes = correct(measured, guess, values[rows])
+    nodes = correct(measured, guess, values[rows], options.short, options, tangents=True)
     known = _leading_true(nodes.accepted)
     if known < 2:
-        return Assembly(guess[:0], np.empty(0), np.empty(0, dtype=bool))
+        return Assembly(guess[:0], np.empty(0), np.empty(0, dtype=bool), options)
     rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
     values = values[: rows[-1] + 1]
-    found = correct(measured, _between(measured, rows, nodes, values), values)
+    predicted = _between(measured, rows, nodes, values)
+    found = correct(measured, predicted, values, options.short, options, tangents=True)
     q = found.configurations
     q[0] = start
-    residual, small = closes(measured, q, values, options)
+    residual, small = _closed(measured, q, values, options)
     good = found.accepted & small
-    follows = good[:-1] & good[1:] & _continues(measured, found, values)
+    follows = good[:-1] & good[1:] & _continues(measured, found, values, options)
     count = _leading_true(follows)
-    return Assembly(q[1 : count + 1], residual[1 : count + 1], follows[:count])
+    return Assembly(q[1 : count + 1], residual[1 : count + 1], follows[:count], options)
 
 
 def _leading_true(values: BoolArray) -> int:
@@ -619,7 +483,9 @@ def _between(
     return integrate(measured.mechanism, q[left], measured.tangent(steps))
 
 
-def _continues(measured: MeasuredCoordinates, found: Correction, values: FloatArray) -> BoolArray:
+def _continues(
+    measured: MeasuredCoordinates, found: Correction, values: FloatArray, options: AssemblyOptions
+) -> BoolArray:
     """Whether Newton's method, from each sample with the values of the next, would lead there.
 
     Its first step is the tangent; what is left then is its second step, which must be shorter.
@@ -629,5 +495,7 @@ def _continues(measured: MeasuredCoordinates, found: Correction, values: FloatAr
     tangent = (found.tangent[:-1] @ way[:, :, None])[:, :, 0]
     rest = np.abs(measured.steps(q[:-1], q[1:]) - tangent).max(axis=1, initial=0.0)
     length = np.abs(tangent).max(axis=1, initial=0.0)
-    short = (length <= LONGEST_STEP) & (rest <= CONTRACTION * length + SHORT)
+    short = (length <= options.longest_step) & (
+        rest <= options.contraction * length + options.short
+    )
     return np.asarray(short & same_side(found.jacobian[:-1], found.jacobian[1:]), dtype=bool)

@@ -17,10 +17,12 @@ from loopid.kinematics.constraint import (
     Constraint,
     largest_residual,
 )
-from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import (
+from loopid.kinematics.linear import (
     Factorisation,
     null_space,
+)
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import (
     partition,
     velocity_map,
 )

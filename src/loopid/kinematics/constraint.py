@@ -25,8 +25,10 @@ from loopid.kinematics.poses import (
     blocks,
     frame_motions,
     frame_poses,
+    prepared,
 )
 from loopid.robot.closures import (
+    Equations,
     FramePair,
     PairRates,
 )
@@ -39,94 +41,93 @@ class Constraint:
     """All closures and couplings of a mechanism at configurations (N, nq)."""
 
     def __init__(self, mechanism: Mechanism, q: FloatArray, jacobians: bool = True) -> None:
-        self.mechanism, self.q = mechanism, q
-        ids, supports = mechanism.closure_frames
+        self.mechanism, self.q, self.prepared = mechanism, q, prepared(mechanism)
+        ids = self.prepared.closure_frames
         # Without loops there is nothing to ask for.
-        self.poses = frame_poses(mechanism, q if ids else q[:0], ids, supports, jacobians)
+        self.poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
         p, R = self.poses.origin, self.poses.rotation
+        distance = p[:, 1::2] - p[:, ::2]
         self.pairs = [
-            FramePair((p[:, k + 1] - p[:, k])[:, :, None], R[:, k], R[:, k + 1])
-            for k in range(0, len(ids), 2)
+            FramePair(
+                distance[:, group.closures].reshape(-1, 3, 1),
+                R[:, group.frames_a].reshape(-1, 3, 3),
+                R[:, group.frames_b].reshape(-1, 3, 3),
+            )
+            for group in self.prepared.groups
         ]
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""
-        parts = [
-            part.residual(pair)
-            for closure, pair in zip(self.mechanism.closures, self.pairs, strict=True)
-            for part in closure.equations
-        ]
-        parts += [coupling.residual(self.q)[:, None] for coupling in self.mechanism.couplings]
-        return np.concatenate([np.empty((len(self.q), 0)), *parts], axis=1)
+        residual = np.empty((len(self.q), self.prepared.rows, 1))
+        self._fill(residual, lambda part, k: part.residual(self.pairs[k]))
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+            residual[:, row, 0] = coupling.residual(self.q)
+        return residual[:, :, 0]
 
     def jacobian(self) -> FloatArray:
         """A (N, rows, nv)."""
-        A = np.zeros((len(self.q), self.mechanism.rows, self.mechanism.model.nv))
-        coupled = self.mechanism.rows - len(self.mechanism.couplings)
+        A = np.zeros((len(self.q), self.prepared.rows, self.prepared.model.nv))
         if self.pairs:
-            linear, closures = self.poses.linear, self.mechanism.closures
-            turns = any(part.turns for closure in closures for part in closure.equations)
-            angular = self.poses.angular if turns else np.broadcast_to(np.nan, linear.shape)
-            A[:, :coupled] = self._rates(linear, angular)
-        for row, coupling in enumerate(self.mechanism.couplings, coupled):
+            rates = self._pair_rates(self.poses.linear, lambda: self.poses.angular)
+            self._fill(A, lambda part, k: part.rate(self.pairs[k], rates[k]))
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
 
     def drift(self, v: FloatArray) -> FloatArray:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
-        drift = np.zeros((len(self.q), self.mechanism.rows))
-        coupled = self.mechanism.rows - len(self.mechanism.couplings)
-        for row, coupling in enumerate(self.mechanism.couplings, coupled):
-            drift[:, row] = coupling.drift(self.q, v)
+        drift = np.zeros((len(self.q), self.prepared.rows, 1))
         if self.pairs:
-            moving = frame_motions(self.mechanism, self.q, v, self.poses)
-            velocities = _pair_rates(moving.velocity[..., None], moving.turn[..., None])
-            curvatures = [
-                part.curvature(pair, rates)
-                for closure, pair, rates in zip(
-                    self.mechanism.closures, self.pairs, velocities, strict=True
-                )
-                for part in closure.equations
-            ]
-            second = self._rates(moving.acceleration[..., None], moving.turning[..., None])
-            second += np.concatenate(curvatures, axis=1)
-            drift[:, : second.shape[1]] = second[:, :, 0]
-        return drift
+            at = frame_motions(self.mechanism, self.q, v, self.poses)
+            first = self._pair_rates(at.velocity[..., None], lambda: at.turn[..., None])
+            second = self._pair_rates(at.acceleration[..., None], lambda: at.turning[..., None])
+
+            def derivative(part: Equations, k: int) -> FloatArray:
+                return part.rate(self.pairs[k], second[k]) + part.curvature(self.pairs[k], first[k])
+
+            self._fill(drift, derivative)
+        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+            drift[:, row, 0] = coupling.drift(self.q, v)
+        return drift[:, :, 0]
 
     def translation_rates(self, moved: BoolArray) -> FloatArray:
         """(N, closure rows, 3 k) per unit translation along the fixed axes of k sets of frames."""
         count, width = len(self.q), 3 * moved.shape[1]
-        rates = np.zeros((count, self.mechanism.rows, width))
+        found = np.zeros((count, self.prepared.rows, width))
         if self.pairs:
-            linear = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
-            shape = (count, *linear.shape)
-            found = self._rates(np.broadcast_to(linear, shape), np.zeros(shape))
-            rates[:, : found.shape[1]] = found
-        return rates
+            one = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
+            linear = np.broadcast_to(one, (count, *one.shape))
+            rates = self._pair_rates(linear, lambda: np.zeros(linear.shape))
+            self._fill(found, lambda part, k: part.rate(self.pairs[k], rates[k]))
+        return found
 
     def scaled(self) -> tuple[FloatArray, FloatArray]:
         """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""
         scaled = self.mechanism.row_scales * self.residual()
         return scaled, scaled_jacobian(self.mechanism, self.jacobian())
 
-    def _rates(self, linear: FloatArray, angular: FloatArray) -> FloatArray:
-        """Rates (N, rows, k) of the closures' residuals from those of the frames (N, F, 3, k)."""
-        parts = [
-            part.rate(pair, rates)
-            for closure, pair, rates in zip(
-                self.mechanism.closures, self.pairs, _pair_rates(linear, angular), strict=True
-            )
-            for part in closure.equations
-        ]
-        return np.concatenate(parts, axis=1)
+    def _pair_rates(self, linear: FloatArray, angular: Callable[[], FloatArray]) -> list[PairRates]:
+        """Rates of each group of closures from those of all frames (N, F, 3, k)."""
+        velocity, width = linear[:, 1::2] - linear[:, ::2], linear.shape[3]
+        rates = []
+        for group in self.prepared.groups:
+            own = turn_a = turn_b = velocity[:, group.closures].reshape(-1, 3, width)
+            if group.turns:  # otherwise no equation asks for them
+                turns = angular()
+                turn_a = turns[:, group.frames_a].reshape(-1, 3, width)
+                turn_b = turns[:, group.frames_b].reshape(-1, 3, width)
+            rates.append(PairRates(own, turn_a, turn_b))
+        return rates
 
-
-def _pair_rates(linear: FloatArray, angular: FloatArray) -> list[PairRates]:
-    """Rates of each closure from those of its two frames (N, F, 3, k)."""
-    return [
-        PairRates(linear[:, k + 1] - linear[:, k], angular[:, k], angular[:, k + 1])
-        for k in range(0, linear.shape[1], 2)
-    ]
+    def _fill(self, out: FloatArray, value: Callable[[Equations, int], FloatArray]) -> None:
+        """Put what each equation of the k-th group gives in its rows of an array (N, rows, c)."""
+        count, _, width = out.shape
+        for k, group in enumerate(self.prepared.groups):
+            own, row = out[:, group.rows].reshape(count, group.closure_count, group.each, width), 0
+            for part in group.equations:
+                found = value(part, k).reshape(count, group.closure_count, part.count, width)
+                own[:, :, row : row + part.count] = found
+                row += part.count
 
 
 @checked
@@ -182,9 +183,10 @@ def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
     What carries both frames of a closure moves them alike. Where a loop is open, it turns the
     residual without changing its size: steps that close the loop need not know.
     """
-    scales = mechanism.row_scales[:, None] * mechanism.coordinate_scales
-    scaled = jacobian * (scales * mechanism.moving)
+    scaled = jacobian * prepared(mechanism).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
     largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
-    scaled[largest < ROUND_OFF * mechanism.length] = 0.0
-    return np.asarray(scaled, dtype=np.float64)
+    least = ROUND_OFF * mechanism.length
+    if largest.min(initial=np.inf) < least:
+        scaled[largest < least] = 0.0
+    return np.asarray(scaled)

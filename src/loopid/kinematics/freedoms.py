@@ -26,7 +26,7 @@ from loopid.kinematics.constraint import (
     Constraint,
     largest_residual,
 )
-from loopid.kinematics.projection import (
+from loopid.kinematics.linear import (
     Factorisation,
     null_space,
 )

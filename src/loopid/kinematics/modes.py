@@ -19,12 +19,15 @@ from loopid.arguments import (
 )
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
-    JointCoordinates,
-    PathOptions,
     follow_paths,
 )
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import (
+    Factorisation,
+    least_over_largest,
+)
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import (
     FramePoses,
     difference,
@@ -33,8 +36,6 @@ from loopid.kinematics.poses import (
 )
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
-    least_over_largest,
     singularity_measure,
 )
 from loopid.records import record
@@ -196,7 +197,7 @@ def _told_apart(
     """The solutions, with whether they lead back to the singular pose that is the reference."""
     own = [(loop, one) for loop, solutions in zip(loops, found, strict=True) for one in solutions]
     away = np.stack([loop.put(base, one.q) for loop, one in own])
-    path = follow_paths(motors, away, np.repeat(back, len(away), axis=0), PathOptions())
+    path = follow_paths(motors, away, np.repeat(back, len(away), axis=0))
     near = np.where(path.assembled[:, None], path.configurations, away)
     marked: list[list[_Solution]] = [[] for _ in loops]
     for k, (loop, one) in enumerate(own):

@@ -7,18 +7,25 @@ all bodies behind a coordinate, linear above angular, at the fixed origin along 
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import (
-    BoolArray,
     FloatArray,
+    IntArray,
 )
 from loopid.parameters import model_kinds
+from loopid.robot.closures import (
+    Equations,
+    LoopClosure,
+)
 from loopid.robot.mechanism import (
     Mechanism,
     scratch_data,
@@ -33,6 +40,10 @@ REGRESSORS = 128  # samples whose columns of all joints are in memory at a time
 np.empty(31 << 17)
 # Joints whose axes change in their own frame, which Pinocchio's ``data.dJ`` leaves out.
 VARYING_SUBSPACE = ("JointModelUniversal", "JointModelSphericalZYX", "JointModelComposite")
+# [I, -[p]] of an origin p, which takes a twist at the fixed origin there: p @ ARM + AT_ORIGIN.
+AT_ORIGIN, ARM = np.eye(3, 6).ravel(), np.zeros((3, 18))
+ARM[(0, 1, 2), (11, 15, 4)] = 1.0
+ARM[(0, 1, 2), (16, 5, 9)] = -1.0
 
 
 def blocks(count: int, size: int | None = None) -> Iterator[slice]:
@@ -42,13 +53,108 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
         yield slice(first, min(first + step, count))
 
 
-@dataclass(frozen=True)
+class Frames(NamedTuple):
+    """Some frames in Pinocchio's memory: views of it, so that no object is made at a sample."""
+
+    origins: list[FloatArray]  # (3,) each
+    rotations: list[FloatArray]  # (3, 3) each
+    supports: FloatArray  # (F, nv), 1 where a coordinate moves a frame, else 0
+
+
+class _Memory(threading.local):
+    """Pinocchio's data of a robot, one for each thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.frames: dict[tuple[int, ...], Frames] = {}
+
+
+class Prepared:
+    """What does not change from sample to sample: indices, units, Pinocchio's memory.
+
+    It is made once a robot and kept with it; see ``prepared``.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.model = mechanism.model
+        self.memory = _Memory(self.model)
+        models = list(enumerate(self.model.joints))[1:]
+        # Index and coordinates of the joints that ``data.dJ`` is not all of.
+        self.varying = [
+            (k, slice(joint.idx_v, joint.idx_v + joint.nv))
+            for k, joint in models
+            if joint.shortname() in VARYING_SUBSPACE
+        ]
+        self.closure_frames, _ = mechanism.closure_frames
+        self.rows, self.closure_rows = mechanism.rows, len(mechanism.row_closures)
+        self.groups = list(_groups(mechanism))
+        self.units = mechanism.row_scales[:, None] * mechanism.coordinate_scales
+        self.in_common_units = self.units * mechanism.moving
+        # Coordinates that are chosen as independent, and the others, by their names.
+        self.partitions: dict[tuple[str, ...] | None, tuple[IntArray, IntArray]] = {}
+        self.columns: dict[str, tuple[IntArray, FloatArray | None]] = {}
+        # Measured coordinates by their names, and random configurations that were drawn before.
+        self.measured: dict[tuple[str, ...] | str | None, Any] = {}
+        self.drawn: dict[Any, tuple[FloatArray, ...]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "memory": None, "measured": {}, "drawn": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.memory = _Memory(self.model)
+
+
+class Group(NamedTuple):
+    """Closures one after the other that ask the same of their frames, and are worked on at once."""
+
+    closures: slice
+    frames_a: slice  # of the frames of all closures, two a closure
+    frames_b: slice
+    rows: slice  # of the equations of all closures
+    equations: tuple[Equations, ...]  # of each closure
+    closure_count: int
+    each: int  # rows of each
+    turns: bool  # whether any of these depends on how the frames turn
+
+
+def _groups(mechanism: Mechanism) -> Iterator[Group]:
+    """Closures whose equations have no numbers of their own, such as axes, can be in one group."""
+    first, row = 0, 0
+    for key, closures in groupby(mechanism.closures, _without_numbers):
+        alike = list(closures)
+        for group in [alike] if key else [[closure] for closure in alike]:
+            last, rows = first + len(group), slice(row, row + len(group) * group[0].rows)
+            ends = slice(2 * first, 2 * last, 2), slice(2 * first + 1, 2 * last, 2)
+            equations = group[0].equations
+            turns = any(part.turns for part in equations)
+            own = slice(first, last), *ends, rows, equations, len(group), group[0].rows, turns
+            yield Group(*own)
+            first, row = last, rows.stop
+
+
+def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
+    """The equations of a closure, none where they have numbers of their own."""
+    own = closure.equations
+    return () if any(vars(part) for part in own) else tuple(type(part) for part in own)
+
+
+def prepared(mechanism: Mechanism) -> Prepared:
+    """What is prepared for a robot, made when it is first asked for."""
+    kept = vars(mechanism)
+    found: Prepared | None = kept.get("_prepared")
+    if found is None:
+        found = kept["_prepared"] = Prepared(mechanism)
+    return found
+
+
+@dataclass(eq=False)
 class FramePoses:
     """F frames at N samples."""
 
     origin: FloatArray  # (N, F, 3) in m
     rotation: FloatArray  # (N, F, 3, 3), columns are the frame's axes
-    supports: BoolArray  # (F, nv), which coordinates move each frame
+    supports: FloatArray  # (F, nv), 1 where a coordinate moves a frame, else 0
     joint_jacobian: FloatArray  # (N, 6, nv), ``data.J``; without rows where not asked for
 
     @cached_property
@@ -59,14 +165,11 @@ class FramePoses:
     @cached_property
     def linear(self) -> FloatArray:
         """(N, F, 3, nv), velocity of the frames' origins per unit of each coordinate."""
-        # Velocities at origins p from twists at the fixed origin: [I, -[p]].
         count, frames, _ = self.origin.shape
-        shift = np.zeros((count, frames, 3, 6))
-        shift[..., (0, 1, 2), (0, 1, 2)] = 1.0
-        shift[..., (1, 2, 0), (5, 3, 4)] = self.origin
-        shift[..., (2, 0, 1), (4, 5, 3)] = -self.origin
+        shift = self.origin.reshape(-1, 3) @ ARM
+        shift += AT_ORIGIN
         moved = shift.reshape(count, 3 * frames, 6) @ self.joint_jacobian
-        return moved.reshape(count, frames, 3, self.supports.shape[1]) * self.supports[:, None]
+        return moved.reshape(count, frames, 3, moved.shape[2]) * self.supports[:, None]
 
 
 @dataclass(frozen=True)
@@ -80,19 +183,15 @@ class FrameMotions:
 
 
 def frame_poses(
-    mechanism: Mechanism,
-    q: FloatArray,
-    frame_ids: Sequence[int],
-    supports: BoolArray | None = None,
-    jacobians: bool = True,
+    mechanism: Mechanism, q: FloatArray, frame_ids: Sequence[int], *, jacobians: bool = True
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
-    model, data = mechanism.model, scratch_data(mechanism.model)
-    # Views of Pinocchio's memory, so that no Python object is made at every sample.
-    placed = [(data.oMf[k].translation, data.oMf[k].rotation) for k in frame_ids]
-    origins, rotations, J = [p for p, _ in placed], [R for _, R in placed], data.J
-    origin, rotation = np.empty((len(q), len(placed), 3)), np.empty((len(q), len(placed), 3, 3))
-    jacobian = np.empty((len(q), 6 if jacobians else 0, model.nv))
+    own = prepared(mechanism)
+    model, memory = own.model, own.memory
+    data = memory.data
+    origins, rotations, supports = _frames(mechanism, memory, tuple(frame_ids))
+    origin, rotation = np.empty((len(q), len(origins), 3)), np.empty((len(q), len(origins), 3, 3))
+    jacobian, J = np.empty((len(q), 6 if jacobians else 0, model.nv)), data.J
     ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
     for k, configuration in enumerate(q):
         ask(model, data, configuration)
@@ -100,27 +199,35 @@ def frame_poses(
         origin[k], rotation[k] = origins, rotations
         if jacobians:
             jacobian[k] = J
-    moved = mechanism.supports(frame_ids) if supports is None else supports
-    return FramePoses(origin, rotation, moved, jacobian)
+    return FramePoses(origin, rotation, supports, jacobian)
+
+
+def _frames(mechanism: Mechanism, memory: _Memory, frame_ids: tuple[int, ...]) -> Frames:
+    if frame_ids not in memory.frames:
+        placed = [memory.data.oMf[k] for k in frame_ids]
+        memory.frames[frame_ids] = Frames(
+            [place.translation for place in placed],
+            [place.rotation for place in placed],
+            mechanism.supports(frame_ids).astype(np.float64),
+        )
+    return memory.frames[frame_ids]
 
 
 def frame_motions(
     mechanism: Mechanism, q: FloatArray, v: FloatArray, poses: FramePoses
 ) -> FrameMotions:
     """How frames move at velocities (N, nv) and zero joint acceleration."""
-    model, data = mechanism.model, scratch_data(mechanism.model)
-    varying = [
-        k for k in range(1, model.njoints) if model.joints[k].shortname() in VARYING_SUBSPACE
-    ]
-    rates = np.empty((len(q), 6, model.nv))
-    changes, dJ = np.zeros_like(rates) if varying else np.zeros(()), data.dJ
+    own = prepared(mechanism)
+    model, data = own.model, own.memory.data
+    rates, dJ = np.empty((len(q), 6, model.nv)), data.dJ
+    changes = np.zeros_like(rates) if own.varying else np.zeros(())
     for k, state in enumerate(zip(q, v, strict=True)):
         pin.computeJointJacobiansTimeVariation(model, data, *state)
         rates[k] = dJ
-        for joint in varying:
+        for joint, columns in own.varying:
             change = data.oMi[joint].act(pin.Motion(np.ravel(data.joints[joint].c)))
-            changes[k, :, model.joints[joint].idx_v] = change.vector
-    moved = poses.supports.T.astype(np.float64)
+            changes[k, :, columns.start] = change.vector
+    moved = poses.supports.T
     twist = np.swapaxes((poses.joint_jacobian * v[:, None]) @ moved, 1, 2)  # (N, F, 6)
     rate = np.swapaxes((rates * v[:, None] + changes) @ moved, 1, 2)
     turn, turning = twist[:, :, 3:], rate[:, :, 3:]
@@ -135,6 +242,7 @@ def torque_regressors(
     q: FloatArray,
     v: FloatArray | None = None,
     a: FloatArray | None = None,
+    *,
     model: str = "full",
     G: FloatArray | None = None,
 ) -> FloatArray:
@@ -145,14 +253,14 @@ def torque_regressors(
     FloatArray
         (N, nv or dof, n), columns of ``mechanism.parameters(model)``.
     """
-    tree, data = mechanism.model, scratch_data(mechanism.model)
-    rest = np.zeros((len(q), tree.nv))
-    v, a = rest if v is None else v, rest if a is None else a
-    identity = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv))
-    to_rows = identity if G is None else np.ascontiguousarray(G.transpose(0, 2, 1))
-    columns = mechanism.columns(model)  # with "gravity" m, mx, my and mz of each body
+    own = prepared(mechanism)
+    tree, data = own.model, own.memory.data
+    v, a = (np.zeros((len(q), tree.nv)) if rate is None else rate for rate in (v, a))
+    columns, ties = _columns(mechanism, own, model)
+    G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G
+    to_rows = np.ascontiguousarray(G.transpose(0, 2, 1))
     K = np.empty((len(q), to_rows.shape[1], len(columns)))
-    whole = np.empty((REGRESSORS, to_rows.shape[1], 10 * (tree.njoints - 1)))
+    whole = np.empty((min(len(q), REGRESSORS), to_rows.shape[1], 10 * (tree.njoints - 1)))
     for rows in blocks(len(q), REGRESSORS):
         states = zip(q[rows], v[rows], a[rows], to_rows[rows], whole, strict=False)
         for *state, to_row, out in states:
@@ -160,9 +268,15 @@ def torque_regressors(
             # For a single coordinate the binding drops the axis of its one row.
             np.dot(to_row, Y if tree.nv > 1 else Y.reshape(1, -1), out=out)
         K[rows] = whole[: rows.stop - rows.start, :, columns]
-    if mechanism.tied:
-        K = K @ mechanism.tie_matrix(len(model_kinds(model)))
-    return K
+    return K if ties is None else K @ ties
+
+
+def _columns(mechanism: Mechanism, own: Prepared, model: str) -> tuple[IntArray, FloatArray | None]:
+    """With "gravity" m, mx, my and mz of each body; and what ties those of links alike."""
+    if model not in own.columns:
+        ties = mechanism.tie_matrix(len(model_kinds(model))) if mechanism.tied else None
+        own.columns[model] = mechanism.columns(model), ties
+    return own.columns[model]
 
 
 def tree_reactions(

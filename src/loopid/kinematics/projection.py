@@ -2,19 +2,16 @@
 
 v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8]: u are
 the independent coordinates, A_u and A_d the columns of the closure Jacobian at them and at all
-others. Redundant rows are the norm: every factorisation tells its rank before it divides.
+others. ``velocity_map`` is the place where G is computed, for one sample and for many.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import block_array, csr_array
-from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import (
     FloatArray,
@@ -33,7 +30,16 @@ from loopid.kinematics.constraint import (
     constraint_jacobian,
     scaled_jacobian,
 )
-from loopid.kinematics.poses import blocks
+from loopid.kinematics.linear import (
+    Factorisation,
+    Solver,
+    least_over_largest,
+)
+from loopid.kinematics.poses import (
+    blocks,
+    prepared,
+)
+from loopid.records import record
 from loopid.robot.mechanism import (
     RANK_TOLERANCE,
     Mechanism,
@@ -41,164 +47,9 @@ from loopid.robot.mechanism import (
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
-LARGE = 400  # entries of a matrix that is worth looking at for blocks
 
 
-class _Block(NamedTuple):
-    """L blocks of one shape of N matrices, with their singular value decompositions."""
-
-    rows: IntArray  # (L, r)
-    columns: IntArray  # (L, c)
-    left: FloatArray  # (N, L, r, k)
-    values: FloatArray  # (N, L, k)
-    right: FloatArray  # (N, L, k, c)
-
-
-@dataclass(frozen=True)
-class Factorisation:
-    """Singular value decompositions of N matrices (N, m, n), for repeated solves.
-
-    Large matrices fall apart into the blocks of loops that have no coordinates in common.
-    """
-
-    blocks: tuple[_Block, ...]
-    width: int  # n
-    values: FloatArray  # (N, k), singular values, descending
-    rank: IntArray  # (N,)
-    least: FloatArray  # (N,), relative to the largest: values up to here count as zero
-
-    @classmethod
-    def of(cls, matrices: FloatArray, tolerance: float = RANK_TOLERANCE) -> Factorisation:
-        """Factor a stack of matrices."""
-        parts = []
-        for rows, columns in _independent_blocks(matrices):
-            block = matrices[:, rows[:, :, None], columns[:, None, :]]
-            parts.append(_Block(rows, columns, *np.linalg.svd(block, full_matrices=False)))
-        spectra = [part.values.reshape(len(matrices), -1) for part in parts]
-        values = -np.sort(-np.concatenate([np.empty((len(matrices), 0)), *spectra], axis=1), axis=1)
-        least = tolerance * values[:, :1].max(axis=1, initial=0.0)
-        return cls(
-            tuple(parts), matrices.shape[2], values, (values > least[:, None]).sum(axis=1), least
-        )
-
-    def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
-        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
-
-        With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
-        """
-        count, _, width = right_hand_sides.shape
-        solutions = np.zeros((count, self.width, width))
-        for rows, columns, left, values, right in self.blocks:
-            values = np.where(values > self.least[:, None, None], values, np.inf)
-            inverse = 1.0 / values
-            if damping is not None:
-                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
-            projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
-            solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
-        return solutions
-
-
-def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]:
-    """Rows (L, r) and columns (L, c) of the blocks that matrices (N, m, n) consist of, by shape."""
-    _, m, n = matrices.shape
-    if 0 in matrices.shape:
-        return []
-    if m * n < LARGE:
-        return [(np.arange(m)[None], np.arange(n)[None])]
-    return _blocks_of((matrices != 0.0).any(axis=0).tobytes(), m, n)
-
-
-@lru_cache(maxsize=64)
-def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
-    """The same of a pattern of zeros, which is that of most calls of a robot."""
-    pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
-    count, group = connected_components(
-        block_array([[None, csr_array(pattern)], [csr_array(pattern.T), None]]), directed=False
-    )
-    shapes: dict[tuple[int, int], list[tuple[IntArray, IntArray]]] = {}
-    for k in range(count):
-        rows, columns = np.flatnonzero(group[:m] == k), np.flatnonzero(group[m:] == k)
-        if len(rows) and len(columns):
-            shapes.setdefault((len(rows), len(columns)), []).append((rows, columns))
-    return [
-        (np.stack([rows for rows, _ in same]), np.stack([columns for _, columns in same]))
-        for same in shapes.values()
-    ]
-
-
-@dataclass(frozen=True)
-class Solver:
-    """Least-squares solves with N matrices (N, m, n): inverses where these are proven regular.
-
-    An inverse takes a fifth of the time of a singular value decomposition; the Frobenius norms of
-    a matrix and its inverse bound its condition.
-    """
-
-    matrices: FloatArray  # (N, m, n)
-    inverses: FloatArray | None  # (N, n, n); None where not square, or one is exactly singular
-    ill_conditioned: IntArray  # samples whose ratio of singular values is not proven to be larger
-
-    @classmethod
-    def of(cls, matrices: FloatArray, bound: float) -> Solver:
-        """Invert what is proven to have a ratio of singular values above the bound."""
-        count, rows, columns = matrices.shape
-        if columns == 0:
-            return cls(matrices, None, np.empty(0, dtype=np.int64))
-        if rows == columns:
-            try:
-                inverses = np.asarray(np.linalg.inv(matrices), dtype=np.float64)
-            except np.linalg.LinAlgError:
-                pass  # the singular ones are told by their singular values
-            else:
-                condition = np.sqrt(_square_norm(matrices) * _square_norm(inverses))
-                return cls(matrices, inverses, np.flatnonzero(~(1.001 * bound * condition < 1)))
-        return cls(matrices, None, np.arange(count))
-
-    @cached_property
-    def factors(self) -> Factorisation:
-        """Singular value decompositions at the ill-conditioned samples."""
-        return Factorisation.of(self.matrices[self.ill_conditioned])
-
-    def solve(self, right_hand_sides: FloatArray) -> FloatArray:
-        """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c)."""
-        if self.inverses is None:
-            if not len(self.ill_conditioned):
-                return np.empty((len(self.matrices), 0, right_hand_sides.shape[2]))
-            return self.factors.solve(right_hand_sides)
-        solutions = self.inverses @ right_hand_sides
-        if len(self.ill_conditioned):
-            solutions[self.ill_conditioned] = self.factors.solve(
-                right_hand_sides[self.ill_conditioned]
-            )
-        return np.asarray(solutions, dtype=np.float64)
-
-
-def _square_norm(matrices: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("nij,nij->n", matrices, matrices), dtype=np.float64)
-
-
-def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatArray:
-    """Orthonormal basis (n, d) of the null space of one matrix (m, n)."""
-    columns = matrix.shape[1]
-    if matrix.shape[0] == 0:
-        return np.eye(columns)
-    spaces, most = list[tuple[IntArray, FloatArray, FloatArray]](), 0.0
-    free = np.ones(columns, dtype=bool)
-    for all_rows, all_columns in _independent_blocks(matrix[None]):
-        for rows, own in zip(all_rows, all_columns, strict=True):
-            _, values, right = np.linalg.svd(matrix[np.ix_(rows, own)])
-            spaces.append((own, values, right))
-            free[own], most = False, max(most, values.max(initial=0.0))
-    basis = [np.eye(columns)[:, free]]
-    for own, values, right in spaces:
-        kept = right[int((values > tolerance * most).sum()) :]
-        part = np.zeros((columns, len(kept)))
-        part[own] = kept.T
-        basis.append(part)
-    return np.concatenate(basis, axis=1)
-
-
-@dataclass(frozen=True, repr=False)
+@record
 class Projection:
     """The motion that the loops allow, at N configurations."""
 
@@ -206,10 +57,8 @@ class Projection:
     independent: IntArray  # (dof,), velocity indices of the independent coordinates
     # (N, rows, nv - dof), columns of the constraint Jacobian in common units
     dependent_columns: FloatArray
-
-    def __repr__(self) -> str:
-        count, nv, dof = self.G.shape
-        return f"Projection of {nv} coordinates on {dof} independent ones, {count} samples"
+    # Singular values of these columns below this fraction of the largest counted as zero
+    tolerance: float = RANK_TOLERANCE
 
     @cached_property
     def singularity(self) -> FloatArray:
@@ -220,7 +69,7 @@ class Projection:
         return least_over_largest(self.dependent_columns)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class ClosedMotion:
     """Velocities and accelerations that keep the loops closed, at N samples."""
 
@@ -229,11 +78,6 @@ class ClosedMotion:
     accelerations: FloatArray
     gamma: FloatArray  # (N, nv), the part of the accelerations that the velocities cause
     projection: Projection
-
-    def __repr__(self) -> str:
-        count, nv = self.velocities.shape
-        dof = len(self.projection.independent)
-        return f"ClosedMotion of {nv} coordinates, {dof} independent, {count} samples"
 
     def projected(self, tree_columns: FloatArray) -> FloatArray:
         """Columns of the actuated forces (N, dof, n) from those of the tree's (N, nv, n)."""
@@ -275,9 +119,7 @@ def project(
     (1, 13, 4)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    chosen, dependent = partition(mechanism, independent)
-    G, columns, _, _ = _projected(mechanism, q, chosen, dependent, None)
-    return Projection(G, chosen, columns)
+    return projected(mechanism, q, partition(mechanism, independent))
 
 
 @checked
@@ -314,12 +156,10 @@ def closed_motion(
     (1, 13)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    chosen, dependent = partition(mechanism, independent)
-    rates = samples(velocities, len(chosen), "independent velocities", len(q))
-    second = samples(accelerations, len(chosen), "accelerations", len(q))
-    G, columns, v, gamma = _projected(mechanism, q, chosen, dependent, rates)
-    a = np.einsum("nij,nj->ni", G, second) + gamma
-    return ClosedMotion(q, v, a, gamma, Projection(G, chosen, columns))
+    parts = partition(mechanism, independent)
+    rates = samples(velocities, len(parts[0]), "independent velocities", len(q))
+    second = samples(accelerations, len(parts[0]), "accelerations", len(q))
+    return completed(mechanism, q, parts, rates, second)
 
 
 @checked
@@ -334,38 +174,100 @@ def partition(
     mechanism: Mechanism, independent: Sequence[str] | None = None
 ) -> tuple[IntArray, IntArray]:
     """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
-    names = mechanism.independent if independent is None else independent
-    chosen = mechanism.velocity_indices(names)
-    if len(set(chosen)) != len(chosen):
-        raise MobilityError(f"a joint is named twice among {', '.join(names)}")
-    return chosen, np.setdiff1d(np.arange(mechanism.model.nv), chosen)
+    known = prepared(mechanism).partitions
+    key = None if independent is None else tuple(independent)
+    if key not in known:
+        names = mechanism.independent if key is None else key
+        chosen = mechanism.velocity_indices(names)
+        if len(set(chosen)) != len(chosen):
+            raise MobilityError(
+                f"a joint is named twice among {', '.join(names)}", given=tuple(names)
+            )
+        dependent = np.setdiff1d(np.arange(mechanism.model.nv), chosen)
+        chosen.setflags(write=False)
+        dependent.setflags(write=False)
+        known[key] = chosen, dependent
+    return known[key]
 
 
-def _projected(
+def projected(mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]) -> Projection:
+    """As ``project``, of arrays and indices that are checked."""
+    found = _parts(mechanism, q, parts, None)
+    return _projection(found, parts)
+
+
+def velocity_maps(
+    mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
+) -> FloatArray:
+    """G (N, nv, dof) of ``project`` alone."""
+    return _joined([part.G for part in _parts(mechanism, q, parts, None)])
+
+
+def completed(
     mechanism: Mechanism,
     q: FloatArray,
-    chosen: IntArray,
-    dependent: IntArray,
+    parts: tuple[IntArray, IntArray],
+    rates: FloatArray,
+    accelerations: FloatArray,
+) -> ClosedMotion:
+    """As ``closed_motion``, of arrays and indices that are checked."""
+    found = _parts(mechanism, q, parts, rates)
+    projection = _projection(found, parts)
+    v, gamma = _joined([part.v for part in found]), _joined([part.gamma for part in found])
+    a = (projection.G @ accelerations[:, :, None])[:, :, 0] + gamma
+    a.setflags(write=False)  # a record need not copy what nobody else has
+    return ClosedMotion(q, v, a, gamma, projection)
+
+
+class _Part(NamedTuple):
+    """Some samples."""
+
+    G: FloatArray
+    solver: Solver  # with the dependent columns A_d
+    v: FloatArray  # (N, nv), and γ; empty where no rates were given
+    gamma: FloatArray
+
+
+NOTHING = np.empty((0, 0))
+
+
+def _parts(
+    mechanism: Mechanism,
+    q: FloatArray,
+    parts: tuple[IntArray, IntArray],
     rates: FloatArray | None,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """G, the dependent columns A_d, and with independent velocities (N, dof) also v and γ."""
-    nv, doubts = mechanism.model.nv, []
-    G = np.empty((len(q), nv, len(chosen)))
-    columns = np.empty((len(q), mechanism.rows, len(dependent)))
-    v, gamma = np.zeros((2, 0 if rates is None else len(q), nv))
+) -> list[_Part]:
+    """All samples, block by block, none of which may be singular."""
+    found, doubts = list[_Part](), list[_Doubt]()
     for rows in blocks(len(q)):
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
-        if rows.start == 0:
-            _refuse_too_many(mechanism, A[:1], len(chosen))
-        G[rows], solver = velocity_map(mechanism, A, chosen, dependent)
-        columns[rows] = solver.matrices
-        doubts.append((rows.start + solver.ill_conditioned, solver.factors))
+        # No more equations than dependent coordinates have no larger rank.
+        if rows.start == 0 and A.shape[1] > len(parts[1]):
+            _refuse_too_many(mechanism, A[:1], len(parts[0]))
+        G, solver = velocity_map(mechanism, A, *parts)
+        if len(solver.ill_conditioned):
+            doubts.append((rows.start + solver.ill_conditioned, solver.factors))
+        v = gamma = NOTHING
         if rates is not None:
-            v[rows] = np.einsum("nij,nj->ni", G[rows], rates[rows])
-            gamma[rows] = drift_acceleration(constraint, v[rows], dependent, solver)
-    _refuse_singular(doubts, len(dependent))
-    return G, columns, v, gamma
+            v = (G @ rates[rows, :, None])[:, :, 0]
+            gamma = drift_acceleration(constraint, v, parts[1], solver)
+        found.append(_Part(G, solver, v, gamma))
+    if doubts:
+        _refuse_singular(doubts, len(parts[1]))
+    return found
+
+
+def _projection(found: list[_Part], parts: tuple[IntArray, IntArray]) -> Projection:
+    columns = _joined([part.solver.matrices for part in found])
+    return Projection(_joined([part.G for part in found]), parts[0], columns)
+
+
+def _joined(arrays: list[FloatArray]) -> FloatArray:
+    """One read-only array, which nobody else has: a record need not copy it."""
+    whole = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+    whole.setflags(write=False)
+    return whole
 
 
 def velocity_map(
@@ -373,11 +275,11 @@ def velocity_map(
 ) -> tuple[FloatArray, Solver]:
     """G (N, nv, dof) = [I; -A_d⁺ A_u] of Jacobians in common units, and the solver with A_d."""
     scales = mechanism.coordinate_scales
-    solver = Solver.of(jacobian[:, :, dependent], NEAR_SINGULARITY)
-    G = np.zeros((len(jacobian), len(scales), len(chosen)))
-    G[:, chosen, np.arange(len(chosen))] = 1.0
-    to_units = scales[dependent, None] / scales[chosen]
-    G[:, dependent] = -to_units * solver.solve(jacobian[:, :, chosen])
+    solver = Solver.of(jacobian.take(dependent, axis=2), NEAR_SINGULARITY)
+    dependent_rows = solver.solve(jacobian.take(chosen, axis=2))
+    dependent_rows *= scales.take(dependent)[:, None] / -scales.take(chosen)
+    G = np.empty((len(jacobian), len(scales), len(chosen)))
+    G[:, chosen], G[:, dependent] = np.eye(len(chosen)), dependent_rows
     return G, solver
 
 
@@ -392,32 +294,28 @@ def drift_acceleration(
     return gamma
 
 
-def least_over_largest(columns: FloatArray) -> FloatArray:
-    """Smallest over largest singular value (N,) of dependent columns (N, rows, n)."""
-    return _ratio(Factorisation.of(columns), columns.shape[2])
+# Numbers of samples whose condition is in doubt, and their singular values.
+_Doubt = tuple[IntArray, Factorisation]
 
 
-def _ratio(factors: Factorisation, width: int) -> FloatArray:
-    count, values = factors.values.shape
-    if width == 0:
-        return np.ones(count)
-    if values < width:
-        return np.zeros(count)
-    largest = np.maximum(factors.values[:, 0], np.finfo(float).tiny)
-    return np.asarray(factors.values[:, width - 1] / largest, dtype=np.float64)
-
-
-def _refuse_singular(doubts: list[tuple[IntArray, Factorisation]], width: int) -> None:
+def _refuse_singular(doubts: list[_Doubt], width: int) -> None:
     """Refuse singular samples and warn of nearly singular ones, among those in doubt."""
     k = np.concatenate([ill_conditioned for ill_conditioned, _ in doubts])
     rank = np.concatenate([factors.rank for _, factors in doubts])
-    measure = np.concatenate([_ratio(factors, width) for _, factors in doubts])
+    measure = np.concatenate([factors.least_over_largest for _, factors in doubts])
     lost = np.flatnonzero(rank < width)
     if len(lost):
+        first = int(lost[0])
         raise SingularityError(
-            f"sample {k[lost[0]]} is singular: the independent joints determine "
-            f"{rank[lost[0]]} of {width} dependent coordinates "
-            f"(singularity measure {measure[lost[0]]:.1e}; {len(lost)} such samples)"
+            f"sample {k[first]} is singular: the independent joints determine {rank[first]} of "
+            f"{width} dependent coordinates (singularity measure {measure[first]:.1e}; "
+            f"{len(lost)} such samples)",
+            sample=int(k[first]),
+            rank=int(rank[first]),
+            dependent=width,
+            measure=float(measure[first]),
+            samples=len(lost),
+            tolerance=doubts[0][1].tolerance,
         )
     near = np.flatnonzero(measure < NEAR_SINGULARITY)
     if len(near):
@@ -438,5 +336,7 @@ def _refuse_too_many(mechanism: Mechanism, jacobian: FloatArray, count: int) -> 
             hint = ", which has more at its reference: that is singular, so give another one"
         raise MobilityError(
             f"{count} independent joints are too many for {freedom} degrees of freedom of "
-            f"{mechanism.name}{hint}"
+            f"{mechanism.name}{hint}",
+            given=count,
+            freedom=freedom,
         )

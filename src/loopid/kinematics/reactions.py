@@ -23,6 +23,7 @@ from loopid.errors import (
     OptionError,
 )
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import Solver
 from loopid.kinematics.poses import (
     blocks,
     tree_reactions,
@@ -30,7 +31,6 @@ from loopid.kinematics.poses import (
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     ClosedMotion,
-    Solver,
     partition,
 )
 from loopid.parameters import KINDS
@@ -43,6 +43,7 @@ def bearing_forces(
     mechanism: Mechanism,
     motion: ClosedMotion,
     joints: Sequence[int],
+    *,
     standard_parameters: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Forces (N, J) in N across the free motion of joints, by Pinocchio's indices.

@@ -39,9 +39,8 @@ from loopid.robot.closures import (
 )
 from loopid.robot.mechanism import Mechanism
 
-# Numbers with fewer decimals are round by design, those between the first two may be; those with
-# more than the last have all the digits there are.
-LEAST_DECIMALS, SURE_DECIMALS, MOST_DECIMALS = 5, 6, 12
+# Numbers with fewer decimals are round by design; those with more have all the digits there are.
+LEAST_DECIMALS, MOST_DECIMALS = 5, 12
 DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few decimals
 SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
 CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
@@ -63,7 +62,6 @@ class Accuracy:
     length: float  # m; 0 where it is exact
     angle: float  # rad
     source: str  # where that is known from
-    presumed: bool = False  # whether so few decimals may be round by design
 
 
 def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
@@ -81,8 +79,7 @@ def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
     said = [f"{n} decimals of {what}" for n, what in zip(decimals, ("m", "rad"), strict=True) if n]
     if mechanism.closure_residual > length:
         length, said = mechanism.closure_residual, ["what the closures leave open"]
-    presumed = 0 < max(decimals) < SURE_DECIMALS and not mechanism.closure_residual
-    return Accuracy(length, angle, ", ".join(said), presumed)
+    return Accuracy(length, angle, ", ".join(said))
 
 
 def _placements(model: pin.Model) -> list[pin.SE3]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import (
+    field,
+    replace,
+)
 
 import numpy as np
 
@@ -20,42 +23,92 @@ from loopid.errors import (
 )
 from loopid.kinematics.assembly import (
     CLOSURE_TOLERANCE,
-    MeasuredCoordinates,
-    PathOptions,
+    AssemblyOptions,
     follow_paths,
-    measured_coordinates,
 )
 from loopid.kinematics.closing import (
     displaced,
     nearby_configurations,
 )
+from loopid.kinematics.measured import (
+    MeasuredCoordinates,
+    measured_by,
+)
+from loopid.kinematics.poses import prepared
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
     partition,
     singularity_measure,
 )
+from loopid.records import record
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import one_blas_thread
 
 DEFAULT_MARGIN = 0.02
-LEAST_MARGIN = 1e-4
-ATTEMPTS_PER_SAMPLE = 200
-FEW = 0.5  # part of a batch that closes, below which the next keeps nearer to the reference ...
-NARROWER = 0.5  # ... by this factor ...
-MANY_LOOPS = 8  # from which on draws begin nearer
-LEAST_SPREAD = 0.05  # ... down to this fraction of the limits
-BATCH = 64  # draws between which the spread adapts
-# Another draw is cheaper than more steps; poses near by need fewer.
-SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
-MOST_KEPT = 512  # samples that a mechanism keeps: most work draws the same ones again
+MOST_KEPT = 512  # samples that are kept with a robot: most work draws the same ones again
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
+@record(kw_only=True, checked=True)
+class SamplingOptions:
+    """How random configurations are drawn.
+
+    Attributes
+    ----------
+    margin : float, optional
+        Least singularity measure of a pose; by default that of the robot's file, else the usual
+        one, or less where the geometry hardly allows it.
+    usual_margin, least_margin : float
+        The margin without a choice, and how far it may fall where few draws keep it.
+    spread : float
+        Part of the limits around the reference that draws come from.
+    least_spread, narrower, few : float
+        Where less than the part ``few`` of a batch closes, the next is drawn from nearer by the
+        factor ``narrower``, down to the least spread.
+    many_loops : int
+        Number of loops from which on draws begin nearer: one of them fails in nearly every draw.
+    batch : int
+        Draws between which spread and margin adapt.
+    attempts : int
+        Draws for each configuration found, after which they are given up.
+    paths : AssemblyOptions
+        How draws are assembled: another draw is cheaper than more steps.
+    least_steps : int
+        Steps of a path to a draw near by.
+    """
+
+    margin: float | None = None
+    usual_margin: float = DEFAULT_MARGIN
+    least_margin: float = 1e-4
+    spread: float = 1.0
+    least_spread: float = 0.05
+    narrower: float = 0.5
+    few: float = 0.5
+    many_loops: int = 8
+    batch: int = 64
+    attempts: int = 200
+    paths: AssemblyOptions = field(
+        default_factory=lambda: AssemblyOptions(shortest_step=2.0**-6, most_steps=32)
+    )
+    least_steps: int = 8
+
+    def __post_init__(self) -> None:
+        if not (self.margin is None or self.margin >= 0):
+            raise OptionError(
+                f"margin must be a singularity measure from 0 on, not {self.margin}",
+                margin=self.margin,
+            )
+
+
 @checked
 def random_configurations(
-    mechanism: Mechanism, count: int, seed: int = 0, margin: float | None = None
+    mechanism: Mechanism,
+    count: int,
+    seed: int = 0,
+    *,
+    margin: float | None = None,
+    options: SamplingOptions | None = None,
 ) -> FloatArray:
     """Draw closed configurations on the reference's branch.
 
@@ -70,9 +123,8 @@ def random_configurations(
     seed : int
         Same seed, same configurations; a larger count only adds more.
     margin : float, optional
-        Least singularity measure, see ``Projection.singularity``; by default that of the robot's
-        file, else 0.02, or less where the geometry hardly allows it, but not below
-        ``LEAST_MARGIN``.
+        Least singularity measure, see ``Projection.singularity``: that of the options.
+    options : SamplingOptions, optional
 
     Returns
     -------
@@ -92,30 +144,26 @@ def random_configurations(
     (10, 4)
     """
     affordable("count", count, bytes_each=2 * 8 * mechanism.model.nq)
-    return np.concatenate(list(configuration_batches(mechanism, count, seed, margin)))
+    own = SamplingOptions() if options is None else options
+    own = own if margin is None else replace(own, margin=margin)
+    return np.concatenate(list(configuration_batches(mechanism, count, seed, options=own)))
 
 
 def configuration_batches(
-    mechanism: Mechanism,
-    count: int,
-    seed: int = 0,
-    margin: float | None = None,
-    spread: float = 1.0,
+    mechanism: Mechanism, count: int, seed: int = 0, *, options: SamplingOptions | None = None
 ) -> Iterator[FloatArray]:
-    """Yield the rows of ``random_configurations`` a few at a time.
-
-    They are from a part ``spread`` of the limits around the reference, or less.
-    """
+    """Yield the rows of ``random_configurations`` a few at a time."""
+    options = SamplingOptions() if options is None else options
     if count < 1:
-        raise OptionError(f"samples must be at least 1, not {count}")
+        raise OptionError(f"samples must be at least 1, not {count}", given=count)
     affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
-    if not (margin is None or margin >= 0):
-        raise OptionError(f"margin must be a singularity measure from 0 on, not {margin}")
-    margin = mechanism.margin if margin is None else margin
-    kept = mechanism.drawn.get((seed, margin, spread), ())
+    if options.margin is None:
+        options = replace(options, margin=mechanism.margin)
+    drawn = prepared(mechanism).drawn
+    kept = drawn.get((seed, options), ())
     enough = sum(map(len, kept)) >= count
     batches, found = list[FloatArray](), 0
-    for batch in kept if enough else _drawn(mechanism, seed, margin, spread):
+    for batch in kept if enough else _drawn(mechanism, seed, options):
         if count <= MOST_KEPT:
             batches.append(frozen(batch))
         yield batch[: count - found]
@@ -123,45 +171,45 @@ def configuration_batches(
         if found >= count:
             break
     if batches and not enough:
-        mechanism.drawn[seed, margin, spread] = tuple(batches)
+        drawn[seed, options] = tuple(batches)
 
 
-def _drawn(
-    mechanism: Mechanism, seed: int, margin: float | None, spread: float
-) -> Iterator[FloatArray]:
+def _drawn(mechanism: Mechanism, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:
     """Yield closed configurations without end."""
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    measured = measured_coordinates(mechanism)
+    measured = measured_by(mechanism, None)
     home, lower, upper = _ranges(measured)
     places = mechanism.draw_places(mechanism.velocity_indices(mechanism.measured))
-    start = np.repeat(mechanism.reference[None], BATCH, axis=0)
-    paths = PathOptions(
-        shortest_step=SHORTEST_STEP, most_steps=max(MOST_STEPS * spread, LEAST_STEPS)
-    )
-    # Of many loops that move on their own one fails in nearly every draw from anywhere.
-    spread = min(spread, MANY_LOOPS / max(len(mechanism.loops), 1))
-    # Where the reference hardly keeps the usual margin, poses around it do not.
-    own = float(singularity_measure(mechanism, mechanism.reference[None])[0])
-    least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own)) if margin is None else margin
-    drawn, found, broken = 0, 0, np.zeros(mechanism.model.nq)
+    steps = max(options.paths.most_steps * options.spread, options.least_steps)
+    paths = replace(options.paths, most_steps=steps)
+    spread = min(options.spread, options.many_loops / max(len(mechanism.loops), 1))
+    least = _least_margin(mechanism, options)
+    batch, drawn, found, broken = options.batch, 0, 0, np.zeros(mechanism.model.nq)
     while True:
-        if drawn > ATTEMPTS_PER_SAMPLE * (found + BATCH):
-            raise AssemblyError(_too_few(mechanism, found, drawn, least, broken))
-        part = generator.uniform(size=(BATCH, len(home)))[:, places]
+        if drawn > options.attempts * (found + batch):
+            raise _too_few(mechanism, found, drawn, least, broken)
+        part = generator.uniform(size=(batch, len(home)))[:, places]
         values = home + spread * (lower + part * (upper - lower) - home)
-        with one_blas_thread():
-            outcome = follow_paths(measured, start, values, paths)
+        outcome = follow_paths(measured, mechanism.reference[None], values, paths)
         q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
         outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         regular = q[singularity_measure(mechanism, q) >= least]
-        if len(q) < FEW * BATCH:  # draw nearer
-            spread = max(NARROWER * spread, LEAST_SPREAD)
-        if len(regular) < FEW * len(q) and margin is None:  # accept less
-            least = max(0.5 * least, LEAST_MARGIN)
-        found, drawn = found + len(regular), drawn + BATCH
+        if len(q) < options.few * batch:  # draw nearer
+            spread = max(options.narrower * spread, options.least_spread)
+        if len(regular) < options.few * len(q) and options.margin is None:  # accept less
+            least = max(0.5 * least, options.least_margin)
+        found, drawn = found + len(regular), drawn + batch
         if len(regular):
             yield regular
+
+
+def _least_margin(mechanism: Mechanism, options: SamplingOptions) -> float:
+    """The margin to begin with: where the reference hardly keeps it, poses around it do not."""
+    if options.margin is not None:
+        return options.margin
+    own = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    return max(options.least_margin, min(options.usual_margin, 0.5 * own))
 
 
 def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -189,14 +237,17 @@ def _with_regular_reference(mechanism: Mechanism) -> Mechanism:
 
 def _too_few(
     mechanism: Mechanism, found: int, drawn: int, margin: float, broken: FloatArray
-) -> str:
+) -> AssemblyError:
     worst = next(
         (n for n in mechanism.joints if mechanism.joint(n).idx_q == int(broken.argmax())), ""
     )
     limits = f" ({worst} broke them {int(broken.max())} times)" if broken.any() else ""
-    return (
+    return AssemblyError(
         f"only {found} of {drawn} random draws of {mechanism.name} close with a singularity "
-        f"measure of at least {margin:g}: lower the margin or check the limits{limits}"
+        f"measure of at least {margin:g}: lower the margin or check the limits{limits}",
+        found=found,
+        drawn=drawn,
+        margin=margin,
     )
 
 
@@ -224,7 +275,7 @@ def random_motions(
     that inertial and gravity forces have one order of magnitude.
     """
     if count < 0:
-        raise OptionError(f"count must be a number of samples from 0 on, not {count}")
+        raise OptionError(f"count must be a number of samples from 0 on, not {count}", given=count)
     affordable("count", count, bytes_each=3 * 16 * len(mechanism.independent))
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)

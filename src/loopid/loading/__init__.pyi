@@ -19,5 +19,4 @@ from .urdf import (
 from .urdf_tree import (
     UrdfFile as UrdfFile,
     read_urdf_file as read_urdf_file,
-    unread_mesh as unread_mesh,
 )

@@ -30,6 +30,7 @@ from loopid.kinematics.constraint import (
     largest_residual,
 )
 from loopid.kinematics.freedoms import closed_at
+from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.modes import (
     FOLDED,
     assembly_modes,
@@ -40,7 +41,6 @@ from loopid.kinematics.poses import (
 )
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
     singularity_measure,
 )
 from loopid.kinematics.rounding import (

@@ -50,7 +50,6 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 LEAST_AXIS = 1e-9
 MOST_LINKS = 2000  # far more than robots have
 ROOT_JOINT = "root_joint"
-PACKAGE = "package://"
 WORDS = {1: "a finite number", 3: "three finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 MOST_BYTES = 20_000_000  # of a file: far more than robots have
@@ -200,23 +199,6 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
-
-
-def unread_mesh(file: Path) -> str:
-    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
-    try:
-        for mesh in urdf_root(file).iterfind("link/collision/geometry/mesh"):
-            name = required(mesh, "filename")
-            places = [file.parent / name.removeprefix("file://")]
-            if name.startswith(PACKAGE):
-                package, *rest = Path(name.removeprefix(PACKAGE)).parts
-                above = file.resolve().parents
-                places = [folder.joinpath(*p) for folder in above for p in ((package, *rest), rest)]
-            if not any(place.is_file() for place in places):
-                return f"there is no mesh {places[0] if len(places) == 1 else name}"
-    except RobotFileError as error:
-        return str(error)
-    return ""
 
 
 # XML: tags, names and numbers that are refused by name where they are not sound.

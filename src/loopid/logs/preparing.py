@@ -14,7 +14,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
-from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.log import Log, renumbered
 from loopid.logs.mapping import LogMapping
@@ -384,7 +384,10 @@ def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
         order = np.arange(len(names))
         order[[i, j]] = j, i
         found = try_assemble(
-            robot, position[:, order], trajectory=True, shortest_step=SHORTEST_STEP
+            robot,
+            position[:, order],
+            trajectory=True,
+            options=AssemblyOptions(shortest_step=SHORTEST_STEP),
         )
         if found.assembled.all():
             return f"; all close with the positions of {names[i]} and {names[j]} exchanged"

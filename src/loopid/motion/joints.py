@@ -19,10 +19,8 @@ from loopid.errors import (
     DataError,
     OptionError,
 )
-from loopid.kinematics.assembly import (
-    assemble,
-    platform_motion,
-)
+from loopid.kinematics.assembly import assemble
+from loopid.kinematics.platform import platform_motion
 from loopid.kinematics.projection import (
     closed_motion,
     singularity_measure,
@@ -115,7 +113,7 @@ def joint_motion(
     independent = mechanism.velocity_indices(mechanism.independent)
     platform = mechanism.platform
     if platform is not None and motion.names == platform.names:
-        q = assemble(mechanism, motion.position, "platform", start, trajectory=True)
+        q = assemble(mechanism, motion.position, "platform", start=start, trajectory=True)
         v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(mechanism.joints):
         free = [name for name in mechanism.free if name not in mechanism.joints]
@@ -124,7 +122,7 @@ def joint_motion(
                 f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
                 f"which the motors leave free: lock them ({lock_options(mechanism)})"
             )
-        q = assemble(mechanism, motion.position, motion.names, start, trajectory=True)
+        q = assemble(mechanism, motion.position, motion.names, start=start, trajectory=True)
         whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
         v, a = whole.velocities, whole.accelerations
     else:

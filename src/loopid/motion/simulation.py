@@ -29,11 +29,10 @@ from loopid.errors import (
     SingularityError,
 )
 from loopid.files import csv_text
-from loopid.kinematics.assembly import JointCoordinates
-from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import (
     ClosedMotion,
-    Factorisation,
     closed_motion,
 )
 from loopid.motion.joints import JointMotion, joint_motion
@@ -41,6 +40,7 @@ from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.closed_loop import (
+    closed_inertia,
     motion_regressor,
     standard_values,
 )
@@ -256,7 +256,7 @@ def _motor_forces(
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
         bodies = values[: len(mechanism.parameters())]
-        K = motion_regressor(mechanism, whole, "full", terms, bodies)
+        K = motion_regressor(mechanism, whole, joint_terms=terms, standard_parameters=bodies)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:
@@ -325,20 +325,11 @@ def forward_dynamics(
     motors = mechanism.velocity_indices(mechanism.actuated)
     tau = samples(forces, len(motors), "forces", len(q))
     driving = np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau)  # Gᵀ S τ
+    inertia = closed_inertia(mechanism, q, motion.projection.G, pi)
     left = driving - motion_regressor(mechanism, motion) @ pi
-    accelerations = _balanced(mechanism, closed_inertia(mechanism, motion, pi), left)
+    accelerations = _balanced(mechanism, inertia, left)
     steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
     return replace(motion, accelerations=motion.gamma + steps)
-
-
-def closed_inertia(mechanism: Mechanism, motion: ClosedMotion, pi: FloatArray) -> FloatArray:
-    """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
-    G, q = motion.projection.G, motion.configurations
-    gravity = torque_regressors(mechanism, q) @ pi
-    columns = [
-        torque_regressors(mechanism, q, None, a) @ pi - gravity for a in np.moveaxis(G, 2, 0)
-    ]
-    return motion.projected(np.stack(columns, axis=2))
 
 
 def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:

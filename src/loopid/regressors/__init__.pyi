@@ -1,4 +1,5 @@
 from .closed_loop import (
+    ClosedLoop as ClosedLoop,
     ForceParts as ForceParts,
     dynamic_regressor as dynamic_regressor,
     force_parts as force_parts,
@@ -7,16 +8,20 @@ from .closed_loop import (
     motion_regressor as motion_regressor,
     standard_values as standard_values,
 )
-from .joint_terms import (
+from .joint_laws import (
     JOINT_TERMS as JOINT_TERMS,
-    NO_TERMS as NO_TERMS,
-    OF_FILE as OF_FILE,
-    FileForce as FileForce,
     JointState as JointState,
     JointTerm as JointTerm,
-    JointTerms as JointTerms,
-    file_forces as file_forces,
     joint_term as joint_term,
+)
+from .joint_terms import (
+    NO_TERMS as NO_TERMS,
+    OF_FILE as OF_FILE,
+    JointTerms as JointTerms,
+)
+from .left_out import (
+    FileForce as FileForce,
+    file_forces as file_forces,
     warn_of_omitted as warn_of_omitted,
 )
 from .structural import (

@@ -3,11 +3,15 @@
 Y(q, v, a) π are the joint forces of the open tree for the parameters π of all bodies. The motion
 that the loops allow, v = G u̇ and a = G ü + γ, does work with Gᵀ of them only. At rest, v = a = 0,
 with the columns m, mx, my, mz of Y, Gᵀ Y is the paper's K_G.
+
+``ClosedLoop`` answers all questions that are asked again and again of one robot; the functions
+check their arguments and ask it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -15,21 +19,276 @@ from loopid.arguments import (
     FloatArray,
     checked,
     finite,
+    frozen,
     samples,
 )
 from loopid.errors import DataError
-from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.assembly import (
+    USUAL,
+    AssemblyOptions,
+    follow_paths,
+    follow_trajectory,
+    required,
+)
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.measured import measured_by
+from loopid.kinematics.platform import (
+    coordinates_at,
+    platform_jacobian,
+)
+from loopid.kinematics.poses import (
+    blocks,
+    torque_regressors,
+)
 from loopid.kinematics.projection import (
     ClosedMotion,
-    closed_motion,
-    project,
+    completed,
+    partition,
+    velocity_maps,
 )
 from loopid.parameters import (
     ParameterSet,
     model_kinds,
 )
+from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
+
+# From many samples (N, ...) to the answer, which has no axis of samples where one was asked for.
+Answer = Callable[[FloatArray], FloatArray]
+
+
+class ClosedLoop:
+    """A robot with closed loops, prepared to be asked again and again.
+
+    Each method takes one sample, such as a configuration (nq,) with velocities (dof,), or many,
+    (N, nq) with (N, dof), and answers alike: without or with an axis of samples. Indices, units and
+    Pinocchio's memory are prepared once. It can be copied and pickled, and threads may share it.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    independent : tuple of str
+        Coordinates of the velocities, accelerations and forces (dof,).
+    options : AssemblyOptions
+        How loops are closed.
+
+    Raises
+    ------
+    DataError
+        When an array has the wrong shape or is not finite.
+    SingularityError
+        Where the independent coordinates do not determine the motion.
+
+    Examples
+    --------
+    Hold a robot against gravity, from the strokes of its motors:
+
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loop = loopid.ClosedLoop(robot)
+    >>> q = loop.assemble([0.72, 0.75, 0.76, 0.72], start=robot.reference)
+    >>> q.shape, loop.forces(q).shape, loop.mass_matrix(q).shape
+    ((13,), (4,), (4, 4))
+
+    At two samples:
+
+    >>> loop.forces([q, q]).shape
+    (2, 4)
+    """
+
+    def __init__(self, mechanism: Mechanism, *, options: AssemblyOptions = USUAL) -> None:
+        self.mechanism, self.options = mechanism, options
+        self._partition = partition(mechanism)
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return self.mechanism.independent
+
+    @cached_property
+    def standard_parameters(self) -> FloatArray:
+        """Those of the bodies (n,) in the robot file."""
+        return frozen(self.mechanism.standard_parameters())
+
+    def __repr__(self) -> str:
+        return f"ClosedLoop of {self.mechanism.name}: {', '.join(self.independent)}"
+
+    # Where it is.
+
+    def assemble(
+        self,
+        values: FloatArray,
+        *,
+        start: FloatArray | None = None,
+        coordinates: Sequence[str] | str | None = None,
+        trajectory: bool = False,
+    ) -> FloatArray:
+        """Solve a configuration (nq,) or (N, nq) from measured coordinates (c,) or (N, c).
+
+        Parameters
+        ----------
+        values : FloatArray
+            In m or rad.
+        start : FloatArray, optional
+            (nq,), a closed configuration on the same branch, the nearer the faster; by default the
+            reference.
+        coordinates, trajectory
+            As in ``assemble``.
+
+        Raises
+        ------
+        AssemblyError
+            When a sample cannot be reached from the start without meeting a singularity.
+        """
+        measured = measured_by(self.mechanism, coordinates)
+        targets, answer = _one_or_many(values, measured.width, "measured coordinates")
+        q = self.mechanism.reference if start is None else start
+        q = samples(q, self.mechanism.model.nq, "start", 1)
+        if trajectory:
+            return answer(required(follow_trajectory(measured, q[0], targets, self.options)))
+        return answer(required(follow_paths(measured, q, targets, self.options)))
+
+    def residual(self, configurations: FloatArray) -> FloatArray:
+        """Residual (rows,) or (N, rows) of all closures in m or rad, zero where closed."""
+        q, answer = self._at(configurations)
+        parts = [Constraint(self.mechanism, q[k], jacobians=False) for k in blocks(len(q))]
+        return answer(np.concatenate([part.residual() for part in parts]))
+
+    def platform_coordinates(self, configurations: FloatArray) -> FloatArray:
+        """Coordinates (c,) or (N, c) of the platform that the robot file declares."""
+        q, answer = self._at(configurations)
+        return answer(coordinates_at(self.mechanism, q))
+
+    # How it moves.
+
+    def velocity_map(self, configurations: FloatArray) -> FloatArray:
+        """G (nv, dof) or (N, nv, dof): all velocities from the independent ones, v = G u̇."""
+        q, answer = self._at(configurations)
+        return answer(velocity_maps(self.mechanism, q, self._partition))
+
+    def gamma(self, configurations: FloatArray, velocities: FloatArray) -> FloatArray:
+        """γ (nv,) or (N, nv), what velocities (dof,) or (N, dof) accelerate: a = G ü + γ."""
+        q, answer = self._at(configurations)
+        return answer(self._motion(q, velocities, None).gamma)
+
+    def platform_jacobian(self, configurations: FloatArray) -> FloatArray:
+        """Rates (c, dof) or (N, c, dof) of the platform coordinates, by the independent ones'."""
+        q, answer = self._at(configurations)
+        G = velocity_maps(self.mechanism, q, self._partition)
+        return answer(platform_jacobian(self.mechanism, q, G))
+
+    # What it weighs.
+
+    def gravity_regressor(self, configurations: FloatArray) -> FloatArray:
+        """K (dof, n) or (N, dof, n) at rest, by masses and first moments; the paper's K_G."""
+        q, answer = self._at(configurations)
+        G = velocity_maps(self.mechanism, q, self._partition)
+        return answer(torque_regressors(self.mechanism, q, model="gravity", G=G))
+
+    def dynamic_regressor(
+        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """K (dof, n) or (N, dof, n) in motion, by all ten parameters a body."""
+        q, answer = self._at(configurations)
+        return answer(_full(self.mechanism, self._motion(q, velocities, accelerations)))
+
+    def forces(
+        self,
+        configurations: FloatArray,
+        velocities: FloatArray | None = None,
+        accelerations: FloatArray | None = None,
+        *,
+        standard_parameters: FloatArray | None = None,
+    ) -> FloatArray:
+        """Forces (dof,) or (N, dof) of bodies in N or N m; without rates those that hold it.
+
+        Parameters
+        ----------
+        standard_parameters : FloatArray, optional
+            (n,) of ``mechanism.parameters()``; by default those of the robot file.
+        """
+        pi = self._parameters(standard_parameters)
+        q, answer = self._at(configurations)
+        if velocities is None and accelerations is None:
+            G = velocity_maps(self.mechanism, q, self._partition)
+            return answer(torque_regressors(self.mechanism, q, G=G) @ pi)
+        motion = self._motion(q, velocities, accelerations)
+        return answer(_full(self.mechanism, motion) @ pi)
+
+    def mass_matrix(
+        self, configurations: FloatArray, *, standard_parameters: FloatArray | None = None
+    ) -> FloatArray:
+        """Mass matrix Gᵀ M G (dof, dof) or (N, dof, dof) of the independent coordinates.
+
+        Parameters
+        ----------
+        standard_parameters : FloatArray, optional
+            (n,) of ``mechanism.parameters()``; by default those of the robot file.
+        """
+        pi = self._parameters(standard_parameters)
+        q, answer = self._at(configurations)
+        G = velocity_maps(self.mechanism, q, self._partition)
+        return answer(closed_inertia(self.mechanism, q, G, pi))
+
+    def _at(self, configurations: FloatArray) -> tuple[FloatArray, Answer]:
+        return _one_or_many(configurations, self.mechanism.model.nq, "configurations")
+
+    def _parameters(self, given: FloatArray | None) -> FloatArray:
+        return self.standard_parameters if given is None else standard_values(self.mechanism, given)
+
+    def _motion(
+        self, q: FloatArray, velocities: FloatArray | None, accelerations: FloatArray | None
+    ) -> ClosedMotion:
+        dof = len(self._partition[0])
+        none = np.zeros((len(q), dof))
+        v, a = (
+            none if rates is None else samples(rates, dof, name, len(q))
+            for rates, name in ((velocities, "velocities"), (accelerations, "accelerations"))
+        )
+        return completed(self.mechanism, q, self._partition, v, a)
+
+
+def _one_or_many(array: FloatArray, width: int, name: str) -> tuple[FloatArray, Answer]:
+    """Samples (N, width), and how to answer."""
+    rows = samples(array, width, name)
+    return rows, _first if np.ndim(array) == 1 else _all
+
+
+def _first(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows[0])
+
+
+def _all(rows: FloatArray) -> FloatArray:
+    return rows
+
+
+def _full(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+    q, v, a = motion.configurations, motion.velocities, motion.accelerations
+    return torque_regressors(mechanism, q, v, a, G=motion.projection.G)
+
+
+def closed_inertia(
+    mechanism: Mechanism, q: FloatArray, G: FloatArray, pi: FloatArray
+) -> FloatArray:
+    """Inertia matrices Gᵀ M G (N, dof, dof), column by column what an acceleration costs."""
+    count, nv, dof = G.shape
+    # At rest, then with each independent coordinate accelerated.
+    a = np.concatenate([np.zeros((count, 1, nv)), G.transpose(0, 2, 1)], axis=1)
+    M = np.empty((count, dof, dof))
+    for k in blocks(count):
+        forces = _forces_at(mechanism, q[k], a[k], G[k], pi)
+        M[k] = (forces[:, 1:] - forces[:, :1]).transpose(0, 2, 1)
+    return M
+
+
+def _forces_at(
+    mechanism: Mechanism, q: FloatArray, a: FloatArray, G: FloatArray, pi: FloatArray
+) -> FloatArray:
+    """Forces (N, k, dof) at rest with k accelerations (N, k, nv) each."""
+    count, many, nv = a.shape
+    states, maps = np.repeat(q, many, axis=0), np.repeat(G, many, axis=0)
+    K = torque_regressors(mechanism, states, None, a.reshape(-1, nv), G=maps)
+    return np.asarray((K @ pi).reshape(count, many, -1))
 
 
 @checked
@@ -62,8 +321,7 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     (1, 4, 36)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    G = project(mechanism, q).G  # of the closure Jacobian, to the actuated joints
-    return torque_regressors(mechanism, q, model="gravity", G=G)  # Gᵀ Y at v = a = 0
+    return ClosedLoop(mechanism).gravity_regressor(q)
 
 
 @checked
@@ -99,8 +357,8 @@ def dynamic_regressor(
     >>> loopid.dynamic_regressor(robot, robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]).shape
     (1, 4, 90)
     """
-    motion = closed_motion(mechanism, configurations, velocities, accelerations)
-    return motion_regressor(mechanism, motion)
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    return ClosedLoop(mechanism).dynamic_regressor(q, velocities, accelerations)
 
 
 @checked
@@ -117,6 +375,7 @@ def motion_regressor(
     mechanism: Mechanism,
     motion: ClosedMotion,
     model: str = "full",
+    *,
     joint_terms: JointTerms | None = None,
     standard_parameters: FloatArray | None = None,
 ) -> FloatArray:
@@ -127,11 +386,10 @@ def motion_regressor(
     columns. Loads of joints are those of the bodies of the robot file, or of other
     ``standard_parameters`` (n,) of the full model.
     """
-    q, G = motion.configurations, motion.projection.G
     if model_kinds(model) == model_kinds("full"):
-        v, a = motion.velocities, motion.accelerations
-        bodies = torque_regressors(mechanism, q, v, a, model, G)
+        bodies = _full(mechanism, motion)
     else:
+        q, G = motion.configurations, motion.projection.G
         bodies = torque_regressors(mechanism, q, model=model, G=G)
     if joint_terms is None:
         return bodies
@@ -139,17 +397,13 @@ def motion_regressor(
     return np.concatenate([bodies, columns], axis=2)
 
 
-@dataclass(frozen=True, repr=False)
+@record
 class ForceParts:
     """Parts of the actuator forces, each (N, dof) in N or N m."""
 
     inertial: FloatArray  # linear in the accelerations of the independent coordinates
     coriolis: FloatArray  # quadratic in their velocities, through the tree's own terms and γ
     gravity: FloatArray  # what holds the robot at rest
-
-    def __repr__(self) -> str:
-        count, dof = self.gravity.shape
-        return f"ForceParts of {dof} coordinates, {count} samples"
 
     @property
     def total(self) -> FloatArray:
@@ -163,6 +417,7 @@ def force_parts(
     configurations: FloatArray,
     velocities: FloatArray,
     accelerations: FloatArray,
+    *,
     standard_parameters: FloatArray | None = None,
 ) -> ForceParts:
     """Split the actuator forces of a motion by their cause.
@@ -189,15 +444,13 @@ def force_parts(
     >>> bool(np.allclose(parts.total, parts.gravity))
     True
     """
-    pi = standard_values(mechanism, standard_parameters)
-    motion = closed_motion(mechanism, configurations, velocities, accelerations)
-    q, v, gamma, G = motion.configurations, motion.velocities, motion.gamma, motion.projection.G
-    still = np.zeros_like(v)
-    gravity, accelerated, moving = (
-        torque_regressors(mechanism, q, rate, a, G=G) @ pi
-        for rate, a in ((still, still), (still, motion.accelerations - gamma), (v, gamma))
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    loop, still = ClosedLoop(mechanism), np.zeros((len(q), len(mechanism.independent)))
+    gravity, moving, whole = (
+        loop.forces(q, *rates, standard_parameters=standard_parameters)
+        for rates in ((), (velocities, still), (velocities, accelerations))
     )
-    return ForceParts(accelerated - gravity, moving - gravity, gravity)
+    return ForceParts(whole - moving, moving - gravity, gravity)
 
 
 def standard_values(mechanism: Mechanism, given: FloatArray | None) -> FloatArray:
@@ -205,5 +458,9 @@ def standard_values(mechanism: Mechanism, given: FloatArray | None) -> FloatArra
     pi = finite(mechanism.standard_parameters() if given is None else given, "standard parameters")
     if pi.shape != (len(mechanism.parameters()),):
         expected = len(mechanism.parameters())
-        raise DataError(f"standard parameters must have shape ({expected},), not {pi.shape}")
+        raise DataError(
+            f"standard parameters must have shape ({expected},), not {pi.shape}",
+            given=pi.shape,
+            valid=(expected,),
+        )
     return pi

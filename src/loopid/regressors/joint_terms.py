@@ -1,175 +1,41 @@
-"""Forces in the joints themselves: drive inertia, friction, springs and offsets.
+"""Which joints have which forces of their own, and the columns of these in the regressor.
 
-The motors give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
-[Khalil2004, ch. 12]. ``JOINT_TERMS`` is the registry of the laws; ``JointTerms`` says which joints,
-actuated or passive, have which, and gives their columns: Gᵀ times the joint force. A robot file
-gives values of some, and of forces that no model has: how large they are beside those of the rigid
-bodies, and what a chosen model leaves out of them, is told.
+``JointTerms`` says which joints, actuated or passive, have which of the laws in ``joint_laws``, and
+gives their columns: Gᵀ times the joint force. A robot file gives values of some.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from math import isfinite, nan
-from typing import Any, NamedTuple
+from math import nan
+from typing import Any
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    checked_fields,
-)
+from loopid.arguments import FloatArray
 from loopid.errors import (
-    AccuracyWarning,
-    AssemblyError,
-    ModelWarning,
     OptionError,
     RobotFileError,
-    SingularityError,
-    warn,
 )
-from loopid.kinematics.poses import torque_regressors
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    closed_motion,
-)
+from loopid.kinematics.projection import ClosedMotion
 from loopid.kinematics.reactions import bearing_forces
-from loopid.kinematics.sampling import (
-    random_configurations,
-    random_motions,
-)
 from loopid.parameters import (
     Parameter,
     ParameterSet,
 )
-from loopid.robot.mechanism import (
-    LeftOut,
-    Mechanism,
-    link_frames,
-    shortened,
+from loopid.records import record
+from loopid.regressors.joint_laws import (
+    JointState,
+    joint_term,
 )
+from loopid.robot.mechanism import Mechanism
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
-SAMPLES = 60  # random states that forces are compared in
-NOTHING = 1e-12  # of the largest rigid-body force: round-off
 
 
-class JointState(NamedTuple):
-    """Position, rate and acceleration of a joint: arrays (N,), or CasADi expressions."""
-
-    position: Any
-    rate: Any
-    acceleration: Any
-    load: Any = None  # force in N that the bearing carries, for terms that need it
-
-
-@dataclass(frozen=True)
-class JointTerm:
-    """A kind of force in a joint."""
-
-    name: str  # in sentences
-    units: tuple[str, str]  # of the coefficient, for a sliding and for a turning joint
-    # What the coefficient multiplies, of the ``JointState``, the ``JointTerms`` that refine it,
-    # NumPy or CasADi (for exported C code), and the number ``at``
-    law: Callable[[JointState, JointTerms, Any, float], Any]
-    beside: tuple[str, ...] = ()  # kinds that the law has further coefficients of
-    jumps: bool = False  # whether it follows the sign of the rate
-    # Whether a coordinate of a joint with several, which has a rate only, cannot have it
-    needs_position: bool = False
-    needs_load: bool = False
-    # The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
-    # in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
-    at: float = 0.0
-
-    def signal(self, joint: JointState, terms: JointTerms, math: Any) -> Any:
-        """What the coefficient multiplies; ``math`` is NumPy, or CasADi for exported C code."""
-        return self.law(joint, terms, math, self.at)
-
-
-def _sign(joint: JointState, terms: JointTerms, math: Any, at: float) -> Any:
-    """Sign of the rate, smoothed and with a dead zone as the kind or the terms say."""
-    rate, width = joint.rate, at or terms.smoothing
-    sign = math.tanh(rate / width) if width else math.sign(rate)
-    return sign * (math.fabs(rate) > terms.dead_zone) if terms.dead_zone else sign
-
-
-def _friction(name: str, law: Callable[..., Any] = _sign) -> JointTerm:
-    return JointTerm(name, ("N", "N m"), law, jumps=True)
-
-
-def _load_friction(name: str) -> JointTerm:
-    """Friction by Coulomb's law; in a hinge the coefficient holds the radius of the pin."""
-
-    def law(joint: JointState, terms: JointTerms, math: Any, at: float) -> Any:
-        return joint.load * _sign(joint, terms, math, at)
-
-    return JointTerm(name, ("N/N", "N m/N"), law, jumps=True, needs_load=True)
-
-
-def _spring(name: str, power: str, beside: tuple[str, ...], law: Callable[..., Any]) -> JointTerm:
-    units = f"N/m{power}", f"N m/rad{power}"
-    return JointTerm(name, units, law, beside, needs_position=True)
-
-
-# By their kinds, which label the parameters and are written in files; in place of the words in
-# capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
-# stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
-# is more near standstill [Armstrong1994].
-JOINT_TERMS = {
-    "Ia": JointTerm("drive inertia", ("kg", "kg m²"), lambda joint, *_: joint.acceleration),
-    "Fc": _friction("Coulomb friction"),
-    "Fc+": _friction("Coulomb friction forward", lambda *state: state[2].fmax(_sign(*state), 0.0)),
-    "Fc-": _friction("Coulomb friction backward", lambda *state: state[2].fmin(_sign(*state), 0.0)),
-    "Fc~RATE": _friction("smooth Coulomb friction"),
-    "Fs~RATE": _friction(
-        "Stribeck friction",
-        lambda joint, terms, math, at: (
-            math.exp(-((joint.rate / at) ** 2)) * _sign(joint, terms, math, 0.0)
-        ),
-    ),
-    "Fl": _load_friction("load-dependent friction"),
-    "Fl~RATE": _load_friction("smooth load-dependent friction"),
-    "Fv": JointTerm("viscous friction", ("N s/m", "N m s/rad"), lambda joint, *_: joint.rate),
-    "Fo": JointTerm("constant force", ("N", "N m"), lambda *_: 1.0),
-    "Ks": _spring("spring", "", ("Fo",), lambda joint, *_: joint.position),
-    "Ks2": _spring("quadratic spring", "²", ("Ks", "Fo"), lambda joint, *_: joint.position**2),
-    "Ks3": _spring("cubic spring", "³", ("Ks2", "Ks", "Fo"), lambda joint, *_: joint.position**3),
-    "Ks@POSITION": _spring(
-        "stiffness gained", "", (), lambda joint, _, math, at: math.fmax(joint.position - at, 0.0)
-    ),
-}
-MARKS = {"~": "RATE", "@": "POSITION"}
-
-
-def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
-    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
-
-    Where other words than kinds would do, an OptionError names them too.
-    """
-    mark = next((mark for mark in MARKS if mark in kind), "")
-    stem, _, number = kind.partition(mark) if mark else (kind, "", "")
-    term = JOINT_TERMS.get(stem + mark + MARKS.get(mark, ""))
-    if term is None:
-        raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
-    if not mark:
-        return term
-    try:
-        at = float(number)
-    except ValueError:
-        at = nan
-    if not isfinite(at) or (mark == "~" and at <= 0):
-        what = "rate above 0" if mark == "~" else "position"
-        raise OptionError(f"joint term {kind!r} needs a {what} after {mark}, not {number!r}")
-    return replace(term, at=at)
-
-
-@checked_fields
-@dataclass(frozen=True)
+@record(checked=True)
 class JointTerms:
     """Which joints have which terms.
 
@@ -223,12 +89,12 @@ class JointTerms:
                 raise OptionError(f"{name} must be a rate from 0 on, not {getattr(self, name)}")
 
     @classmethod
-    def of(cls, mechanism: Mechanism, choice: str) -> JointTerms | None:
-        """The terms of a choice as of ``--terms``; None where there are none.
+    def of(cls, mechanism: Mechanism, terms: str) -> JointTerms | None:
+        """The terms that a text chooses; None where there are none.
 
         Parameters
         ----------
-        choice : str
+        terms : str
             Kinds of all motors with commas between, and ``file`` for what the robot file gives, of
             motors and passive joints; or ``none``. After semicolons more of some joints, as
             ``elbow: Ks``: a name, a pattern such as ``leg*``, or ``passive`` for all without motor.
@@ -246,7 +112,7 @@ class JointTerms:
         ('left_crank_joint', 'right_crank_joint')
         """
         found: dict[str, dict[str, None]] = {}
-        for joints, words in _clauses(mechanism, choice):
+        for joints, words in _clauses(mechanism, terms):
             for word in words:
                 if word == OF_FILE:
                     given = terms_of_file(mechanism)
@@ -342,7 +208,7 @@ class JointTerms:
         return tuple(
             joint
             for joint, kinds in self.of_joints.items()
-            if any(joint_term(kind).needs_load for kind in kinds)
+            if any("load" in joint_term(kind).needs for kind in kinds)
         )
 
     def parameters(self, mechanism: Mechanism) -> ParameterSet:
@@ -378,11 +244,20 @@ class JointTerms:
         loads, _ = self.loads(mechanism, motion, standard_parameters)
         for name, kinds in self.of_joints.items():
             index = _index(mechanism, name, kinds)
-            state = joint_state(mechanism, motion, name)._replace(load=loads.get(name))
+            state = self.state(joint_state(mechanism, motion, name), loads.get(name))
             for kind in kinds:
-                signal = np.broadcast_to(joint_term(kind).signal(state, self, np), len(G))
+                term = joint_term(kind)
+                signal = np.broadcast_to(term.law(state, term.at), len(G))
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)
+
+    def state(self, joint: JointState, load: Any = None, math: Any = np) -> JointState:
+        """The state of a joint as laws take it, with these terms' dead zone and smoothing.
+
+        ``math`` is NumPy, or CasADi for exported C code.
+        """
+        zones = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
+        return joint._replace(load=load, math=math, **zones)
 
     def loads(
         self,
@@ -397,7 +272,9 @@ class JointTerms:
         if not (names := self.loaded):
             return {}, ()
         ids = [mechanism.joint_ids[k] for k in mechanism.velocity_indices(names)]
-        forces, undetermined = bearing_forces(mechanism, motion, ids, standard_parameters)
+        forces, undetermined = bearing_forces(
+            mechanism, motion, ids, standard_parameters=standard_parameters
+        )
         left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
         return dict(zip(names, forces.T, strict=True)), left_open
 
@@ -432,8 +309,12 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
         )
     if joint not in mechanism.joints:
         for kind in kinds:
-            if joint_term(kind).needs_position:
-                raise OptionError(f"{joint} has a rate but no position: it cannot have {kind}")
+            if "position" in joint_term(kind).needs:
+                raise OptionError(
+                    f"{joint} has a rate but no position: it cannot have {kind}",
+                    joint=joint,
+                    given=kind,
+                )
     return int(indices[0])
 
 
@@ -447,9 +328,6 @@ def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointS
         # A continuous joint is stored as the cosine and sine of its angle.
         position = q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0])
     return JointState(position, motion.velocities[:, index], motion.accelerations[:, index])
-
-
-# What the robot file gives beyond rigid bodies.
 
 
 def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
@@ -467,126 +345,10 @@ def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
                 term = joint_term(kind)
             except OptionError as error:
                 raise RobotFileError(f"{place}: {error}", joint=joint, **error.facts) from error
-            if term.needs_position and joint not in mechanism.joints:
+            if "position" in term.needs and joint not in mechanism.joints:
                 raise RobotFileError(
                     f"{place}: {kind} needs a joint with one coordinate", joint=joint, given=kind
                 )
             for part in term.beside:
                 found[joint].setdefault(part, nan if np.isnan(value) else 0.0)
     return found
-
-
-@dataclass(frozen=True)
-class FileForce:
-    """A force that the robot file gives and that rigid bodies do not have."""
-
-    what: str
-    joint: str = ""  # of a joint term; empty for what no model has
-    kind: str = ""
-    value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
-    unit: str = ""
-    # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
-    # that feels it most; infinite where these are zero, NaN where it is not known
-    size: float = np.nan
-
-
-@checked
-def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
-    """All that the robot file gives beyond rigid bodies, with its size.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.regressors import file_forces
-    >>> file_forces(loopid.load_mechanism("five_bar"))
-    ()
-    """
-    terms = JointTerms.of(mechanism, OF_FILE)
-    if terms is None and not mechanism.left_out:
-        return ()
-    try:
-        q = random_configurations(mechanism, SAMPLES)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
-            motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
-    except (AssemblyError, SingularityError):
-        motion = None
-    return tuple(_sized(mechanism, terms, motion))
-
-
-def _sized(
-    mechanism: Mechanism, terms: JointTerms | None, motion: ClosedMotion | None
-) -> Iterator[FileForce]:
-    rigid = None if motion is None else _rms(_rigid_forces(mechanism, motion))
-
-    def size(force: FloatArray | None) -> float:
-        if rigid is None or force is None:
-            return float("nan")
-        found = _rms(force)
-        known = rigid > NOTHING * rigid.max(initial=0.0)
-        felt = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
-        if (felt & ~known).any():
-            return float("inf")
-        return float((found[known] / rigid[known]).max(initial=0.0))
-
-    if terms is not None:
-        names, values = terms.parameters(mechanism), terms.values(mechanism)
-        columns = (
-            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
-        )
-        for j, (name, value) in enumerate(zip(names, values, strict=True)):
-            law, own = joint_term(name.kind), terms.of_joints[name.link]
-            # A spring counts from where it is slack.
-            parts = [j, *(names.labels.index(f"{name.link}.{kind}") for kind in law.beside)]
-            force = None if columns is None else columns[..., parts].sum(axis=2)
-            parted = any(name.kind in joint_term(kind).beside for kind in own)
-            if not (np.isnan(value) or parted):
-                what = f"{law.name} of {name.link}"
-                yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
-    for left in mechanism.left_out:
-        yield FileForce(left.what, size=size(_force(mechanism, motion, left)))
-
-
-def _rms(force: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt((force**2).mean(axis=0)))
-
-
-def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
-    state = motion.configurations, motion.velocities, motion.accelerations
-    columns = torque_regressors(mechanism, *state, "full", motion.projection.G)
-    return np.asarray(columns @ mechanism.standard_parameters("full"))
-
-
-def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
-    """Force (N, dof) of what is left out; None where it is not known."""
-    if motion is None or not left.weights:
-        return None
-    untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
-    carriers = [body.joint_id for body in mechanism.bodies]
-    for link, (mass, *centre) in left.weights.items():
-        frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
-        if frame.parentJoint in carriers:
-            point = frame.placement.act(np.array(centre))
-            pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
-    K = torque_regressors(untied, motion.configurations, model="gravity", G=motion.projection.G)
-    return np.asarray(-(K @ pi.ravel()))
-
-
-def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
-    """Warn once of what the robot file gives of joints and the chosen terms do not have."""
-    chosen = {} if terms is None else terms.of_joints
-    omitted: dict[str, list[str]] = {}
-    for joint, values in terms_of_file(mechanism).items():
-        for kind in values:
-            if kind not in chosen.get(joint, ()):
-                omitted.setdefault(f"{joint_term(kind).name} ({kind})", []).append(joint)
-    if not omitted:
-        return
-    listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
-    said = [] if terms is None else [terms.choice(mechanism)]
-    words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
-    warn(
-        f"{mechanism.path} gives {listed}, which this model leaves out: "
-        f'terms="{words}" includes it',
-        ModelWarning,
-    )

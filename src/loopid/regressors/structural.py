@@ -23,6 +23,7 @@ from loopid.kinematics.rounding import (
     within_accuracy,
 )
 from loopid.kinematics.sampling import (
+    SamplingOptions,
     configuration_batches,
     random_motions,
 )
@@ -36,10 +37,8 @@ from loopid.regressors.closed_loop import (
     motion_parameters,
     motion_regressor,
 )
-from loopid.regressors.joint_terms import (
-    JointTerms,
-    joint_term,
-)
+from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import (
     Progress,
@@ -105,18 +104,19 @@ def structural_observation(
     enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
+    draws = SamplingOptions(margin=margin, spread=spread)
     generator, kept = random_generator(seed, stream=1), list[Motions]()
 
     def regressors() -> Iterator[FloatArray]:
         done = 0
-        for q in configuration_batches(mechanism, samples, seed, margin, spread):
+        for q in configuration_batches(mechanism, samples, seed, options=draws):
             rates = np.zeros((2, len(q), len(mechanism.independent)))
             if model == "gravity" and joint_terms is None:
                 columns = gravity_regressor(mechanism, q)
             else:
                 rates = _random_rates(mechanism, joint_terms, len(q), generator)
                 motion = closed_motion(mechanism, q, *rates)
-                columns = motion_regressor(mechanism, motion, model, joint_terms)
+                columns = motion_regressor(mechanism, motion, model, joint_terms=joint_terms)
             if done < enough:
                 kept.append((q, *rates))
             done += len(q)
@@ -137,10 +137,19 @@ def structural_observation(
             driven=driven if mechanism.free and driven else None,
         )
     seen = _Seen(mechanism, model, joint_terms, tuple(kept), geometry_accuracy(mechanism))
-    order, alone = mechanism.coordinate_order, found.motors_alone
+    order, alone = _order(mechanism), found.motors_alone
     if alone is not None:
         alone = replace(alone, order=order, rounding=seen.rounding(driven))
     return replace(found, order=order, rounding=seen.rounding(None), motors_alone=alone)
+
+
+def _order(mechanism: Mechanism) -> tuple[str, ...]:
+    """Links of bodies, then coordinates, in an order that no name and no file decides."""
+    ranks = mechanism.joint_ranks
+    carriers = {body.link: mechanism.joints[body.joint_id - 1] for body in mechanism.bodies}
+    links = sorted(carriers, key=lambda link: ranks[carriers[link]])
+    coordinates = mechanism.coordinates_of(sorted(mechanism.joints, key=ranks.__getitem__))
+    return tuple(dict.fromkeys((*mechanism.in_groups(links), *coordinates)))
 
 
 def _random_rates(
@@ -189,9 +198,9 @@ class _Seen:
         if within is not None:
             accuracy = replace(accuracy, length=within, angle=within / own.length)
         parameters, found = motion_parameters(own, self.model, self.joint_terms), []
+        regressor = partial(motion_regressor, model=self.model, joint_terms=self.joint_terms)
         for other in (own, *(within_accuracy(own, accuracy, generator) for _ in range(count))):
             moved = (same_motion(own, other, *batch) for batch in self.motions)
-            parts = (motion_regressor(other, one, self.model, self.joint_terms) for one in moved)
-            rows = (part[:, :driven] for part in parts)
+            rows = (regressor(other, one)[:, :driven] for one in moved)
             found.append(Observation.from_parts(rows, parameters).factor)
         return np.stack(found)

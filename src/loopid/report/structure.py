@@ -17,13 +17,13 @@ from loopid.base_parameters.base import (
 from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
-    Factorisation,
     singularity_measure,
 )
-from loopid.regressors.joint_terms import (
-    OF_FILE,
+from loopid.regressors.joint_terms import OF_FILE
+from loopid.regressors.left_out import (
     FileForce,
     file_forces,
 )
@@ -53,6 +53,7 @@ SEARCH = (
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
+MOST_TERMS = 6  # of a doubtful combination, in tables
 # loopid check: joints, closures, mobility, distance to singularity.
 
 
@@ -319,7 +320,8 @@ def _parameters(title: str, choice: dict[str, Any]) -> Table:
 def _doubtful(combinations: Sequence[Mapping[str, Any]]) -> Table:
     rows = (
         (
-            one["expression"],
+            expression(dict(list(one["terms"].items())[:MOST_TERMS]))
+            + (" + ..." if len(one["terms"]) > MOST_TERMS else ""),
             f"{one['singular_value']:.1e}",
             "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}",
         )

@@ -35,7 +35,7 @@ FAR = 0.5  # scalar of a quaternion below which the trace of its matrix says too
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FramePair:
     """Poses of the frames a and b of a closure at N samples."""
 

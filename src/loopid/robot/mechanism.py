@@ -8,7 +8,7 @@ from dataclasses import field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -93,7 +93,8 @@ class LeftOut:
     is_force: bool = True
 
 
-class Loop(NamedTuple):
+@record
+class Loop:
     """Closures that share passive joints: they open and close together."""
 
     rows: IntArray  # of the closure equations
@@ -307,11 +308,6 @@ class Mechanism:
         lower[none], upper[none] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
-    @cached_property
-    def drawn(self) -> dict[tuple[int, float | None, float], tuple[FloatArray, ...]]:
-        """Random configurations drawn before, in batches, by seed, margin and spread."""
-        return {}
-
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
         lower, upper = self.position_limits
@@ -515,15 +511,6 @@ class Mechanism:
     def draw_places(self, coordinates: IntArray) -> IntArray:
         """Which of k random values is that of each of k coordinates, given by velocity indices."""
         return np.argsort(np.argsort(self.precedence[coordinates]))
-
-    @cached_property
-    def coordinate_order(self) -> tuple[str, ...]:
-        """Links of bodies, then coordinates, in the order of ``joint_ranks``."""
-        carriers = {body.link: self.joints[body.joint_id - 1] for body in self.bodies}
-        links = sorted(carriers, key=lambda link: self.joint_ranks[carriers[link]])
-        joints = sorted(self.joints, key=self.joint_ranks.__getitem__)
-        names = (*self.in_groups(links), *self.coordinates_of(joints))
-        return tuple(dict.fromkeys(names))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).

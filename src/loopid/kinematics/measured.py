@@ -1,0 +1,235 @@
+"""Measured coordinates: joints, or those of the platform, from which all others follow."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    checked,
+)
+from loopid.errors import (
+    MobilityError,
+    OptionError,
+)
+from loopid.kinematics.constraint import (
+    Constraint,
+    scaled_residual,
+)
+from loopid.kinematics.linear import Factorisation
+from loopid.kinematics.platform import (
+    coordinates_at,
+    declared_platform,
+)
+from loopid.kinematics.poses import (
+    FramePoses,
+    difference,
+    frame_poses,
+    prepared,
+)
+from loopid.kinematics.projection import partition
+from loopid.robot.closures import relative_quaternion
+from loopid.robot.mechanism import Mechanism
+
+
+class Linearisation(NamedTuple):
+    """Residual and its derivatives, exact where it is zero: Newton needs no more."""
+
+    residual: FloatArray  # (N, m)
+    unknown: FloatArray  # (N, m, u), by the unknown coordinates in unit steps
+    known: FloatArray  # (N, m, c), by the measured values
+
+
+class MeasuredCoordinates(ABC):
+    """A set of numbers from which the configuration follows.
+
+    Steps of the unknown coordinates are in rad or characteristic lengths.
+    """
+
+    def __init__(self, mechanism: Mechanism, unknown: IntArray, width: int) -> None:
+        self.mechanism = mechanism
+        self.unknown = unknown
+        self.width = width
+        self.scales = mechanism.coordinate_scales[unknown]
+        # Whether parts of joints stay as they are, which then depends on the way to a sample.
+        self.holds = bool(mechanism.held)
+
+    @abstractmethod
+    def read(self, q: FloatArray) -> FloatArray:
+        """Their values (N, width) at configurations (N, nq)."""
+
+    @abstractmethod
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        """Configurations with the measured values put in, as far as they are coordinates."""
+
+    @abstractmethod
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        """The equations at configurations (N, nq) that should have values (N, width)."""
+
+    @abstractmethod
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        """Residual (N, m) alone."""
+
+    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        """The way (N, width) from values to values."""
+        return target - origin
+
+    def tangent(self, steps: FloatArray) -> FloatArray:
+        """Tangent vectors (N, nv) of steps (N, u) of the unknown coordinates."""
+        tangent = np.zeros((len(steps), self.mechanism.model.nv))
+        tangent[:, self.unknown] = steps * self.scales
+        return tangent
+
+    def steps(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        """Steps (N, u) of the unknown coordinates between configurations (N, nq)."""
+        return difference(self.mechanism, origin, target)[:, self.unknown] / self.scales
+
+
+class JointCoordinates(MeasuredCoordinates):
+    """Measured joints: the others are unknown, but for single coordinates that are independent.
+
+    The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
+    could be given: it stays as it is at the start.
+    """
+
+    def __init__(self, mechanism: Mechanism, joints: Sequence[str]) -> None:
+        self.known, _ = partition(mechanism, joints)
+        if len(self.known) != len(joints):
+            raise OptionError("only joints with one coordinate can be measured", given=joints)
+        held = mechanism.velocity_indices(mechanism.held)
+        unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(self.known, held))
+        super().__init__(mechanism, unknown, len(joints))
+        self.known_scales = mechanism.coordinate_scales[self.known]
+        models = [mechanism.joint(name) for name in joints]
+        self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
+        # A continuous joint is stored as the cosine and sine of its angle.
+        self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)
+        self.circles = self.first[self.circular]
+
+    def read(self, q: FloatArray) -> FloatArray:
+        values = q[:, self.first]
+        if len(self.circles):
+            values[:, self.circular] = np.arctan2(q[:, self.circles + 1], q[:, self.circles])
+        return values
+
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        q = q.copy()
+        q[:, self.first] = values
+        if len(self.circles):
+            angles = values[:, self.circular]
+            q[:, self.circles], q[:, self.circles + 1] = np.cos(angles), np.sin(angles)
+        return q
+
+    def difference(self, origin: FloatArray, target: FloatArray) -> FloatArray:
+        way = target - origin
+        if len(self.circles):
+            way[:, self.circular] = np.mod(way[:, self.circular] + np.pi, 2 * np.pi) - np.pi
+        return way
+
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        residual, jacobian = Constraint(self.mechanism, q).scaled()
+        known = jacobian.take(self.known, axis=2) / self.known_scales
+        return Linearisation(residual, jacobian.take(self.unknown, axis=2), known)
+
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        return scaled_residual(self.mechanism, q)
+
+
+class PlatformCoordinates(MeasuredCoordinates):
+    """A measured platform pose: all joints are unknown, the pose adds six equations."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.platform = declared_platform(mechanism)
+        super().__init__(mechanism, np.arange(mechanism.model.nv), len(self.platform.motions))
+
+    def read(self, q: FloatArray) -> FloatArray:
+        return coordinates_at(self.mechanism, q)
+
+    def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        return q.copy()
+
+    def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
+        residual, closures = Constraint(self.mechanism, q).scaled()
+        frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
+        twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
+        pose = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1)
+        known = np.zeros((len(q), residual.shape[1] + 6, self.width))
+        known[:, -6:] = -twist * self.platform.twist_map(values)
+        return Linearisation(
+            np.concatenate([residual, self._off_pose(frame, values)], 1),
+            np.concatenate([closures, twist * pose * self.mechanism.coordinate_scales], 1),
+            known,
+        )
+
+    def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
+        frame = frame_poses(self.mechanism, q, [self.platform.frame_id], jacobians=False)
+        return np.concatenate(
+            [scaled_residual(self.mechanism, q), self._off_pose(frame, values)], 1
+        )
+
+    def _off_pose(self, frame: FramePoses, values: FloatArray) -> FloatArray:
+        """What separates the frame from its target (N, 6), in m, along the fixed axes."""
+        rotation, origin = self.platform.placements(values)
+        inverses = np.swapaxes(frame.rotation[:, 0], 1, 2), np.swapaxes(rotation, 1, 2)
+        turn = 2 * self.mechanism.length * relative_quaternion(*inverses)[0]
+        return np.concatenate([frame.origin[:, 0] - origin, turn], 1)
+
+
+@checked
+def measured_coordinates(
+    mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
+) -> MeasuredCoordinates:
+    """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
+
+    Raises
+    ------
+    MobilityError
+        When they are too few or too many to determine the motion at the reference.
+    """
+    return measured_by(mechanism, coordinates)
+
+
+def measured_by(
+    mechanism: Mechanism, coordinates: Sequence[str] | str | None
+) -> MeasuredCoordinates:
+    """As ``measured_coordinates``; made once for a robot and a choice."""
+    key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
+    known = prepared(mechanism).measured
+    if key not in known:
+        known[key] = _determining(mechanism, key)
+    found: MeasuredCoordinates = known[key]
+    return found
+
+
+def _determining(
+    mechanism: Mechanism, coordinates: tuple[str, ...] | str | None
+) -> MeasuredCoordinates:
+    measured: MeasuredCoordinates
+    if coordinates == "platform":
+        measured = PlatformCoordinates(mechanism)
+    else:
+        names = mechanism.measured if coordinates is None else coordinates
+        measured = JointCoordinates(mechanism, (names,) if isinstance(names, str) else names)
+    q, unknown = mechanism.reference[None], len(measured.unknown)
+    found = int(Factorisation.of(measured.linearise(q, measured.read(q)).unknown).rank[0])
+    if found < unknown:
+        raise MobilityError(
+            f"the measured coordinates determine {found} of the {unknown} other coordinates of "
+            f"{mechanism.name} at its reference: give more, or others, or a reference "
+            "that is not singular",
+            determined=found,
+            unknown=unknown,
+        )
+    jacobian, tolerance = Constraint(mechanism, q).scaled()[1], mechanism.closure_rank_tolerance
+    if int(Factorisation.of(jacobian, tolerance).rank[0]) > found:
+        raise MobilityError(
+            f"the {measured.width} measured coordinates of {mechanism.name} are not "
+            "independent of each other: leave some out",
+            measured=measured.width,
+        )
+    return measured
