@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import loopid
+from loopid.diagnosis import KnownLoad
 from loopid.identification import find_force_model
 from loopid.logs import Recording
 from loopid.motion import JointMotion
@@ -54,7 +55,9 @@ def noisy_runs(case, rng, mass, centre, gains=1.0):
 def test_a_payload_without_noise_is_found_to_round_off(case):
     knee, model, motion, force = case
     runs = [recorded(knee, motion, force(mass, CENTRE)) for mass in (0.0, MASS)]
-    found = loopid.identify_payload(model, "platform", [runs[0]], [runs[1]], "ols")
+    found = loopid.identify_payload(
+        model, "platform", unloaded=runs[:1], loaded=runs[1:], estimator="ols"
+    )
     assert found.parameters.labels == ("payload.m", "payload.mx", "payload.my", "payload.mz")
     assert found.mass == pytest.approx(MASS, rel=1e-7)
     np.testing.assert_allclose(found.centre()[0], CENTRE, atol=1e-8)
@@ -65,7 +68,12 @@ def test_gains_without_noise_are_found_to_round_off(case):
     gains = np.array([0.8, 1.2, 1.0, 0.9])
     runs = [recorded(knee, motion, force(mass, CENTRE) / gains) for mass in (0.0, MASS)]
     found = loopid.drive_gains(
-        model, "platform", MASS, CENTRE, [runs[0]], [runs[1]], estimator="ols"
+        model,
+        "platform",
+        KnownLoad(MASS, CENTRE),
+        unloaded=runs[:1],
+        loaded=runs[1:],
+        estimator="ols",
     )
     np.testing.assert_allclose(found.gains, gains, rtol=1e-7)
     prior = model.prior.copy()
@@ -82,15 +90,14 @@ def test_intervals_hold_at_their_rate(case):
     for _ in range(runs):
         mass, centre = rng.uniform(1, 20), rng.uniform(-0.1, 0.1, 3)
         light, heavy = noisy_runs(case, rng, mass, centre)
-        found = loopid.identify_payload(case[1], "platform", light, heavy)
+        found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
         truth = np.concatenate([[mass], mass * centre, centre])
         low, high = np.concatenate([found.intervals(), found.centre()[1]]).T
         hits += (low < truth) & (truth < high)
         gains = rng.uniform(0.8, 1.2, 4)
         light, heavy = noisy_runs(case, rng, mass, centre, gains)
-        low, high = (
-            loopid.drive_gains(case[1], "platform", mass, centre, light, heavy).intervals().T
-        )
+        load, logs = KnownLoad(mass, centre), {"unloaded": light, "loaded": heavy}
+        low, high = loopid.drive_gains(case[1], "platform", load, **logs).intervals().T
         gain_hits += (low < gains) & (gains < high)
     assert (hits / runs).min() > 0.92
     assert (hits / runs).max() < 0.98
@@ -100,7 +107,7 @@ def test_intervals_hold_at_their_rate(case):
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_of_one_noisy_case_are_of_the_size_of_the_errors(case):
     light, heavy = noisy_runs(case, np.random.default_rng(1), MASS, CENTRE)
-    found = loopid.identify_payload(case[1], "platform", light, heavy)
+    found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
     assert abs(found.mass - MASS) < 0.1 * MASS
     reach = np.ptp(found.intervals(), axis=1) / 2
     np.testing.assert_array_less(np.abs(found.values - [MASS, *(MASS * CENTRE)]), 2.5 * reach)
@@ -110,10 +117,10 @@ def test_what_makes_no_sense_is_refused(case):
     knee, model, motion, force = case
     run = [recorded(knee, motion, force(0.0, CENTRE))]
     with pytest.raises(loopid.LoopidError, match="unknown body 'arm'"):
-        loopid.identify_payload(model, "arm", run, run)
+        loopid.identify_payload(model, "arm", unloaded=run, loaded=run)
     with pytest.raises(loopid.LoopidError, match="recordings without it, and others with it"):
-        loopid.identify_payload(model, "platform", run, [])
+        loopid.identify_payload(model, "platform", unloaded=run, loaded=[])
     with pytest.raises(loopid.LoopidError, match="known mass must be above 0 kg, not -2"):
-        loopid.drive_gains(model, "platform", -2.0, CENTRE, run, run)
-    with pytest.raises(loopid.LoopidError, match="three lengths"):
-        loopid.drive_gains(model, "platform", 2.0, [0.1], run, run)
+        KnownLoad(-2.0, CENTRE)
+    with pytest.raises(loopid.LoopidError, match="centre must have shape"):
+        KnownLoad(2.0, [0.1])

@@ -207,6 +207,7 @@ def payload(
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.diagnosis.payload import (
+        KnownLoad,
         drive_gains,
         identify_payload,
     )
@@ -223,12 +224,13 @@ def payload(
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
     warn_of_suspicions(robot, light, force_model.joint_terms)
+    runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
-        found = identify_payload(force_model, link, light, heavy, estimator)
+        found = identify_payload(force_model, link, **runs)
         show(payload_record(found), payload_tables(found), as_json)
     else:
         place = numbers(centre, "--centre", 3)
-        gains = drive_gains(force_model, link, known_mass, place, light, heavy, estimator=estimator)
+        gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
         show(gains_record(gains), gains_tables(gains), as_json)
 
 

@@ -26,6 +26,7 @@ from .modes import (
 )
 from .payload import (
     GainFit as GainFit,
+    KnownLoad as KnownLoad,
     PayloadFit as PayloadFit,
     drive_gains as drive_gains,
     identify_payload as identify_payload,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from html import escape
 
 import numpy as np
@@ -196,6 +196,7 @@ class GainFit:
 def identify_payload(
     force_model: ForceModel,
     link: str,
+    *,
     unloaded: Sequence[Recording],
     loaded: Sequence[Recording],
     estimator: Estimator | str = "wls",
@@ -248,7 +249,9 @@ def identify_payload(
     ...     force = loopid.simulate_measurement(robot, slow, loopid.Noise(gaussian=0.01),
     ...         seed=int(carried), standard_parameters=bodies).force
     ...     runs.append(loopid.logs.Recording.of_motion(slow, force, robot.actuated))
-    >>> found = loopid.identify_payload(model, "left_coupler", [runs[0]], [runs[1]])
+    >>> found = loopid.identify_payload(
+    ...     model, "left_coupler", unloaded=[runs[0]], loaded=[runs[1]]
+    ... )
     >>> found.parameters.labels
     ('payload.m', 'payload.mx', 'payload.my')
     >>> found.values.round(1)
@@ -262,15 +265,55 @@ def identify_payload(
     return PayloadFit(link, base, fit(FitSamples.combined(parts), estimator))
 
 
+@record(checked=True)
+class KnownLoad:
+    """A body that is known.
+
+    Attributes
+    ----------
+    mass : float
+        In kg.
+    centre : FloatArray
+        (3,), its centre of mass in the link's frame in m; by default the origin.
+    inertia : FloatArray
+        (3, 3) about its centre of mass, along the link's axes, in kg m²; by default a point mass.
+
+    Raises
+    ------
+    OptionError
+        When the mass is not above 0, or an array has another shape.
+    """
+
+    mass: float
+    centre: FloatArray = field(default_factory=lambda: np.zeros(3))
+    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __post_init__(self) -> None:
+        if not 0 < self.mass < np.inf:
+            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
+        for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
+            array = finite(getattr(self, name), name)
+            if array.shape != shape:
+                raise OptionError(f"{name} must have shape {shape}, not {array.shape}")
+            object.__setattr__(self, name, array)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Standard parameters (10,), in Pinocchio's order, about the link's origin."""
+        c = self.centre
+        about = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        products = about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return np.concatenate([[self.mass], self.mass * c, products])
+
+
 @checked
 def drive_gains(
     force_model: ForceModel,
     link: str,
-    mass: float,
-    centre: FloatArray,
+    load: KnownLoad,
+    *,
     unloaded: Sequence[Recording],
     loaded: Sequence[Recording],
-    inertia: FloatArray | None = None,
     estimator: Estimator | str = "wls",
 ) -> GainFit:
     """Find the gains of drives from runs without and with a known mass.
@@ -285,20 +328,15 @@ def drive_gains(
     force_model : ForceModel
     link : str
         That the known mass was fixed to.
-    mass : float
-        In kg.
-    centre : FloatArray
-        (3,), its centre of mass in the link's frame in m.
+    load : KnownLoad
     unloaded, loaded : sequence of Recording
-    inertia : FloatArray, optional
-        (3, 3) about its centre of mass, along the link's axes, in kg m²; by default a point mass.
     estimator : Estimator or str
         As in ``fit``.
 
     Raises
     ------
     OptionError
-        When the robot has no body of that name, or the mass is not positive.
+        When the robot has no body of that name.
     RankError
         When the runs do not excite the robot's parameters.
     DataError
@@ -306,36 +344,25 @@ def drive_gains(
 
     Examples
     --------
-    See ``identify_payload``; with ``loopid.drive_gains(model, "left_coupler", 2.0, [0.1, 0, 0],
-    [runs[0]], [runs[1]])`` the gains of that robot are 1:
+    See ``identify_payload``; with ``KnownLoad(2.0, [0.1, 0.05, 0.0])`` the gains of that robot are
+    1.
 
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity", None)
-    >>> loopid.drive_gains(model, "left_coupler", -2.0, [0.1, 0.0, 0.0], [], [])
+    >>> loopid.diagnosis.KnownLoad(-2.0)
     Traceback (most recent call last):
         ...
     loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
     """
-    if not 0 < mass < np.inf:
-        raise OptionError(f"the known mass must be above 0 kg, not {mass}")
     if not unloaded or not loaded:
         raise DataError("drive gains take recordings without the known mass, and others with it")
-    c = finite(centre, "centre")
-    if c.shape != (3,):
-        raise OptionError(f"the centre must be three lengths in m, not {centre}")
-    about = np.zeros((3, 3)) if inertia is None else finite(inertia, "inertia")
-    if about.shape != (3, 3):
-        raise OptionError(f"the inertia must have shape (3, 3), not {about.shape}")
-    about = about + mass * (c @ c * np.eye(3) - np.outer(c, c))
-    known = np.concatenate([[mass], mass * c, about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+    known = load.parameters
     columns = _link_columns(force_model, link)
     runs = [*unloaded, *loaded]
     samples = FitSamples.combined([force_model.samples(run) for run in runs])
-    load = [np.zeros_like(run.force) for run in unloaded]
-    load += [_link_regressor(force_model, run, columns) @ known[: len(columns)] for run in loaded]
+    added = [np.zeros_like(run.force) for run in unloaded]
+    added += [_link_regressor(force_model, run, columns) @ known[: len(columns)] for run in loaded]
     W, n, dof = samples.regressor, len(force_model.parameters), len(samples.actuators)
-    extra = np.concatenate(load)
+    extra = np.concatenate(added)
     names = force_model.parameters + ParameterSet(
         tuple(Parameter(actuator, "scale", "1") for actuator in samples.actuators)
     )

@@ -587,33 +587,7 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
     """Terms of joints with their values, and forces that no model has."""
     compiled, left_out = scene.compiled, list[LeftOut]()
-    terms: dict[str, dict[str, float]] = {}
-    springs = not _disabled(compiled, "SPRING", "PASSIVE")
-    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
-    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
-    for joint, name in enumerate(scene.joints):
-        dof, kind = int(compiled.jnt_dofadr[joint]), scene.joint_kind(joint)
-        values = {
-            "Ia": float(compiled.dof_armature[dof]),
-            "Fc": float(friction * compiled.dof_frictionloss[dof]),
-            "Fv": float(dampers * compiled.dof_damping[dof]),
-        }
-        stiffness = float(springs * compiled.jnt_stiffness[joint])
-        if kind in ("hinge", "slide"):
-            slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
-            values |= {"Ks": stiffness, "Fo": -stiffness * slack}
-        elif stiffness:
-            left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
-        if kind == "free" and any(values.values()):
-            left_out.append(LeftOut(f"damping, friction or armature of the free joint {name}"))
-            values = {}
-        terms[name] = values
-        for what, poly, index in (
-            ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
-            ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
-        ):
-            if index < len(poly) and poly[index].any():
-                left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
+    terms = {name: _terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
     for tendon, name in enumerate(scene.tendons):
         laws = ("armature", "frictionloss", "damping", "stiffness")
         if any(getattr(compiled, f"tendon_{law}", np.zeros(tendon + 1))[tendon] for law in laws):
@@ -628,6 +602,35 @@ def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftO
         left_out.append(LeftOut("the fluid around the robot"))
     kept = {name: {k: v for k, v in values.items() if v} for name, values in terms.items()}
     return {name: values for name, values in kept.items() if values}, left_out
+
+
+def _terms(scene: Scene, joint: int, left_out: list[LeftOut]) -> dict[str, float]:
+    """Values of the terms of a joint; what is no term is left out."""
+    compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kind(joint)
+    dof = int(compiled.jnt_dofadr[joint])
+    springs = not _disabled(compiled, "SPRING", "PASSIVE")
+    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
+    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
+    values = {
+        "Ia": float(compiled.dof_armature[dof]),
+        "Fc": float(friction * compiled.dof_frictionloss[dof]),
+        "Fv": float(dampers * compiled.dof_damping[dof]),
+    }
+    for what, poly, index in (
+        ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
+        ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
+    ):
+        if index < len(poly) and poly[index].any():
+            left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
+    stiffness = float(springs * compiled.jnt_stiffness[joint])
+    if kind in ("hinge", "slide"):
+        slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
+        return values | {"Ks": stiffness, "Fo": -stiffness * slack}
+    if stiffness:
+        left_out.append(LeftOut(f"spring of the {kind} joint {name}"))
+    if kind == "free" and any(values.values()):
+        left_out.append(LeftOut(f"damping, friction or armature of the free joint {name}"))
+    return {} if kind == "free" else values
 
 
 def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:

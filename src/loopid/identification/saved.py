@@ -246,63 +246,22 @@ class SavedFit(_Record):
         DataError
             When the fit is not one of these parameters.
         """
-        base, mechanism, fitted = model.base, model.mechanism, model.parameters
-        covariance = None
-        errors: Sequence[dict[str, Any]] = [{}] * len(base)
+        base, values = model.base, _values_of(model, fit)
         standard: Sequence[float | None] = [None] * len(base.parameters)
-        if isinstance(fit, FitResult):
-            fitted, values, covariance = fit.parameters, fit.values, fit.covariance
-            errors = [
-                {
-                    "standard_error": estimate.standard_error,
-                    "relative_std_percent": estimate.relative_std,
-                    "interval_95_percent": estimate.interval,
-                }
-                for estimate in fit.estimates
-            ]
-        elif isinstance(fit, ConsistentFit):
-            fitted, values = fit.base_parameters, fit.values
+        if isinstance(fit, ConsistentFit):
             standard = fit.standard_parameters.tolist()
-        else:
-            values = finite(fit, "values")
-        if fitted != model.parameters or values.shape != (len(base),):
-            raise DataError(
-                f"a fit of {len(fitted)} parameters with values {values.shape} is none of the "
-                f"{len(base)} base parameters of the force model"
-            )
-        # Random states, the same for the same robot.
-        q = random_configurations(mechanism, STATES, seed=0)
-        v, a = np.random.default_rng(0).standard_normal((2, STATES, len(mechanism.independent)))
-        force = base.regressor(model.standard_regressor(q, v, a)) @ values
-        states = {"configuration": q, "velocity": v, "acceleration": a, "force": force}
-        entries = zip(fitted, base.terms, values.tolist(), errors, strict=True)
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
-                "robot": {
-                    "name": mechanism.name,
-                    "path": str(mechanism.path),
-                    "files": _hashes(mechanism),
-                    "options": dict(mechanism.options),
-                    "coordinates": mechanism.coordinates,
-                },
-                "force_model": {
-                    "model": model.model,
-                    "rows": mechanism.independent,
-                    "gravity": tuple(mechanism.model.gravity.linear.tolist()),
-                    "joint_terms": model.joint_terms,
-                },
+                "robot": _robot_of(model.mechanism),
+                "force_model": _options_of(model),
                 "standard_parameters": tuple(
                     {"name": p.label, "unit": p.unit, "value": value}
                     for p, value in zip(base.parameters, standard, strict=True)
                 ),
-                "base_parameters": tuple(
-                    {"name": p.label, "unit": p.unit, "expression": expression(terms)}
-                    | {"value": value, "terms": dict(terms), **error}
-                    for p, terms, value, error in entries
-                ),
-                "covariance": covariance,
-                "check": tuple({k: x[i] for k, x in states.items()} for i in range(STATES)),
+                "base_parameters": tuple(_entries_of(model, fit, values)),
+                "covariance": fit.covariance if isinstance(fit, FitResult) else None,
+                "check": tuple(_states_of(model, values)),
                 "estimate": fit if isinstance(fit, FitResult) else None,
                 "consistency": fit if isinstance(fit, ConsistentFit) else None,
             }
@@ -629,6 +588,70 @@ class SavedFit(_Record):
         )
 
 
+def _values_of(model: ForceModel, fit: FitResult | ConsistentFit | FloatArray) -> FloatArray:
+    """Base parameters (r,) of a fit, which must be those of the force model."""
+    fitted = model.parameters
+    if isinstance(fit, FitResult):
+        fitted, values = fit.parameters, fit.values
+    elif isinstance(fit, ConsistentFit):
+        fitted, values = fit.base_parameters, fit.values
+    else:
+        values = finite(fit, "values")
+    if fitted != model.parameters or values.shape != (len(model.base),):
+        raise DataError(
+            f"a fit of {len(fitted)} parameters with values {values.shape} is none of the "
+            f"{len(model.base)} base parameters of the force model"
+        )
+    return values
+
+
+def _robot_of(mechanism: Mechanism) -> dict[str, Any]:
+    return {
+        "name": mechanism.name,
+        "path": str(mechanism.path),
+        "files": _hashes(mechanism),
+        "options": dict(mechanism.options),
+        "coordinates": mechanism.coordinates,
+    }
+
+
+def _options_of(model: ForceModel) -> dict[str, Any]:
+    return {
+        "model": model.model,
+        "rows": model.mechanism.independent,
+        "gravity": tuple(model.mechanism.model.gravity.linear.tolist()),
+        "joint_terms": model.joint_terms,
+    }
+
+
+def _entries_of(
+    model: ForceModel, fit: FitResult | ConsistentFit | FloatArray, values: FloatArray
+) -> Iterator[dict[str, Any]]:
+    """An entry for each base parameter, with its uncertainty where the fit has one."""
+    known = fit.estimates if isinstance(fit, FitResult) else ()
+    estimates = {estimate.name: estimate for estimate in known}
+    entries = zip(model.parameters, model.base.terms, values.tolist(), strict=True)
+    for parameter, terms, value in entries:
+        entry = {"name": parameter.label, "unit": parameter.unit, "value": value}
+        entry |= {"expression": expression(terms), "terms": dict(terms)}
+        if (estimate := estimates.get(parameter.label)) is not None:
+            entry["standard_error"] = estimate.standard_error
+            entry["relative_std_percent"] = estimate.relative_std
+            entry["interval_95_percent"] = estimate.interval
+        yield entry
+
+
+def _states_of(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
+    """Random states, the same for the same robot, and the forces there."""
+    q = random_configurations(model.mechanism, STATES, seed=0)
+    shape = 2, STATES, len(model.mechanism.independent)
+    v, a = np.random.default_rng(0).standard_normal(shape)
+    force = model.base.regressor(model.standard_regressor(q, v, a)) @ values
+    states = {"configuration": q, "velocity": v, "acceleration": a, "force": force}
+    for k in range(STATES):
+        yield {name: array[k] for name, array in states.items()}
+
+
 @checked
 def save_fit(
     path: str | Path, model: ForceModel, fit: FitResult | ConsistentFit | FloatArray
@@ -667,7 +690,7 @@ def save_fit(
 
 @checked
 def read_fit(path: str | Path) -> SavedFit:
-    """Read a fit that ``save_fit`` or ``loopid identify`` wrote, the same to the bit.
+    """Read a fit that ``save_fit`` wrote, the same to the bit.
 
     Raises
     ------
@@ -692,34 +715,38 @@ def read_fit(path: str | Path) -> SavedFit:
     >>> saved.forces(robot, q, 0 * q[:, :2], 0 * q[:, :2]).shape
     (4, 2)
     """
-    place = Path(path)
-    ending, reason = _ending(place), why_no_file(place)
-    if reason == "does not exist":
-        raise FileError(f"there is no file {path}")
-    if reason:
-        raise DataError(f"{path} {reason}")
-    try:
-        if ending == ".json":
-            if place.stat().st_size > LARGE:
-                raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
-            document = place.read_text(encoding="utf-8")
-            json.loads(document, object_pairs_hook=_each_once)
-        else:
-            document = json.dumps(load_yaml(place, DataError, LARGE))
-    except LoopidError:  # which names the file
-        raise
-    except (OSError, RecursionError, TypeError, ValueError) as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise DataError(f"{path} cannot be read: {reason}") from error
+    document = _document(Path(path))
     try:
         return SavedFit.model_validate_json(document)
     except ValidationError as error:
         detail = error.errors(include_url=False)[0]
         where = "".join(f"{key}." for key in detail["loc"])[:-1]
         found = f"{where}: {detail['msg']}" if where else detail["msg"]
-        raise DataError(f"{path} is not a saved fit: {found}") from error
+        raise DataError(f"{path} is not a saved fit: {found}", field=where) from error
     except (TypeError, OverflowError) as error:  # of whole numbers that are none
         raise DataError(f"{path} is not a saved fit: {error}") from error
+
+
+def _document(path: Path) -> str:
+    """The content of a file as JSON, each key once."""
+    ending, reason = _ending(path), why_no_file(path)
+    if reason == "does not exist":
+        raise FileError(f"there is no file {path}", file=path)
+    if reason:
+        raise DataError(f"{path} {reason}", file=path)
+    try:
+        if ending != ".json":
+            return json.dumps(load_yaml(path, DataError, LARGE))
+        if path.stat().st_size > LARGE:
+            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
+        document = path.read_text(encoding="utf-8")
+        json.loads(document, object_pairs_hook=_each_once)
+        return document
+    except LoopidError:  # which names the file
+        raise
+    except (OSError, RecursionError, TypeError, ValueError) as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise DataError(f"{path} cannot be read: {reason}", file=path) from error
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from loopid.kinematics.projection import (
     partition,
     velocity_map,
 )
+from loopid.records import record
 from loopid.robot.closures import (
     CLOSURE_KINDS,
     FramePair,
@@ -55,7 +56,7 @@ APART = 0.1  # rad, between directions that span a plane
 # How accurate it is.
 
 
-@dataclass(frozen=True)
+@record
 class Accuracy:
     """How far the geometry may be from what the file writes."""
 

@@ -68,7 +68,7 @@ class LinkGroup:
     links: tuple[str, ...]
 
 
-@record
+@record(checked=True)
 class AssemblyMode:
     """One way of assembling a robot whose drawn pose leaves a choice."""
 
@@ -81,7 +81,7 @@ class AssemblyMode:
     parallel: int  # pairs of links of a loop that do not turn against each other
 
 
-@record
+@record(checked=True)
 class LeftOut:
     """What the robot file gives of forces and no model has."""
 
