@@ -1,8 +1,7 @@
 """Arguments of public functions against their annotations: one case a type."""
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Literal
@@ -13,9 +12,7 @@ import pytest
 from loopid import random_configurations, structural_observation
 from loopid.arguments import (
     FloatArray,
-    affordable,
     checked,
-    checked_fields,
 )
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
@@ -112,39 +109,17 @@ def test_what_python_refuses_itself_stays_its_own():
         function(1, key="x")
 
 
-def test_fields_are_checked_however_they_are_set():
-    @checked_fields
-    @dataclass(frozen=True)
-    class Filter:
-        cutoff: float
-        order: int = 2
-
-    assert replace(Filter(1.0), order=3) == Filter(1.0, 3)
-    for wrong in ({"cutoff": "x"}, {"cutoff": 1.0, "order": 2.5}, {"cutoff": float("nan")}):
-        with pytest.raises(OptionError):
-            Filter(**wrong)
-    with pytest.raises(OptionError, match="order must be a whole number"):
-        replace(Filter(1.0), order="x")
-
-
 @pytest.mark.parametrize(
-    ("ask", "words"),
+    ("ask", "name"),
     [
-        (lambda robot: structural_observation(robot, samples=10**8), "samples must be at most"),
-        (lambda robot: random_configurations(robot, 10**10), "count must be at most"),
-        (lambda robot: random_motions(robot, 10**10), "count must be at most"),
+        (lambda robot: structural_observation(robot, samples=10**8), "samples"),
+        (lambda robot: random_configurations(robot, 10**10), "count"),
+        (lambda robot: random_motions(robot, 10**10), "count"),
     ],
 )
-def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, words):
+def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
     start = perf_counter()
-    with pytest.raises(OptionError, match=words) as caught:
+    with pytest.raises(OptionError) as refused:
         ask(knee)
-    assert re.search("hours|GiB of memory", str(caught.value))
+    assert refused.value.facts["argument"] == name
     assert perf_counter() - start < 1.0
-
-
-def test_an_affordable_number_is_named_and_taken():
-    with pytest.raises(OptionError) as caught:
-        affordable("samples", 10**9, seconds_each=1e-3, bytes_each=100.0)
-    most = int(re.search(r"at most ([\d,]+)", str(caught.value))[1].replace(",", ""))
-    affordable("samples", most, seconds_each=1e-3, bytes_each=100.0)

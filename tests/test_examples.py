@@ -7,6 +7,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[1] / "examples"
 PRINTED = {
+    "control_loop": ("forces in N that hold the robot: [", "forces in N that accelerate it: ["),
     "own_format": ("<Log 'run': 2241 samples", "<Recording 'run'"),
     "own_robot": ("left_crank_joint.Fc: 0.09", "better than it"),
     "certificate": ("platform.mz", "cond(V22) = 2.2370, proven best: True"),

@@ -7,7 +7,7 @@ functions that take them, which know their shapes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
@@ -41,7 +41,6 @@ from loopid.errors import DataError, OptionError
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Class = TypeVar("Class", bound=type)
 # Checked by the functions that take them.
 FloatArray = Annotated[NDArray[np.float64], SkipValidation]
 IntArray = Annotated[NDArray[np.int64], SkipValidation]
@@ -56,8 +55,8 @@ BLOCK_ROWS = 4096  # of long arrays that are worked on at a time
 # Of any number that is taken: no product of a few such numbers overflows.
 LARGEST = 1e100
 
-# What one call may take, by an estimate before it begins.
-MOST_SECONDS, MOST_BYTES = 900.0, 2**32
+# Random configurations, motions or samples of one call: more are a slip of the hand.
+MOST_SAMPLES = 10_000_000
 
 
 # Arrays and numbers.
@@ -90,7 +89,8 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
     try:
         return np.asarray(array)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{name} must be an array: its rows differ in length") from error
+        message = f"{name} must be an array: its rows differ in length"
+        raise DataError(message, argument=name) from error
 
 
 def _real(array: ArrayLike, name: str) -> FloatArray:
@@ -104,14 +104,14 @@ def _real(array: ArrayLike, name: str) -> FloatArray:
     else:
         kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
     if kind:
-        raise DataError(f"{name} must be numbers, not {kind}")
+        raise DataError(f"{name} must be numbers, not {kind}", argument=name, given=kind)
     if np.ma.is_masked(array):
-        raise DataError(f"{name} must be whole, but some of its entries are masked")
+        raise DataError(f"{name} must be whole, but some of its entries are masked", argument=name)
     try:
         with np.errstate(over="ignore"):
             return given.astype(np.float64, copy=False)
     except OverflowError as error:
-        raise DataError(f"{name} must be finite: {error}") from error
+        raise DataError(f"{name} must be finite: {error}", argument=name) from error
 
 
 def number(text: str) -> float:
@@ -140,71 +140,31 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
-        raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")
+        message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"
+        raise DataError(message, argument=name, given=np.shape(array), width=width)
     if count is not None and len(values) != count:
-        raise DataError(f"{name} must have {count} rows, one a sample, not {len(values)}")
+        message = f"{name} must have {count} rows, one a sample, not {len(values)}"
+        raise DataError(message, argument=name, given=len(values), samples=count)
     return values
-
-
-class ComparedByFields:
-    """Dataclasses of arrays: equal when all compared fields are, NaN included; a short ``repr``.
-
-    For dataclasses with ``eq=False, repr=False``.
-    """
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        names = [field.name for field in fields(self) if field.compare]  # type: ignore[arg-type]
-        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
-
-    def __repr__(self) -> str:
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
-        parts = [f"{name}={_short(getattr(self, name))}" for name in names]
-        line = ", ".join(parts)
-        inside = line if len(line) < 80 else "\n  " + ",\n  ".join(parts)
-        return f"{type(self).__name__}({inside})"
-
-
-def _equal(one: object, other: object) -> bool:
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
-    if isinstance(one, float) and isinstance(other, float):
-        return one == other or (np.isnan(one) and np.isnan(other))
-    return one == other
-
-
-def _short(value: object) -> str:
-    """A field in one line; of large arrays only the shape."""
-    if not isinstance(value, np.ndarray):
-        return f"{value!r:.70}".replace("\n", " ")
-    if value.ndim == 1 and value.size <= 8:
-        return np.array2string(value, precision=4, separator=", ", max_line_width=1000)
-    return f"<array of shape {value.shape}>"
 
 
 # Arguments of public functions.
 
 
-def affordable(name: str, count: int, seconds_each: float = 0.0, bytes_each: float = 0.0) -> None:
-    """Refuse a number whose work would take far longer, or more memory, than it can be worth.
+def require_count(count: int, name: str) -> None:
+    """Refuse a number of samples that is none, or beyond all use.
 
     Raises
     ------
     OptionError
-        With the estimate and the number that is affordable.
+        With the largest number.
     """
-    found = [MOST_SECONDS / seconds_each] if seconds_each else []
-    found += [MOST_BYTES / bytes_each] if bytes_each else []
-    most = int(min(found))
-    if count > most:
-        hours, gigabytes = count * seconds_each / 3600, count * bytes_each / 2**30
-        needs = [f"some {hours:,.1f} hours"] if seconds_each else []
-        needs += [f"{gigabytes:,.1f} GiB of memory"] if bytes_each else []
+    if not 1 <= count <= MOST_SAMPLES:
         raise OptionError(
-            f"{name} must be at most {most:,}, not {count:,}, which would take {', '.join(needs)}"
+            f"{name} must be from 1 to {MOST_SAMPLES:,}, not {count:,}",
+            argument=name,
+            given=count,
+            valid=(1, MOST_SAMPLES),
         )
 
 
@@ -245,12 +205,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             raise _refusal(error, list(signature(function).parameters), hints()) from None
 
     return call
-
-
-def checked_fields(cls: Class) -> Class:
-    """As ``checked``, for the fields that a dataclass is made of."""
-    cls.__init__ = checked(cls.__init__)  # type: ignore[misc]
-    return cls
 
 
 class _Instance:

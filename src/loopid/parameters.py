@@ -12,7 +12,6 @@ import numpy as np
 
 from loopid.arguments import (
     IntArray,
-    checked_fields,
 )
 from loopid.errors import OptionError
 from loopid.records import record
@@ -42,7 +41,7 @@ class Parameter:
     unit: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        # Not by ``checked_fields``: a robot has hundreds, which are made over and over.
+        # Not by ``checked=True``: a robot has hundreds, which are made over and over.
         if not (isinstance(self.link, str) and isinstance(self.kind, str) and self.kind):
             raise OptionError(
                 f"a parameter needs a link and a kind, not {self.link!r:.60} and {self.kind!r:.60}"
@@ -71,8 +70,7 @@ class Parameter:
         return cls(link, kind + label[end:])
 
 
-@checked_fields
-@record
+@record(checked=True)
 class ParameterSet:
     """An ordered set of parameters: the names of a regressor's columns.
 

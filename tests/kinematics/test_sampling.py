@@ -15,6 +15,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    SamplingOptions,
     constraint_residual,
     project,
     random_motions,
@@ -51,16 +52,18 @@ def test_a_margin_that_none_keeps_is_refused(knee):
     # The measure of a tree is 1, and its draws are cheap.
     tree = replace(knee, closures=(), actuated=knee.joints)
     assert len(random_configurations(tree, 3, margin=1)) == 3
-    with pytest.raises(AssemblyError, match=r"only 0 of \d+ random draws of 3ups_rpu .* least 2"):
-        random_configurations(tree, 3, margin=2)
+    with pytest.raises(AssemblyError) as refused:
+        random_configurations(knee, 3, options=SamplingOptions(margin=1.0, attempts=1))
+    assert refused.value.facts["margin"] == 1
 
 
-@pytest.mark.parametrize("arguments", [{"count": 0}, {"count": 3, "margin": -0.1}])
+@pytest.mark.parametrize(
+    "arguments",
+    [{"count": 0}, {"count": 10**10}, *({"count": 3, "margin": x} for x in (-0.1, 1.1, np.nan))],
+)
 def test_absurd_arguments_are_refused(mechanism, arguments):
-    with pytest.raises(OptionError, match=r"samples must be|margin must be"):
-        random_configurations(mechanism, **arguments)
     with pytest.raises(OptionError):
-        random_configurations(mechanism, 3, margin=np.nan)
+        random_configurations(mechanism, **arguments)
 
 
 def test_random_motions_are_seeded_and_of_the_order_of_gravity(mechanism):

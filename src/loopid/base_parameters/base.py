@@ -200,7 +200,8 @@ class BaseParameters:
         phi = finite(standard_parameters, "standard parameters")
         if phi.shape != (len(self.parameters),):
             raise DataError(
-                f"standard parameters must have shape ({len(self.parameters)},), not {phi.shape}"
+                f"standard parameters must have shape ({len(self.parameters)},), not {phi.shape}",
+                given=phi.shape,
             )
         return np.asarray(self.matrix @ phi, dtype=np.float64)
 
@@ -208,7 +209,9 @@ class BaseParameters:
         """Columns W_B (..., r) of a regressor of all the standard parameters (..., p)."""
         W = finite(matrix, "regressor")
         if W.ndim == 0 or W.shape[-1] != len(self.parameters):
-            raise DataError(f"regressor must have {len(self.parameters)} columns, not {W.shape}")
+            raise DataError(
+                f"regressor must have {len(self.parameters)} columns, not {W.shape}", given=W.shape
+            )
         return np.asarray(W[..., self.base], dtype=np.float64)
 
     def reconstruction_error(self, matrix: FloatArray) -> float:

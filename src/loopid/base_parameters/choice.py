@@ -14,7 +14,6 @@ import numpy as np
 from loopid.arguments import (
     FloatArray,
     IntArray,
-    checked_fields,
 )
 from loopid.base_parameters.structure import (
     Structure,
@@ -30,8 +29,7 @@ CRITERIA = ("nullspace", "regressor")
 ROUND_OFF_COLUMN = 1e-13
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class SearchEffort:
     """How far a search goes, and how exact it is.
 
@@ -84,8 +82,7 @@ class SearchEffort:
                 raise OptionError(f"{each.name} must be positive, not {value}", given=value)
 
 
-@checked_fields
-@record
+@record(checked=True)
 class ChoiceProblem:
     """Choose d of n parameters to be dependent, so that the criterion is least.
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from loopid.arguments import (
     IntArray,
-    checked_fields,
 )
 from loopid.base_parameters.blocks import (
     Block,
@@ -60,8 +59,7 @@ FINENESS, NEAR = 1e-2, 1.05
 Selections = list[IntArray]
 
 
-@checked_fields
-@record
+@record(checked=True)
 class ExactSearch(SearchStrategy):
     """Find the global optimum and prove it.
 

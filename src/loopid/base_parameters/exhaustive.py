@@ -11,7 +11,6 @@ import numpy as np
 from loopid.arguments import (
     FloatArray,
     IntArray,
-    checked_fields,
 )
 from loopid.base_parameters.choice import (
     ChoiceProblem,
@@ -31,8 +30,7 @@ from loopid.workers import Progress
 DETERMINANT_SLACK = 1e-6  # round-off of a determinant, relative, for matrices that may be the best
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class ExhaustiveSearch(SearchStrategy):
     """Gautier's search: evaluate every one of the C(n, d) combinations [Gautier1991].
 

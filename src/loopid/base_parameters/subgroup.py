@@ -21,7 +21,6 @@ from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    checked_fields,
 )
 from loopid.base_parameters.choice import (
     ChoiceProblem,
@@ -40,8 +39,7 @@ VARIANTS = ("gap", "pseudocode")
 DIGITS = 6  # that condition numbers are compared with
 
 
-@checked_fields
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class SubgroupSearch(SearchStrategy):
     """Search subgroups of rows [the paper's section II.C].
 

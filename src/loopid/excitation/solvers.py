@@ -6,20 +6,18 @@ the best feasible point that was seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import MissingExtraError
 from loopid.excitation.problem import Value
-from loopid.excitation.search import Broken, Search, Stopped, Stuck
+from loopid.excitation.search import Search, Stuck
 
 # What stands for a criterion and bounds where the loops do not close.
 OUT_OF_REACH = 1e3
 # Relative change of the criterion that ends an optimisation.
 CONVERGED = 1e-6
+INFINITE = 1e19  # to IPOPT
 
 
 def by_slsqp(search: Search, start: FloatArray) -> None:
@@ -67,62 +65,23 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         import ipyopt
     except ImportError as error:
         raise MissingExtraError.of("ipyopt", "excite") from error
-    N, watched = len(search.problem.time), search.watched
-    lower, upper = (np.tile(end[watched], N) for end in search.problem.limits)
+    asked, N = _Asked(search), len(search.problem.time)
+    lower, upper = (np.tile(end[search.watched], N) for end in search.problem.limits)
     n, m = len(start), len(lower)
-    rows, columns = np.divmod(np.arange(m * n), n)
-
-    def guarded(work: Callable[[Value], Any], slopes: bool, out: FloatArray | None) -> Any:
-        try:
-            value = None if stopped else search.value(current[0], slopes)
-        except (Stopped, Broken) as reason:
-            stopped.append(reason)
-            value = None
-        if value is None:
-            if out is not None:
-                out[...] = np.nan
-            return np.nan
-        return work(value)
-
-    stopped: list[Exception] = []
-    current = [start]
-
-    def slopes_of(value: Value) -> FloatArray:
-        return value.dg.reshape(N, len(watched), n)[:, watched].ravel()
-
-    def at(y: FloatArray) -> None:
-        current[0] = np.array(y)
-
-    def f(y: FloatArray) -> float:
-        at(y)
-        return float(guarded(lambda value: value.f, False, None))
-
-    def df(y: FloatArray, out: FloatArray) -> None:
-        at(y)
-        guarded(lambda value: out.__setitem__(..., value.df), True, out)
-
-    def g(y: FloatArray, out: FloatArray) -> None:
-        at(y)
-        guarded(lambda value: out.__setitem__(..., value.g[:, watched].ravel()), False, out)
-
-    def dg(y: FloatArray, out: FloatArray) -> None:
-        at(y)
-        guarded(lambda value: out.__setitem__(..., slopes_of(value)), True, out)
-
     problem = ipyopt.Problem(
         n,
-        np.full(n, -1e19),
-        np.full(n, 1e19),
+        np.full(n, -INFINITE),
+        np.full(n, INFINITE),
         m,
-        np.where(np.isfinite(lower), lower, -1e19),
-        np.where(np.isfinite(upper), upper, 1e19),
-        (rows, columns),
+        np.maximum(lower, -INFINITE),
+        np.minimum(upper, INFINITE),
+        np.divmod(np.arange(m * n), n),  # rows and columns of the Jacobian, which is dense
         (np.array([], int), np.array([], int)),
-        f,
-        df,
-        g,
-        dg,
-        intermediate_callback=lambda *_: not stopped,
+        asked.criterion,
+        asked.slope,
+        asked.bounded,
+        asked.slopes,
+        intermediate_callback=lambda *_: asked.reason is None,
         ipopt_options={
             "print_level": 0,
             "sb": "yes",
@@ -134,5 +93,37 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         },
     )
     problem.solve(start)
-    if stopped:
-        raise stopped[0]
+    if asked.reason is not None:
+        raise asked.reason
+
+
+class _Asked:
+    """What IPOPT asks for: NaN out of reach, and everywhere once there is a reason to end."""
+
+    def __init__(self, search: Search) -> None:
+        self.search, self.watched = search, search.watched
+        self.reason: BaseException | None = None
+
+    def value(self, y: FloatArray, slopes: bool) -> Value | None:
+        try:
+            return None if self.reason else self.search.value(np.array(y), slopes)
+        except BaseException as reason:  # IPOPT would lose it: it is raised at the end
+            self.reason = reason
+            return None
+
+    def criterion(self, y: FloatArray) -> float:
+        value = self.value(y, slopes=False)
+        return np.nan if value is None else value.f
+
+    def slope(self, y: FloatArray, out: FloatArray) -> None:
+        value = self.value(y, slopes=True)
+        out[...] = np.nan if value is None else value.df
+
+    def bounded(self, y: FloatArray, out: FloatArray) -> None:
+        value = self.value(y, slopes=False)
+        out[...] = np.nan if value is None else value.g[:, self.watched].ravel()
+
+    def slopes(self, y: FloatArray, out: FloatArray) -> None:
+        value = self.value(y, slopes=True)
+        shape = len(self.search.problem.time), len(self.watched), len(y)
+        out[...] = np.nan if value is None else value.dg.reshape(shape)[:, self.watched].ravel()

@@ -7,7 +7,7 @@ share the new body, so that each stays physically consistent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from loopid.arguments import FloatArray, finite
 from loopid.errors import DataError, RobotFileError
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.parameters import KINDS, MODELS, ParameterSet
-from loopid.robot.mechanism import Mechanism, link_frames
+from loopid.robot.mechanism import Body, Mechanism, link_frames
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -34,25 +34,12 @@ def updated_inertials(
     ``old`` are those of all links that have one, as the robot file has them; the other arguments
     are those of ``updated_robot_file``.
     """
-    frames, model = link_frames(mechanism.model), mechanism.model
     rows = _body_parameters(mechanism, standard_parameters, parameters)
     changed: dict[str, FloatArray] = {}
     for body, row in zip(mechanism.bodies, rows, strict=True):
-        placements = {
-            name: np.array(model.frames[frames[name]].placement.homogeneous)
-            for name in old
-            if name in frames and model.frames[frames[name]].parentJoint == body.joint_id
-        }
+        placements = _placements(mechanism, body, old)
         links = [T @ old[name] @ T.T for name, T in placements.items()]
-        loaded = pseudo_inertia(model.inertias[body.joint_id].toDynamicParameters())
-        difference = np.abs(np.sum(links, axis=0) - loaded) if links else np.inf
-        if np.max(difference) > AGREEMENT * np.abs(loaded).max():
-            raise RobotFileError(
-                f"{mechanism.path}: link {body.link} is not what it was when the robot was loaded: "
-                "load it again",
-                file=str(mechanism.path),
-                link=body.link,
-            )
+        _require_unchanged(mechanism, body, links)
         names = list(placements)
         heaviest = int(np.argmax([P[3, 3] for P in links]))
         carrier = names.index(body.link) if body.link in names else heaviest
@@ -60,15 +47,39 @@ def updated_inertials(
         whole = pseudo_inertia(np.pad(row, (0, len(KINDS) - len(row))))
         found = (shared_at_rest if at_rest else shared)(links, carrier, whole)
         for (name, T), before, after in zip(placements.items(), links, found, strict=True):
-            if after is not before:
-                reason = body_defect(after, flat_allowed=at_rest)
-                if reason:
-                    raise DataError(
-                        f"link {name} cannot have these parameters: {reason}", link=name
-                    )
-                back = np.linalg.inv(T)
-                changed[name] = back @ after @ back.T
+            if after is before:
+                continue
+            if reason := body_defect(after, flat_allowed=at_rest):
+                message = f"link {name} cannot have these parameters: {reason}"
+                raise DataError(message, link=name)
+            back = np.linalg.inv(T)
+            changed[name] = back @ after @ back.T
     return changed
+
+
+def _placements(mechanism: Mechanism, body: Body, links: Iterable[str]) -> dict[str, FloatArray]:
+    """Where those of the links that belong to a body are on it, (4, 4) each."""
+    frames, model = link_frames(mechanism.model), mechanism.model
+    own = {name: model.frames[frames[name]] for name in links if name in frames}
+    return {
+        name: np.array(frame.placement.homogeneous)
+        for name, frame in own.items()
+        if frame.parentJoint == body.joint_id
+    }
+
+
+def _require_unchanged(mechanism: Mechanism, body: Body, links: Sequence[FloatArray]) -> None:
+    """Refuse a file whose links (4, 4) are not the body that was loaded."""
+    inertia = mechanism.model.inertias[body.joint_id]
+    loaded = pseudo_inertia(inertia.toDynamicParameters())
+    difference = np.abs(np.sum(links, axis=0) - loaded) if links else np.inf
+    if np.max(difference) > AGREEMENT * np.abs(loaded).max():
+        raise RobotFileError(
+            f"{mechanism.path}: link {body.link} is not what it was when the robot was loaded: "
+            "load it again",
+            file=str(mechanism.path),
+            link=body.link,
+        )
 
 
 def _body_parameters(

@@ -89,8 +89,9 @@ class Candidate:
         if self.beats_baseline or self.loses_to_baseline:
             verdict = "better than" if self.beats_baseline else "worse than"
         ratio, error = self.error_ratio
+        article = "the " if self.name.startswith("robot") else ""
         return (
-            f"With {self.name} the mean squared error on data that were not fitted is {ratio:.2f} "
+            f"With {article}{self.name} the mean squared error on new data is {ratio:.2f} "
             f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
         )
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from loopid.arguments import (
     FloatArray,
-    affordable,
     checked,
     frozen,
     random_generator,
+    require_count,
 )
 from loopid.errors import (
     AssemblyError,
@@ -46,7 +46,6 @@ from loopid.robot.mechanism import Mechanism
 DEFAULT_MARGIN = 0.02
 MOST_KEPT = 512  # samples that are kept with a robot: most work draws the same ones again
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
-SECONDS = 1e-5  # a coordinate or closure equation, in a sample: an estimate
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 
@@ -94,9 +93,9 @@ class SamplingOptions:
     least_steps: int = 8
 
     def __post_init__(self) -> None:
-        if not (self.margin is None or self.margin >= 0):
+        if not (self.margin is None or 0 <= self.margin <= 1):
             raise OptionError(
-                f"margin must be a singularity measure from 0 on, not {self.margin}",
+                f"margin must be a singularity measure from 0 to 1, not {self.margin}",
                 margin=self.margin,
             )
 
@@ -143,7 +142,7 @@ def random_configurations(
     >>> loopid.random_configurations(robot, 10, seed=1).shape
     (10, 4)
     """
-    affordable("count", count, bytes_each=2 * 8 * mechanism.model.nq)
+    require_count(count, "count")
     own = SamplingOptions() if options is None else options
     own = own if margin is None else replace(own, margin=margin)
     return np.concatenate(list(configuration_batches(mechanism, count, seed, options=own)))
@@ -154,9 +153,7 @@ def configuration_batches(
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
     options = SamplingOptions() if options is None else options
-    if count < 1:
-        raise OptionError(f"samples must be at least 1, not {count}", given=count)
-    affordable("samples", count, SECONDS * (mechanism.model.nv + mechanism.rows))
+    require_count(count, "samples")
     if options.margin is None:
         options = replace(options, margin=mechanism.margin)
     drawn = prepared(mechanism).drawn
@@ -274,9 +271,8 @@ def random_motions(
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
     """
-    if count < 0:
-        raise OptionError(f"count must be a number of samples from 0 on, not {count}", given=count)
-    affordable("count", count, bytes_each=3 * 16 * len(mechanism.independent))
+    if count != 0:
+        require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
     unit = np.ones(len(independent))

@@ -97,6 +97,7 @@ class ClosedLoop:
     (2, 4)
     """
 
+    @checked
     def __init__(self, mechanism: Mechanism, *, options: AssemblyOptions = USUAL) -> None:
         self.mechanism, self.options = mechanism, options
         self._partition = partition(mechanism)

@@ -1,0 +1,47 @@
+"""The public names with their signatures, as text: ``python tests/public_api.py`` writes it."""
+
+import inspect
+from dataclasses import is_dataclass
+from pathlib import Path
+
+import loopid
+
+FILE = Path(__file__).with_name("public_api.txt")
+ROOMS = sorted(name for name in loopid.__all__ if inspect.ismodule(getattr(loopid, name)))
+
+
+def names(door):
+    """What a door exports, but rooms."""
+    listed = getattr(door, "__all__", None) or [n for n in dir(door) if not n.startswith("_")]
+    return sorted(n for n in listed if not inspect.ismodule(getattr(door, n)))
+
+
+def described(thing):
+    """Parameters with their defaults, in brackets; nothing for what takes none."""
+    try:
+        parameters = inspect.signature(thing).parameters.values()
+    except (TypeError, ValueError):
+        return ""
+    parts, star = [], False
+    for p in parameters:
+        if p.kind is p.KEYWORD_ONLY and not star:
+            parts.append("*")
+            star = True
+        star = star or p.kind is p.VAR_POSITIONAL
+        parts.append({p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "") + p.name)
+        if p.default is not p.empty:
+            default = f"{type(p.default).__name__}()" if is_dataclass(p.default) else p.default
+            parts[-1] += f"={default if is_dataclass(p.default) else repr(default)}"
+    return f"({', '.join(parts)})"
+
+
+def text():
+    """One line a name; signatures of those that ``loopid`` itself exports."""
+    lines = [f"{name}{described(getattr(loopid, name))}" for name in names(loopid)]
+    for room in ROOMS:
+        lines += [f"{room}.{name}" for name in names(getattr(loopid, room))]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    FILE.write_text(text())
