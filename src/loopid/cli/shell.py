@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
-# Advice in Python's words: keyword=value, where the value is a list, text, a number or a flag.
+# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag.
 ADVICE = re.compile(
-    r"""\b(?P<name>[a-z]\w*)=(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d[\d.]*(?:e[-+]?\d+)?\b|True|False)"""
+    r"""(?<![^\s(])(?P<name>[a-z]\w*)="""
+    r"""(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|True|False)"""
+    r"""(?=[,;:.)]*(?:\s|$))"""
 )
 
 
