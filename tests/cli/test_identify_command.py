@@ -419,3 +419,15 @@ def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
     robot, log, _ = arm_files
     assert "is fitted and validates" in run("identify", robot, log, "--validate", log).err
+
+
+@pytest.mark.parametrize("kind", [r"--unidentifiable [a-z]+", r"--lock [\w.]+"])
+def test_advice_can_be_followed_as_it_is_printed(kind, run, arm_files, elbow_log):
+    robot, log, _ = arm_files
+    words = [robot, elbow_log] if "unid" in kind else [robot, log, "--floating-base"]
+    refused = run("identify", *words)
+    assert refused.code == 2
+    advice = " ".join(re.findall(kind, refused.err)).split()
+    assert advice
+    done = run("identify", *words, *advice)
+    assert done.code == 0, done.err

@@ -40,11 +40,7 @@ COMMANDS = typer.main.get_command(app).commands
         ("check", "file=3, tied=False", "file=3, tied=False"),
         ("base", "rounding is 1e-05", "rounding is 1e-05"),
         ("base", "xrounding=1", "xrounding=1"),
-        (
-            "base",
-            "/tmp/rounding=1/robot.yaml is a folder",
-            "/tmp/rounding=1/robot.yaml is a folder",
-        ),
+        ("base", "/tmp/rounding=1/a.yaml is a folder", "/tmp/rounding=1/a.yaml is a folder"),
         ("base", "rounding=1.urdf does not exist", "rounding=1.urdf does not exist"),
         ("base", "say so (rounding=0)", "say so (--rounding 0)"),
         ("base", "rounding=None, rounding=large", "rounding=None, rounding=large"),
