@@ -89,7 +89,8 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
     try:
         return np.asarray(array)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{name} must be an array: its rows differ in length") from error
+        message = f"{name} must be an array: its rows differ in length"
+        raise DataError(message, argument=name) from error
 
 
 def _real(array: ArrayLike, name: str) -> FloatArray:
@@ -103,14 +104,14 @@ def _real(array: ArrayLike, name: str) -> FloatArray:
     else:
         kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
     if kind:
-        raise DataError(f"{name} must be numbers, not {kind}")
+        raise DataError(f"{name} must be numbers, not {kind}", argument=name, given=kind)
     if np.ma.is_masked(array):
-        raise DataError(f"{name} must be whole, but some of its entries are masked")
+        raise DataError(f"{name} must be whole, but some of its entries are masked", argument=name)
     try:
         with np.errstate(over="ignore"):
             return given.astype(np.float64, copy=False)
     except OverflowError as error:
-        raise DataError(f"{name} must be finite: {error}") from error
+        raise DataError(f"{name} must be finite: {error}", argument=name) from error
 
 
 def number(text: str) -> float:
@@ -139,9 +140,11 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
-        raise DataError(f"{name} must have shape (samples, {width}), not {np.shape(array)}")
+        message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"
+        raise DataError(message, argument=name, given=np.shape(array), width=width)
     if count is not None and len(values) != count:
-        raise DataError(f"{name} must have {count} rows, one a sample, not {len(values)}")
+        message = f"{name} must have {count} rows, one a sample, not {len(values)}"
+        raise DataError(message, argument=name, given=len(values), samples=count)
     return values
 
 

@@ -76,8 +76,9 @@ def test_a_tree_has_no_rows(mechanism, poses):
 
 @pytest.mark.parametrize("rows", [constraint_residual, constraint_jacobian])
 def test_bad_configurations_are_refused(mechanism, rows):
-    with pytest.raises(DataError, match=r"configurations.*\(samples, 13\), not \(2, 5\)"):
+    with pytest.raises(DataError) as error:
         rows(mechanism, np.zeros((2, 5)))
+    assert error.value.facts == {"argument": "configurations", "given": (2, 5), "width": 13}
     bad = np.zeros((2, 13))
     bad[1, 4] = np.nan
     with pytest.raises(DataError, match=r"configurations must be finite.*\(1, 4\)"):
@@ -88,8 +89,9 @@ def test_bad_configurations_are_refused(mechanism, rows):
     "velocities", [np.zeros((1, 4)), np.zeros((3, 13)), np.full((1, 13), np.inf)]
 )
 def test_bad_velocities_are_refused(mechanism, velocities):
-    with pytest.raises(DataError, match="velocities"):
+    with pytest.raises(DataError) as error:
         constraint_drift(mechanism, np.tile(mechanism.reference, (2, 1)), velocities)
+    assert error.value.facts["argument"] == "velocities"
 
 
 # Coordinates, equations, independent ones, of linkages that are not loops of rows + 1 joints.

@@ -34,64 +34,74 @@ def changed(read_text, truth, knee):
     return read
 
 
+def refused(function, *arguments, **facts):
+    """Check that a log is refused, with these facts; gives the error."""
+    with pytest.raises(LogError) as refusal:
+        function(*arguments)
+    found = refusal.value.facts
+    assert {name: found.get(name) for name in facts} == facts
+    assert str(found.get("file", found.get("source"))) in str(refusal.value)
+    return refusal.value
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "facts"),
     [
-        ("", "is empty"),
-        ("\n \n", "is empty"),
-        ("0.0,1.0,2.0\n0.1,1.0,2.0\n", r"starts with num.* 1, 2, 3 \(no header in log"),
-        ("time,a\n", "no position of leg1_stroke"),
-        ("# made at night\n", "is empty, but for comments"),
-        ("time,a,a\n1,2,3\n", "names column 'a' more than once"),
-        (bytes(range(256)) * 20, "is no text"),
-        (b"\x1f\x8b\x08\x00garbage", "cannot be read"),
-        ("leg1_stroke leg2_stroke leg3_stroke leg4_stroke\n1 2 3 4\n", "no force of leg1_stroke"),
-        ("position_0,position_1,force_0\n", r"2 columns for the position \(position_0, posi"),
-        ("leg1_stroke,leg1_stroke.position\n", "has 2 columns for the position of leg1_stroke"),
+        ("", {}),
+        ("\n \n", {}),
+        ("# made at night\n", {}),
+        ("0.0,1.0,2.0\n0.1,1.0,2.0\n", {}),
+        (b"\x1f\x8b\x08\x00garbage", {}),
+        (bytes(range(256)) * 20, {"row": 1}),
+        ("time,a\n", {"quantity": "position", "joint": "leg1_stroke"}),
+        ("time,a,a\n1,2,3\n", {"column": "a"}),
+        ("leg1_stroke leg2_stroke leg3_stroke leg4_stroke\n1 2 3 4\n", {"quantity": "force"}),
+        ("position_0,position_1,force_0\n", {"columns": ("log:position_0", "log:position_1")}),
+        (
+            "leg1_stroke,leg1_stroke.position\n",
+            {"columns": ("log:leg1_stroke.position", "log:leg1_stroke")},
+        ),
     ],
 )
-def test_files_that_are_no_logs(read_text, text, message):
-    with pytest.raises(LogError, match=rf"log\.csv.*{message}"):
-        read_text(text)
+def test_files_that_are_no_logs(read_text, text, facts):
+    refused(read_text, text, **facts)
 
 
 def test_a_long_list_of_columns_is_cut_short(read_text):
     names = ",".join(f"c{k}" for k in range(100))
-    with pytest.raises(LogError, match="c29 and 70 more"):
-        read_text(f"{names}\n")
+    said = str(refused(read_text, f"{names}\n"))
+    assert "c29 and 70 more" in said
+    assert "c30" not in said
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_too_few_rows(read_text, good_text, count):
     header, rows = lines_of(good_text)
-    with pytest.raises(LogError, match="rows"):
-        read_text(joined(header, rows[:count]))
+    refused(read_text, joined(header, rows[:count]), **({"rows": count} if count else {}))
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "facts"),
     [
-        ("time", "has no time: call one column time, or name it in a mapping; choose among tick"),
-        ("leg3_stroke.position", "no position of leg3_stroke: call a column leg3_stroke.position"),
-        ("leg2_stroke.force", "no force of leg2_stroke: call a column leg2_stroke.force"),
+        ("time", {"stream": "log", "columns": ()}),
+        ("leg3_stroke.position", {"quantity": "position", "joint": "leg3_stroke"}),
+        ("leg2_stroke.force", {"quantity": "force", "joint": "leg2_stroke"}),
     ],
 )
-def test_missing_columns_are_named(read_text, good_text, name, message):
-    with pytest.raises(LogError, match=message):
-        read_text(good_text.replace(name, "tick", 1))
+def test_missing_columns_are_named(read_text, good_text, name, facts):
+    assert "tick" in str(refused(read_text, good_text.replace(name, "tick", 1), **facts))
 
 
 def test_two_columns_of_time(read_text, good_text):
-    with pytest.raises(LogError, match=r"several columns for the time \(time, time_ms\)"):
-        read_text(good_text.replace("\n", ",time_ms\n", 1).replace(".0\n", ".0,1\n"))
+    text = good_text.replace("\n", ",time_ms\n", 1).replace(".0\n", ".0,1\n")
+    refused(read_text, text, columns=("time", "time_ms"))
 
 
 def test_unordered_and_repeated_times_are_named(read_text, good_text):
     header, rows = lines_of(good_text)
     rows[100], rows[101] = rows[101], rows[100]
     rows[500] = rows[499]
-    with pytest.raises(LogError, match=r"back 1 times and stands still 1 times, in rows 103, 502"):
-        read_text(joined(header, rows))
+    refused(read_text, joined(header, rows), rows=[103, 502])
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.7x", "1e300", "null", "x" * 1000])
@@ -132,9 +142,7 @@ def test_rows_of_another_length_and_repeated_headers_are_left_out(read_text, goo
 def test_too_many_bad_rows_are_refused(read_text, good_text):
     header, rows = lines_of(good_text)
     rows[100:300] = [row.rsplit(",", 1)[0] + ",nan" for row in rows[100:300]]
-    message = r"no number in leg4_stroke\.force in rows 102, .* of 1601 \(at most 10% may be left"
-    with pytest.raises(LogError, match=message):
-        read_text(joined(header, rows))
+    refused(read_text, joined(header, rows), rows=[*range(102, 302)], tolerance=0.1)
 
 
 PENDULUM = """<robot name="arm"><link name="base"/>
@@ -157,8 +165,8 @@ def test_angles_in_degrees(swings, write_text):
     time = np.arange(0, 5, 0.01)
     angle = np.degrees(np.sin(3 * time))[:, None]
     path = write_text(table(time, angle, angle, ["swing"]))
-    with pytest.raises(LogError, match=r"swing is outside .* times pi/180 \(deg to rad\) they"):
-        read_log(path, swings["revolute"])
+    said = refused(read_log, path, swings["revolute"], joint="swing", limits=(-2.0, 2.0))
+    assert "deg to rad" in str(said)
 
 
 def test_turns_are_counted_on(swings, write_text):
@@ -191,25 +199,20 @@ def stop(name, columns=np.s_[:]):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "advice", "facts"),
     [
-        (
-            multiply("position", 1e3),
-            r"leg1_stroke is outside its limits \[0.6537, 0.9337\] in rows 2, 3.* times 0\.001 "
-            r"\(mm to m\) they would fit: give position_scale",
-        ),
-        (multiply("position", 1e-3), "times 1000"),
-        (multiply("position", 1e6), r"times 1e-6 \(um to m\)"),
-        (shift("position", -0.69), "with position_offset in a mapping they would fit"),
-        (multiply("time", 1e3), r"median step between time stamps is .* 0\.001.*fit"),
-        (multiply("time", 1e6), "median step between time stamps is .* 1e-06.*fit"),
-        (multiply("time", 1e-6), "median step between time stamps is .* 1000.*fit"),
-        (stop("position"), "no position ever changes, so nothing moves"),
+        (multiply("position", 1e3), "0.001 (mm to m)", {"joint": "leg1_stroke"}),
+        (multiply("position", 1e-3), "1000 (km to m)", {"joint": "leg1_stroke"}),
+        (multiply("position", 1e6), "1e-6 (um to m)", {"joint": "leg1_stroke"}),
+        (shift("position", -0.69), "position_offset", {"joint": "leg1_stroke"}),
+        (multiply("time", 1e3), "0.001", {"fitting": (1e-3,)}),
+        (multiply("time", 1e6), "1e-06", {"fitting": (1e-9, 1e-6)}),
+        (multiply("time", 1e-6), "1000", {"fitting": (1e3, 1e6)}),
+        (stop("position"), "", {"joints": tuple(f"leg{k}_stroke" for k in (1, 2, 3, 4))}),
     ],
 )
-def test_wrong_units_and_robots_at_rest_are_refused(changed, change, message):
-    with pytest.raises(LogError, match=message):
-        changed(change)
+def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, facts):
+    assert advice in str(refused(changed, change, **facts))
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,21 @@ from loopid.logs import (
     Log,
     LogMapping,
     MaskOptions,
+    motion_spectrum,
     prepare_recording,
     read_log,
 )
-from loopid.logs.preparing import clipped_from, without_frozen
+from loopid.logs.preparing import (
+    assemble_samples,
+    clipped_from,
+    filter_log,
+    kept_rows,
+    long_enough,
+    near_saturation,
+    saturation_of,
+    standing,
+    without_frozen,
+)
 from loopid.motion import (
     Motion,
     differentiate,
@@ -160,7 +171,7 @@ def test_the_ends_are_left_out(recording):
     assert recording.motion.time[0] == pytest.approx(0.2)
 
 
-def standing(recording, speed):
+def stands(recording, speed):
     """At or below a speed, or within a period of 0.2 s of 0.1 s or more of that, at 100 Hz."""
     history = recording.history
     idle = np.abs(history.velocity) <= speed
@@ -175,9 +186,9 @@ def standing(recording, speed):
 
 def test_idle_speeds_come_from_the_mapping_or_the_motion(knee, log, recording):
     own = 0.05 * np.percentile(np.abs(recording.motion.velocities), 99, axis=0)
-    np.testing.assert_array_equal(recording.used, ~standing(recording, own))
+    np.testing.assert_array_equal(recording.used, ~stands(recording, own))
     found = prepared(knee, replace(log, idle_speed=0.004))
-    idle = standing(recording, 0.004)
+    idle = stands(recording, 0.004)
     np.testing.assert_array_equal(found.used, ~idle)
     counts = {part.reason: part.count for part in found.dropped}
     for k, joint in enumerate(knee.actuated):
@@ -442,3 +453,22 @@ def test_a_part_of_the_time(recording):
     assert len(recording.between()) == len(recording)
     with pytest.raises(LogError, match=r"no motor moves between 1000 and .* samples from"):
         recording.between(1000.0)
+
+
+def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
+    options, masks = FilterOptions(cutoff=5.0), MaskOptions()
+    lowpass = options.lowpass(motion_spectrum(log).cutoff)
+    whole = long_enough(without_frozen(log, masks), lowpass)
+    signals = filter_log(whole, lowpass)
+    rows, ends = kept_rows(whole, lowpass, options)
+    found = assemble_samples(knee, whole, signals.position, rows, masks)
+    assert found.good.all()
+    np.testing.assert_array_equal(found.configurations, recording.motion.configurations)
+    np.testing.assert_array_equal(signals.velocity[rows], recording.motion.velocities)
+    np.testing.assert_array_equal(signals.force[rows], recording.force)
+    np.testing.assert_array_equal(rows, recording.history.rows)
+    assert ends[0] in recording.dropped
+    idle = standing(knee, whole, signals.velocity, rows, lowpass, options, masks)
+    limits = saturation_of(knee, whole, masks)
+    clipped = near_saturation(whole, limits, lowpass, options, masks)[rows]
+    np.testing.assert_array_equal(recording.used, ~(idle | clipped))

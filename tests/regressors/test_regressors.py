@@ -85,8 +85,9 @@ def test_serial_robots_move_by_inverse_dynamics(name, robot_data, inverse_dynami
 def test_bad_states_are_refused_by_name(knee, name, wrong):
     states = dict.fromkeys(("velocities", "accelerations"), np.zeros((1, 4)))
     states = {"configurations": knee.reference[None]} | states | {name: wrong}
-    with pytest.raises(DataError, match=f"{name} must"):
+    with pytest.raises(DataError) as error:
         dynamic_regressor(knee, **states)
+    assert error.value.facts["argument"] == name
 
 
 def test_an_unknown_model_is_refused(knee):
@@ -228,16 +229,17 @@ def test_one_sample_may_come_without_its_axis(mechanism, poses):
     ],
 )
 def test_motions_of_the_wrong_shape_are_refused(mechanism, poses, name, shapes):
-    with pytest.raises(DataError, match=f"{name} must have"):
+    with pytest.raises(DataError) as error:
         dynamic_regressor(mechanism, poses, *(np.zeros(shape) for shape in shapes))
+    assert error.value.facts["argument"] == name
 
 
 def test_motions_that_are_not_finite_are_refused(mechanism, poses):
     good, bad = np.zeros((12, 4)), np.full((12, 4), np.nan)
-    with pytest.raises(DataError, match="velocities must be finite"):
-        dynamic_regressor(mechanism, poses, bad, good)
-    with pytest.raises(DataError, match="accelerations must be finite"):
-        dynamic_regressor(mechanism, poses, good, bad)
+    for name, rates in (("velocities", (bad, good)), ("accelerations", (good, bad))):
+        with pytest.raises(DataError) as error:
+            dynamic_regressor(mechanism, poses, *rates)
+        assert error.value.facts["argument"] == name
 
 
 KINDS = ("Ia", "Fc", "Fc~0.7", "Fv", "Ks3")

@@ -69,7 +69,7 @@ ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6
 LARGEST = 1e100  # so that no product of a few numbers overflows
 # Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
 COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
-MOST = 100_000
+MOST = 10_000
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
 MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)

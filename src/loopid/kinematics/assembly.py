@@ -5,12 +5,9 @@ so that Newton's method contracts at once and the Jacobian keeps its orientation
 stays on the branch of the start [Allgower2003]. All samples advance together; every linear solve is
 batched. Steps and residuals are in common units (see ``constraint``).
 
-Along a trajectory each is reached from the last one that was, window by window: a few samples, the
-nodes, are solved from the start; those between them are predicted by curves and corrected by
-Newton's method, mostly in one step. A sample counts once it is *linked* to the one before: a step
-along the path from there would lead to it. So, by induction, the outcome is what following the path
-sample by sample gives, however the trajectory is cut. Where the chain of links ends, the path to
-the next sample is followed in full.
+Along a trajectory each is reached from the last one that was, as many at once as one step leads to:
+the tangent there, and Newton's method. Where the next sample is too far for that, the path to it is
+followed in full.
 """
 
 from __future__ import annotations
@@ -40,7 +37,6 @@ from loopid.kinematics.measured import (
     measured_by,
 )
 from loopid.kinematics.poses import (
-    BLOCK,
     blocks,
     integrate,
 )
@@ -80,8 +76,8 @@ class AssemblyOptions:
         The same on the way, where the next correction starts.
     regular : float
         Ratio of singular values above which inverses are good enough for a Newton step.
-    stride, least_window, window : int
-        Samples of a trajectory between its nodes, and those that are linked at a time.
+    least_window, window : int
+        Samples of a trajectory that are reached at a time.
 
     Examples
     --------
@@ -102,9 +98,8 @@ class AssemblyOptions:
     short: float = 1e-8
     rough: float = 1e-3
     regular: float = 1e-6
-    stride: int = 8
     least_window: int = 16
-    window: int = BLOCK
+    window: int = 256
 
     def __post_init__(self) -> None:
         if not 0 <= self.tolerance < np.inf:
@@ -406,7 +401,7 @@ def follow_trajectory(
     none = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool), options)
     parts, first, window, alone = [none], 0, options.window, 1
     while first < len(targets):
-        part = _linked(measured, start, targets[first : first + window], options)
+        part = _together(measured, start, targets[first : first + window], options)
         count = len(part.residual)
         window = min(max(2 * count, options.least_window), options.window)
         if not count:
@@ -423,79 +418,32 @@ def follow_trajectory(
     return Assembly.joined(parts)
 
 
-def _linked(
+def _together(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
-    """The leading samples that are linked to each other and to the start."""
-    values = np.concatenate([measured.read(start[None]), targets])
-    home = correct(measured, start[None], values[:1], options.short, options, tangents=True)
-    way = measured.difference(values[:1], values)
-    # As far as the start's tangent leads within the reach of Newton's method.
-    steps = way @ home.tangent[0].T
-    near = _leading_true(np.abs(steps).max(axis=1, initial=0.0) <= options.longest_step)
-    rows = np.append(np.arange(0, near - 1, options.stride), near - 1)
-    guess = integrate(
-        measured.mechanism, np.tile(start, (len(rows), 1)), measured.tangent(steps[rows])
-    )
-    nodes = correct(measured, guess, values[rows], options.short, options, tangents=True)
-    known = _leading_true(nodes.accepted)
-    if known < 2:
-        return Assembly(guess[:0], np.empty(0), np.empty(0, dtype=bool), options)
-    rows, nodes = rows[:known], Correction(*(field[:known] for field in nodes))  # type: ignore[arg-type]
-    values = values[: rows[-1] + 1]
-    predicted = _between(measured, rows, nodes, values)
-    found = correct(measured, predicted, values, options.short, options, tangents=True)
+    """The leading samples (N, c) to which one step leads from the start (nq,).
+
+    The tangent at the start is the first Newton step; what is left then must be shorter, and no
+    singularity may lie in between.
+    """
+    here = measured.read(start[None])
+    home = correct(measured, start[None], here, options.short, options, tangents=True)
+    steps = measured.difference(here, targets) @ home.tangent[0].T
+    length = np.abs(steps).max(axis=1, initial=0.0)
+    near = _leading_true(length <= options.longest_step)
+    if not near:
+        return Assembly(np.empty((0, len(start))), length[:0], np.empty(0, dtype=bool), options)
+    targets, steps, length = targets[:near], steps[:near], length[:near]
+    guess = integrate(measured.mechanism, np.tile(start, (near, 1)), measured.tangent(steps))
+    found = correct(measured, guess, targets, options.short, options)
     q = found.configurations
-    q[0] = start
-    residual, small = _closed(measured, q, values, options)
-    good = found.accepted & small
-    follows = good[:-1] & good[1:] & _continues(measured, found, values, options)
-    count = _leading_true(follows)
-    return Assembly(q[1 : count + 1], residual[1 : count + 1], follows[:count], options)
+    residual, small = _closed(measured, q, targets, options)
+    rest = np.abs(measured.steps(guess, q)).max(axis=1, initial=0.0)
+    good = found.accepted & small & (rest <= options.contraction * length + options.short)
+    good &= same_side(np.repeat(home.jacobian, near, axis=0), found.jacobian)
+    count = _leading_true(good)
+    return Assembly(q[:count], residual[:count], good[:count], options)
 
 
 def _leading_true(values: BoolArray) -> int:
     return len(values) if values.all() else int(values.argmin())
-
-
-def _between(
-    measured: MeasuredCoordinates, rows: IntArray, nodes: Correction, values: FloatArray
-) -> FloatArray:
-    """Configurations predicted at all samples (N, c) up to the last node.
-
-    Between two nodes with measured values c_A and c_B and unknown coordinates x_A and x_B, the
-    straight way from c_A to c_B has a curve x(λ) above it, whose ends and end tangents T c' are
-    known: a cubic Hermite curve. What the measured values are off that way, by curvature or noise,
-    moves x by the tangent map T, interpolated between the nodes. The error falls with the fourth
-    power of the distance.
-    """
-    q, T, c = nodes.configurations, nodes.tangent, values[rows]
-    way, chord = measured.difference(c[:-1], c[1:]), measured.steps(q[:-1], q[1:])
-    begin, end = ((tangent @ way[:, :, None])[:, :, 0] for tangent in (T[:-1], T[1:]))
-    samples = np.arange(len(values))
-    left = np.searchsorted(rows[1:-1], samples, side="right")
-    part = ((samples - rows[left]) / np.diff(rows)[left])[:, None]
-    off = measured.difference(c[left], values) - part * way[left]
-    tangent = T[left] + part[:, :, None] * (T[left + 1] - T[left])
-    steps = (tangent @ off[:, :, None])[:, :, 0]
-    steps += part**2 * (3 - 2 * part) * chord[left]
-    steps += part * (1 - part) * ((1 - part) * begin[left] - part * end[left])
-    return integrate(measured.mechanism, q[left], measured.tangent(steps))
-
-
-def _continues(
-    measured: MeasuredCoordinates, found: Correction, values: FloatArray, options: AssemblyOptions
-) -> BoolArray:
-    """Whether Newton's method, from each sample with the values of the next, would lead there.
-
-    Its first step is the tangent; what is left then is its second step, which must be shorter.
-    No singularity may lie between them.
-    """
-    q, way = found.configurations, measured.difference(values[:-1], values[1:])
-    tangent = (found.tangent[:-1] @ way[:, :, None])[:, :, 0]
-    rest = np.abs(measured.steps(q[:-1], q[1:]) - tangent).max(axis=1, initial=0.0)
-    length = np.abs(tangent).max(axis=1, initial=0.0)
-    short = (length <= options.longest_step) & (
-        rest <= options.contraction * length + options.short
-    )
-    return np.asarray(short & same_side(found.jacobian[:-1], found.jacobian[1:]), dtype=bool)

@@ -119,7 +119,8 @@ def project(
     (1, 13, 4)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
-    return projected(mechanism, q, partition(mechanism, independent))
+    parts = partition(mechanism, independent)
+    return _projection(_parts(mechanism, q, parts, None), parts)
 
 
 @checked
@@ -188,12 +189,6 @@ def partition(
         dependent.setflags(write=False)
         known[key] = chosen, dependent
     return known[key]
-
-
-def projected(mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]) -> Projection:
-    """As ``project``, of arrays and indices that are checked."""
-    found = _parts(mechanism, q, parts, None)
-    return _projection(found, parts)
 
 
 def velocity_maps(

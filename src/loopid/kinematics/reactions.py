@@ -70,7 +70,8 @@ def bearing_forces(
     if mechanism.redundant:
         raise OptionError(
             f"what the joints of {mechanism.name} carry is not known, as its motors "
-            f"{', '.join(mechanism.redundant)} are redundant: leave out load-dependent friction"
+            f"{', '.join(mechanism.redundant)} are redundant: leave out load-dependent friction",
+            motors=mechanism.redundant,
         )
     tree = mechanism.model
     if standard_parameters is not None:
@@ -116,7 +117,8 @@ def _with_bodies(mechanism: Mechanism, standard_parameters: FloatArray) -> pin.M
         values = mechanism.tie_matrix(len(KINDS)) @ values
     for body, own in zip(mechanism.bodies, values.reshape(-1, len(KINDS)), strict=True):
         if not own[0] and own[1:4].any():
-            raise DataError(f"{body.link} has first moments but no mass: what it weighs is open")
+            message = f"{body.link} has first moments but no mass: what it weighs is open"
+            raise DataError(message, link=body.link)
         if own[0]:
             tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
         else:

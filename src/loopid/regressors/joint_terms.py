@@ -75,18 +75,22 @@ class JointTerms:
     def __post_init__(self) -> None:
         repeated = sorted({joint for joint in self.joints if self.joints.count(joint) > 1})
         if repeated:
-            raise OptionError(f"joints are repeated: {', '.join(repeated)}")
+            raise OptionError(f"joints are repeated: {', '.join(repeated)}", joints=repeated)
         each = [kind for kind in self.kinds if not isinstance(kind, str)]
         if each and len(each) != len(self.joints):
             raise OptionError(
                 f"kinds must be of all joints, or one tuple for each of {len(self.joints)}, not "
-                f"{len(each)}"
+                f"{len(each)}",
+                given=len(each),
+                valid=len(self.joints),
             )
         for kind in {kind for kinds in self._own_kinds for kind in kinds}:
             joint_term(kind)
         for name in ("dead_zone", "smoothing"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise OptionError(f"{name} must be a rate from 0 on, not {getattr(self, name)}")
+                given = getattr(self, name)
+                message = f"{name} must be a rate from 0 on, not {given}"
+                raise OptionError(message, argument=name, given=given)
 
     @classmethod
     def of(cls, mechanism: Mechanism, terms: str) -> JointTerms | None:
@@ -126,30 +130,31 @@ class JointTerms:
 
     @classmethod
     def with_values(
-        cls, mechanism: Mechanism, choice: str
+        cls, mechanism: Mechanism, terms: str
     ) -> tuple[JointTerms | None, FloatArray | None]:
-        """The terms of a choice such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
+        """The terms of a terms such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
 
         A spring is slack at zero where no ``Fo`` is given.
         """
         found: dict[str, dict[str, float]] = {}
-        for joints, words in _clauses(mechanism, choice):
+        for joints, words in _clauses(mechanism, terms):
             for word in words:
                 kind, _, number = (part.strip() for part in word.partition("="))
                 try:
                     value = float(number)
                 except ValueError:
                     raise OptionError(
-                        f"terms must be kinds with values, such as Fc=60,Fv=900, not {choice!r}"
+                        f"terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}",
+                        given=word,
                     ) from None
                 joint_term(kind)
                 for joint in mechanism.actuated if joints is None else joints:
                     found.setdefault(joint, {})[kind] = value
-        terms = cls.of_kinds({joint: tuple(values) for joint, values in found.items()})
-        if terms is None:
+        chosen = cls.of_kinds({joint: tuple(values) for joint, values in found.items()})
+        if chosen is None:
             return None, None
-        return terms, np.array(
-            [found[p.link].get(p.kind, 0.0) for p in terms.parameters(mechanism)]
+        return chosen, np.array(
+            [found[p.link].get(p.kind, 0.0) for p in chosen.parameters(mechanism)]
         )
 
     @classmethod
@@ -305,7 +310,9 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
     if len(indices) != 1:
         own = ", ".join(mechanism.coordinates_of([joint]))
         raise OptionError(
-            f"joint {joint} has {len(indices)} coordinates, terms need one: choose among {own}"
+            f"joint {joint} has {len(indices)} coordinates, terms need one: choose among {own}",
+            joint=joint,
+            valid=mechanism.coordinates_of([joint]),
         )
     if joint not in mechanism.joints:
         for kind in kinds:
