@@ -250,7 +250,7 @@ def test_weights_count_as_in_the_fit():
     weights = WeightedLeastSquares().fit(samples.problem).weights * [1, 5]
     X = (samples.regressor * weights[:, None]).reshape(-1, 6)
     expected = np.linalg.lstsq(X[:, [4, 0, 3]], X @ VALUES)[0]
-    np.testing.assert_allclose(truncated_values(samples, VALUES, NAMES, weights), expected)
+    np.testing.assert_allclose(truncated_values(samples, VALUES, NAMES, weights=weights), expected)
 
 
 def test_the_first_parameters_may_be_counted():
@@ -268,4 +268,4 @@ def test_parameters_that_cannot_be_kept_are_refused(kept):
 
 def test_weights_of_another_robot_are_refused():
     with pytest.raises(DataError, match="weights must have shape"):
-        truncated_values(noisy(), VALUES, 2, np.ones(3))
+        truncated_values(noisy(), VALUES, 2, weights=np.ones(3))

@@ -150,7 +150,7 @@ def test_the_scale_of_the_prior_is_the_most_likely_one(scale):
     samples = make_run(seed=5, count=60, truth=truth)
     noise = quiet_fit(samples).noise
     noise = replace(noise, effective_samples=noise.samples.astype(float))
-    found = evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, (0.01, 100.0))
+    found = evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, bounds=(0.01, 100.0))
     weights = 1 / noise.deviation
     X = (samples.regressor * weights[:, None]).reshape(-1, 6)
     y = (samples.force * weights).ravel() - X @ MEAN
@@ -163,7 +163,7 @@ def test_the_scale_of_the_prior_is_the_most_likely_one(scale):
     best = likelihood(found)
     assert all(likelihood(found * other) <= best + 1e-6 for other in (0.5, 0.95, 1.05, 2.0))
     assert scale / 3 < found < 3 * scale
-    assert evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, (10, 20)) == (
+    assert evidence_scale(Prior(NAMES, MEAN, free), samples.problem, noise, bounds=(10, 20)) == (
         pytest.approx(10, rel=1e-2)
     )
 

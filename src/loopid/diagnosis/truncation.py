@@ -59,6 +59,7 @@ def truncated_values(
     data: FitSamples | FitProblem,
     values: FloatArray,
     kept: int | Sequence[str],
+    *,
     weights: FloatArray | None = None,
 ) -> FloatArray:
     """Expected values of a fit of some parameters when the true model has all of them.

@@ -165,7 +165,7 @@ class Prior:
 
 @checked
 def evidence_scale(
-    prior: Prior, problem: FitProblem, noise: NoiseModel, bounds: tuple[float, float]
+    prior: Prior, problem: FitProblem, noise: NoiseModel, *, bounds: tuple[float, float]
 ) -> float:
     """Factor of a prior's standard deviations under which the data are most likely [MacKay1992].
 
