@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pinocchio as pin
 
 from loopid.errors import RobotFileError
@@ -9,7 +11,6 @@ from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
 from loopid.loading.urdf_tree import (
-    Joint,
     UrdfFile,
     child,
     inner_tags,
@@ -19,6 +20,9 @@ from loopid.loading.urdf_tree import (
     placement,
     required,
 )
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint
 
 ENDS = ("predecessor", "successor")
 DRAFTS = ("loop_constraint", "joint_constraint")

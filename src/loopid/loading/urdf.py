@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pinocchio as pin
 from lxml import etree
@@ -25,7 +25,6 @@ from loopid.loading.urdf_tree import (
     LEAST_AXIS,
     ROOT_JOINT,
     Element,
-    Joint,
     UrdfFile,
     build_model,
     child,
@@ -42,6 +41,9 @@ from loopid.loading.urdf_tree import (
 from loopid.registry import urdf_dialects
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint
 
 SEVERAL = ("floating", "planar")  # types of joints with several coordinates
 PARENT_CHILD = ("parent", "child")
@@ -139,11 +141,10 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
                 circle = " mimics ".join(chain)
                 raise RobotFileError(f"joint {circle}: a circle, with no joint to lead it")
     found = {}
-    for name in leaders:
-        mimic = joints[name].mimic
-        if mimic is not None:
-            terms = {name: 1.0} | ({mimic.joint: -mimic.multiplier} if mimic.multiplier else {})
-            found[name] = ClosureDescription(type="coupling", joints=terms, offset=mimic.offset)
+    for name, leading in leaders.items():
+        factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
+        terms = {name: 1.0} | ({leading: -factor} if factor else {})
+        found[name] = ClosureDescription(type="coupling", joints=terms, offset=offset)
     return found
 
 

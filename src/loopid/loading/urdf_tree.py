@@ -1,8 +1,8 @@
 """The tree of a URDF: its links and joints, whose names and numbers are sound.
 
-Damage passes silently elsewhere: readers of URDF take a file that is cut off for a smaller robot,
-and Pinocchio leaves out an ``<inertial>`` with a number that it cannot read. So a copy is made of
-what the tree consists of, in which names and numbers are sound, for Pinocchio and for us.
+Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
+missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
+So both get a copy of what the tree is made of, in which names and numbers are sound.
 """
 
 from __future__ import annotations
@@ -11,17 +11,20 @@ import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.arguments import FloatArray, number
+from loopid.arguments import number
 from loopid.errors import RobotFileError
 from loopid.loading.files import naming
-from loopid.records import record
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint, Robot
 
 Element = etree._Element
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -58,119 +61,21 @@ DECIMALS = range(4, 13)
 SLACK = 1.5
 
 
-@record
-class Mimic:
-    """A ``<mimic>``: factor and offset of the joint that is followed."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
-@record
-class Limit:
-    """A ``<limit>``, in SI units."""
-
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-
-
-@record
-class UrdfInertial:
-    """An ``<inertial>``: the moments are about its origin."""
-
-    origin: FloatArray | None  # (4, 4)
-    mass: float
-    inertia: FloatArray  # (3, 3)
-
-
-@record
-class Link:
-    """A ``<link>``."""
-
-    name: str
-    inertial: UrdfInertial | None
-
-    @classmethod
-    def of(cls, element: Element) -> Link:
-        """Read a sound element."""
-        inertial = element.find("inertial")
-        if inertial is None:
-            return cls(_name(element), None)
-        xx, xy, xz, yy, yz, zz = (_floats(child(inertial, "inertia"), key)[0] for key in MOMENTS)
-        (mass,) = _floats(child(inertial, "mass"), "value")
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return cls(_name(element), UrdfInertial(_matrix(inertial), mass, inertia))
-
-
-@record
-class Joint:
-    """A ``<joint>``."""
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: FloatArray | None  # (4, 4)
-    axis: FloatArray  # (3,)
-    limit: Limit | None
-    mimic: Mimic | None
-
-    @classmethod
-    def of(cls, element: Element) -> Joint:
-        """Read a sound element."""
-        axis, limit, mimic = (element.find(tag) for tag in ("axis", "limit", "mimic"))
-        keys = "lower", "upper", "effort", "velocity"
-        factors = [] if mimic is None else [_floats(mimic, k)[0] for k in ("multiplier", "offset")]
-        return cls(
-            name=_name(element),
-            type=element.get("type", ""),
-            parent=required(child(element, "parent"), "link"),
-            child=required(child(element, "child"), "link"),
-            origin=_matrix(element),
-            axis=np.array([1.0, 0.0, 0.0] if axis is None else _floats(axis, "xyz")),
-            limit=None if limit is None else Limit(*(_floats(limit, key)[0] for key in keys)),
-            mimic=None if mimic is None else Mimic(required(mimic, "joint"), *factors),
-        )
-
-
-@record
-class Robot:
-    """Links and joints in the order of the file."""
-
-    name: str
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-
-
-def _name(element: Element) -> str:
-    return required(element, "name")
-
-
-def _floats(element: Element, attribute: str) -> list[float]:
-    return [float(word) for word in element.get(attribute, "").split()]
-
-
-def _matrix(element: Element) -> FloatArray | None:
-    origin = element.find("origin")
-    return None if origin is None else np.array(placement(origin).homogeneous)
-
-
 @dataclass(frozen=True)
 class UrdfFile:
     """A URDF whose names, numbers and tree are sound."""
 
     root: Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio
-    robot: Robot
+    robot: Robot  # links and joints in the order of the file
     # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF; errors name the file, the element and the offending value."""
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
+    from yourdfpy import URDF  # here, as it takes 0.3 s to import
+
     with naming(path):
         root = urdf_root(path)
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
@@ -190,11 +95,8 @@ def read_urdf_file(path: Path) -> UrdfFile:
             else:
                 copy.append(sound)
             carried |= {link} - {""}
-        robot = Robot(
-            name,
-            tuple(map(Link.of, copy.iterfind("link"))),
-            tuple(map(Joint.of, copy.iterfind("joint"))),
-        )
+        tree = etree.tostring(copy)
+        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
         if not robot.links:
             raise RobotFileError("not a valid URDF: it has no <link>")
         refuse_repetition("link", (link.name for link in robot.links))
@@ -202,12 +104,12 @@ def read_urdf_file(path: Path) -> UrdfFile:
         for joint in robot.joints:
             with naming(f"joint {joint.name}"):
                 _check_joint(joint)
-        for each in robot.links:
-            if each.inertial is not None and each.inertial.mass < 0:
-                mass = f"{each.inertial.mass:g} kg"
-                raise RobotFileError(f"link {each.name}: mass must not be negative: {mass}")
+        for link in robot.links:
+            if link.inertial is not None and link.inertial.mass < 0:
+                mass = f"{link.inertial.mass:g} kg"
+                raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
         _check_tree(robot)
-    return UrdfFile(root, etree.tostring(copy).decode(), robot, tuple(second))
+    return UrdfFile(root, tree.decode(), robot, tuple(second))
 
 
 def urdf_root(path: Path) -> Element:
