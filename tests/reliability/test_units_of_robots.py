@@ -8,6 +8,7 @@ import pytest
 import loopid
 from loopid.errors import LogError
 from loopid.identification import quiet_fit
+from loopid.kinematics import AssemblyOptions
 from loopid.loading import bundled_directory
 from made_runs import logged, wander
 
@@ -52,7 +53,13 @@ def same_poses(metres, millimetres):
     scale[[metres.first_positions[k] for k in metres.prismatic]] = MM
     values = q * scale
     columns = [metres.joint(name).idx_q for name in metres.measured]
-    return q, loopid.assemble(millimetres, values[:, columns], tolerance=1e-9 * MM), values
+    return (
+        q,
+        loopid.assemble(
+            millimetres, values[:, columns], options=AssemblyOptions(tolerance=1e-9 * MM)
+        ),
+        values,
+    )
 
 
 def test_the_same_poses_close(robots):
@@ -109,5 +116,7 @@ def test_a_log_in_other_units_is_refused_with_the_factor(tmp_path, factor, advic
     table[:, 1 : 1 + len(robot.actuated)] *= factor
     place = tmp_path / "run.csv"
     np.savetxt(place, table, delimiter=",", header=head, comments="")
-    with pytest.raises(LogError, match=f"outside its limits.*{advice}.*position_scale"):
+    with pytest.raises(LogError) as refused:
         loopid.read_log(place, robot)
+    assert refused.value.facts["joint"] in robot.actuated
+    assert f" {advice}" in str(refused.value)
