@@ -28,10 +28,7 @@ from example_robots import robots_folder
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.export import regressor_code
 from loopid.identification import ForceModel
-from loopid.kinematics import (
-    ClosedMotion,
-    closed_motion,
-)
+from loopid.kinematics import ClosedMotion, closed_motion
 from loopid.regressors import motion_regressor
 from loopid.workers import one_blas_thread
 from tables import show, write_json

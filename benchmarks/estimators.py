@@ -42,10 +42,7 @@ from loopid.identification import (
     cad_prior,
     quiet_fit,
 )
-from loopid.motion import (
-    Motion,
-    differentiate,
-)
+from loopid.motion import Motion, differentiate
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 

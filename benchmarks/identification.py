@@ -35,10 +35,7 @@ from loopid import (
     simulate_measurement,
 )
 from loopid.diagnosis import eliminate_parameters
-from loopid.identification import (
-    WeightedLeastSquares,
-    quiet_fit,
-)
+from loopid.identification import WeightedLeastSquares, quiet_fit
 from tables import show, write_json
 
 RUNS, FILTER = 5, FilterOptions(cutoff=5.0)

@@ -7,19 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from loopid import (
-    Mechanism,
-    Observation,
-    ParameterSet,
-    find_base_parameters,
-    load_mechanism,
-)
+from loopid import Mechanism, Observation, ParameterSet, find_base_parameters, load_mechanism
 from loopid.base_parameters import BaseParameters, SearchEffort
-from loopid.identification import (
-    FitProblem,
-    FitResult,
-    OrdinaryLeastSquares,
-)
+from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
 from loopid.kinematics import torque_regressors
 from loopid.observation import triangular_factor
 from loopid.parameters import Parameter

@@ -25,10 +25,7 @@ from loopid.paper.symbolic import (
     gravity_regressor as symbolic_regressor,
     read_geometry,
 )
-from loopid.regressors import (
-    gravity_regressor,
-    structural_observation,
-)
+from loopid.regressors import gravity_regressor, structural_observation
 from tables import show, write_json
 
 URDF = Path(__file__).parents[1] / "urdf"

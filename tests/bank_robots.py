@@ -12,10 +12,7 @@ import pytest
 from bank_doc import table
 from loopid import load_mechanism, random_configurations
 from loopid.base_parameters import analyse
-from loopid.kinematics import (
-    closed_motion,
-    random_motions,
-)
+from loopid.kinematics import closed_motion, random_motions
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
 

@@ -6,10 +6,7 @@ import numpy as np
 
 from closure_robots import body, urdf
 from loopid import JointTerms
-from loopid.kinematics import (
-    measured_coordinates,
-    platform_coordinates,
-)
+from loopid.kinematics import measured_coordinates, platform_coordinates
 from loopid.logs import Recording
 from loopid.motion import (
     FourierSeries,

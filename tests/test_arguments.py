@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from loopid import random_configurations, structural_observation
-from loopid.arguments import (
-    FloatArray,
-    checked,
-)
+from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.kinematics import random_motions
 

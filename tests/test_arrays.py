@@ -5,10 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from loopid.arguments import (
-    LARGEST,
-    finite,
-)
+from loopid.arguments import LARGEST, finite
 from loopid.errors import DataError
 
 SIZES = st.floats(-LARGEST, LARGEST)

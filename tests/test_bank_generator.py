@@ -11,10 +11,7 @@ from hypothesis import given, settings, strategies as st
 from bank_doc import table
 from bank_robots import ROBOTS, URDF, count, load, nearby, plan, ranks, row
 from loopid import assemble
-from loopid.kinematics import (
-    constraint_residual,
-    try_assemble,
-)
+from loopid.kinematics import constraint_residual, try_assemble
 from loopid.robot import inertia_defects
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")

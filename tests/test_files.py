@@ -5,15 +5,8 @@ import stat
 
 import pytest
 
-from loopid.errors import (
-    FileError,
-    LoopidError,
-)
-from loopid.files import (
-    require_folder,
-    write_file,
-    write_files,
-)
+from loopid.errors import FileError, LoopidError
+from loopid.files import require_folder, write_file, write_files
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
 

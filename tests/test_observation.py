@@ -10,10 +10,7 @@ from hypothesis import given, settings, strategies as st
 from loopid import Observation, ParameterSet, load_mechanism, structural_observation
 from loopid.base_parameters import analyse
 from loopid.errors import DataError
-from loopid.observation import (
-    add_rows,
-    triangular_factor,
-)
+from loopid.observation import add_rows, triangular_factor
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)

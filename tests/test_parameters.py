@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    OptionError,
-    one_line,
-)
-from loopid.parameters import (
-    GRAVITY_KINDS,
-    KINDS,
-    Parameter,
-    ParameterSet,
-    model_kinds,
-)
+from loopid.errors import OptionError, one_line
+from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet, model_kinds
 
 links = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=8)
 parameters = st.builds(Parameter, links, st.sampled_from(KINDS))

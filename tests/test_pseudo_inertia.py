@@ -5,15 +5,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.identification.consistent_program import (
-    matrix,
-    vector,
-)
-from loopid.inertia import (
-    parameters_of,
-    pseudo_inertia,
-    upper_factor,
-)
+from loopid.identification.consistent_program import matrix, vector
+from loopid.inertia import parameters_of, pseudo_inertia, upper_factor
 
 seeds = st.integers(0, 2**32 - 1)
 

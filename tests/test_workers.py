@@ -13,10 +13,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from loopid.errors import OptionError
-from loopid.workers import (
-    one_blas_thread,
-    ordered_map,
-)
+from loopid.workers import one_blas_thread, ordered_map
 
 # Prints the numbers of its workers, for a long time.
 PARENT = """

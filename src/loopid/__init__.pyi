@@ -28,18 +28,13 @@ from .diagnosis import (
     identify_payload as identify_payload,
     study_logs as study_logs,
 )
-from .errors import (
-    LoopidError as LoopidError,
-)
+from .errors import LoopidError as LoopidError
 from .excitation import (
     DesignOptions as DesignOptions,
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import (
-    export_regressor as export_regressor,
-    export_robot_file as export_robot_file,
-)
+from .export import export_regressor as export_regressor, export_robot_file as export_robot_file
 from .identification import (
     BayesianRidge as BayesianRidge,
     FitOptions as FitOptions,
@@ -55,14 +50,8 @@ from .identification import (
     save_fit as save_fit,
     split_recordings as split_recordings,
 )
-from .kinematics import (
-    assemble as assemble,
-    random_configurations as random_configurations,
-)
-from .loading import (
-    bundled_robots as bundled_robots,
-    load_mechanism as load_mechanism,
-)
+from .kinematics import assemble as assemble, random_configurations as random_configurations
+from .loading import bundled_robots as bundled_robots, load_mechanism as load_mechanism
 from .logs import (
     FilterOptions as FilterOptions,
     Log as Log,
@@ -80,12 +69,8 @@ from .motion import (
     review_motion as review_motion,
     simulate_measurement as simulate_measurement,
 )
-from .observation import (
-    Observation as Observation,
-)
-from .parameters import (
-    ParameterSet as ParameterSet,
-)
+from .observation import Observation as Observation
+from .parameters import ParameterSet as ParameterSet
 from .regressors import (
     ClosedLoop as ClosedLoop,
     JointTerms as JointTerms,
@@ -93,6 +78,4 @@ from .regressors import (
     gravity_regressor as gravity_regressor,
     structural_observation as structural_observation,
 )
-from .robot import (
-    Mechanism as Mechanism,
-)
+from .robot import Mechanism as Mechanism

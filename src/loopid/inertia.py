@@ -11,10 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import (
-    FloatArray,
-    finite,
-)
+from loopid.arguments import FloatArray, finite
 from loopid.errors import DataError
 from loopid.parameters import KINDS
 

@@ -14,14 +14,7 @@ from dataclasses import field
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    checked,
-    finite,
-    frozen,
-    row_blocks,
-)
+from loopid.arguments import BoolArray, FloatArray, checked, finite, frozen, row_blocks
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.records import record

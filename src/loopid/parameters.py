@@ -10,9 +10,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import (
-    IntArray,
-)
+from loopid.arguments import IntArray
 from loopid.errors import OptionError
 from loopid.records import record
 

@@ -14,11 +14,7 @@ from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEv
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
-from loopid.errors import (
-    FileError,
-    LoopidError,
-    RobotFileError,
-)
+from loopid.errors import FileError, LoopidError, RobotFileError
 from loopid.files import why_no_file
 
 

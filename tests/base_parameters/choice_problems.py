@@ -7,14 +7,8 @@ import numpy as np
 from hypothesis import assume, strategies as st
 from scipy.linalg import block_diag
 
-from loopid.base_parameters import (
-    ChoiceProblem,
-    Structure,
-)
-from loopid.parameters import (
-    KINDS,
-    ParameterSet,
-)
+from loopid.base_parameters import ChoiceProblem, Structure
+from loopid.parameters import KINDS, ParameterSet
 
 # Choices that are not equal to round-off should not tie by chance either.
 EQUAL, DISTINCT = 1e-12, 1e-6

@@ -14,12 +14,7 @@ from loopid.base_parameters import (
     analyse,
     find_base_parameters,
 )
-from loopid.errors import (
-    AccuracyWarning,
-    LoopidError,
-    OptionError,
-    RankError,
-)
+from loopid.errors import AccuracyWarning, LoopidError, OptionError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 

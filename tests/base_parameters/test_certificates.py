@@ -9,13 +9,7 @@ from choice_problems import structure
 from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 
 from loopid import bundled_robots, load_mechanism, structural_observation
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    ExactSearch,
-    SearchEffort,
-    analyse,
-)
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, SearchEffort, analyse
 from loopid.base_parameters.blocks import split
 from loopid.base_parameters.tree import margin
 from smooth_data import runs

@@ -4,12 +4,7 @@ import pytest
 from choice_problems import BASES, brute_force, problems, random_bases, random_structure
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    ExactSearch,
-    ExhaustiveSearch,
-)
+from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
 
 
 def assert_agreement(problem, brute):

@@ -17,9 +17,7 @@ from loopid.base_parameters import (
     SearchEffort,
     SubgroupSearch,
 )
-from loopid.errors import (
-    OptionError,
-)
+from loopid.errors import OptionError
 
 OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch()]
 

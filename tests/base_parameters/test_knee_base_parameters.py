@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import Observation, find_base_parameters, gravity_regressor, random_configurations
-from loopid.base_parameters import (
-    ChoiceProblem,
-    SubgroupSearch,
-)
+from loopid.base_parameters import ChoiceProblem, SubgroupSearch
 
 # What the actuators cannot feel at all: cylinders that turn about their origin have no weight,
 # and the first moments of limb 4 along its horizontal axis do no work.

@@ -8,10 +8,7 @@ from ruamel.yaml import YAML
 from loopid import find_base_parameters
 from loopid.errors import AccuracyWarning
 from loopid.loading import bundled_directory
-from loopid.paper.symbolic import (
-    Geometry,
-    base_parameter_rows,
-)
+from loopid.paper.symbolic import Geometry, base_parameter_rows
 
 CONFIGURATIONS = [
     (robot, number)

@@ -5,15 +5,9 @@ import pytest
 from choice_problems import BASES, brute_force, parameters, structures
 from hypothesis import given, settings, strategies as st
 
-from loopid.base_parameters import (
-    ChoiceProblem,
-    find_base_parameters,
-)
+from loopid.base_parameters import ChoiceProblem, find_base_parameters
 from loopid.base_parameters.choice import condition_numbers
-from loopid.base_parameters.structure import (
-    base_columns,
-    regrouping_matrix,
-)
+from loopid.base_parameters.structure import base_columns, regrouping_matrix
 from loopid.observation import Observation
 
 SEEDS = st.integers(0, 10**6)

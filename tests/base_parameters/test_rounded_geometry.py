@@ -12,16 +12,8 @@ from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
 from loopid import JointTerms, find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import analyse
-from loopid.errors import (
-    AccuracyWarning,
-    ModelWarning,
-)
-from loopid.kinematics import (
-    geometry_accuracy,
-    largest_residual,
-    same_motion,
-    within_accuracy,
-)
+from loopid.errors import AccuracyWarning, ModelWarning
+from loopid.kinematics import geometry_accuracy, largest_residual, same_motion, within_accuracy
 
 URDF = Path(__file__).parents[2] / "urdf"
 # A linkage of parallelograms moves like one crank: weight (two moments) and, in motion, inertia.

@@ -21,10 +21,7 @@ from loopid.base_parameters import (
     find_base_parameters,
     find_felt_parameters,
 )
-from loopid.errors import (
-    LoopidError,
-    OptionError,
-)
+from loopid.errors import LoopidError, OptionError
 from loopid.observation import Observation
 
 

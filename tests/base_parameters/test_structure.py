@@ -5,17 +5,9 @@ import pytest
 from choice_problems import parameters
 from hypothesis import given, strategies as st
 
-from loopid.base_parameters import (
-    SEARCHES,
-    analyse,
-    find_base_parameters,
-)
+from loopid.base_parameters import SEARCHES, analyse, find_base_parameters
 from loopid.observation import Observation
-from loopid.parameters import (
-    GRAVITY_KINDS,
-    KINDS,
-    ParameterSet,
-)
+from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 
 SEEDS = st.integers(0, 10**6)
 

@@ -14,9 +14,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base_parameters,
 )
-from loopid.errors import (
-    OptionError,
-)
+from loopid.errors import OptionError
 from loopid.observation import Observation
 
 

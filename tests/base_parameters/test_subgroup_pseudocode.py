@@ -9,11 +9,7 @@ import pytest
 from choice_problems import BASES, structures
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    SubgroupSearch,
-)
+from loopid.base_parameters import CRITERIA, ChoiceProblem, SubgroupSearch
 
 
 def rank_and_condition(V22):

@@ -12,12 +12,7 @@ import pytest
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.errors import FileError
-from loopid.identification import (
-    FitResult,
-    Quality,
-    read_fit,
-    save_fit,
-)
+from loopid.identification import FitResult, Quality, read_fit, save_fit
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 

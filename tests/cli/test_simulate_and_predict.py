@@ -9,10 +9,7 @@ import pytest
 
 import loopid
 from loopid.logs import Recording
-from loopid.motion import (
-    log_text,
-    scaled_bodies,
-)
+from loopid.motion import log_text, scaled_bodies
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "urdf" / "logs" / "five_bar.csv"

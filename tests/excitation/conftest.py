@@ -3,10 +3,7 @@ import pytest
 
 from loopid import Noise, joint_motion, load_mechanism, simulate_measurement
 from loopid.logs import Recording
-from loopid.motion import (
-    Waypoint,
-    point_to_point,
-)
+from loopid.motion import Waypoint, point_to_point
 
 
 @pytest.fixture(scope="session")

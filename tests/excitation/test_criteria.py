@@ -1,10 +1,7 @@
 import numpy as np
 import pytest
 
-from loopid.excitation import (
-    CRITERIA,
-    Criteria,
-)
+from loopid.excitation import CRITERIA, Criteria
 from loopid.excitation.criteria import OfCombinations
 
 

@@ -7,18 +7,10 @@ import loopid
 from closure_robots import Y, body, files, joint, urdf
 from linkages import five_bar as five_bar_of
 from loopid import DesignOptions, MotionLimits, design_excitation, find_force_model
-from loopid.errors import (
-    AssemblyError,
-    DataWarning,
-    MissingExtraError,
-    OptionError,
-)
+from loopid.errors import AssemblyError, DataWarning, MissingExtraError, OptionError
 from loopid.identification import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import (
-    Log,
-    prepare_recording,
-)
+from loopid.logs import Log, prepare_recording
 
 QUICK = DesignOptions(starts=1, evaluations=10, solver="slsqp", rate=20.0)
 FINE = replace(QUICK, rate=100.0)

@@ -10,11 +10,7 @@ from loopid.errors import ModelWarning
 from loopid.excitation import CRITERIA
 from loopid.excitation.collisions import Collisions, convex_hull
 from loopid.excitation.limits import Bounds
-from loopid.excitation.problem import (
-    Coordinates,
-    Problem,
-    evaluate,
-)
+from loopid.excitation.problem import Coordinates, Problem, evaluate
 from loopid.excitation.shapes import FourierShape
 from loopid.kinematics import measured_coordinates
 

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import OptionError
-from loopid.excitation.shapes import (
-    FourierShape,
-    PosesShape,
-    SplineShape,
-)
+from loopid.excitation.shapes import FourierShape, PosesShape, SplineShape
 
 SHAPES = [FourierShape(7.0, 4), SplineShape(7.0, 5), PosesShape(7.0, 4)]
 

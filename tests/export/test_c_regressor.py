@@ -17,26 +17,11 @@ from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from compiled_c import NUMBERS, CompiledRegressor
 from loopid import JointTerms, Mechanism, find_force_model, load_mechanism, random_configurations
 from loopid.base_parameters import BaseParameters
-from loopid.errors import (
-    AccuracyWarning,
-    DataError,
-    MissingExtraError,
-    OptionError,
-)
-from loopid.export import (
-    export_regressor,
-    regressor_code,
-)
+from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
+from loopid.export import export_regressor, regressor_code
 from loopid.identification import ForceModel
-from loopid.kinematics import (
-    closed_motion,
-    constraint_residual,
-    nearby_configurations,
-)
-from loopid.regressors import (
-    motion_parameters,
-    motion_regressor,
-)
+from loopid.kinematics import closed_motion, constraint_residual, nearby_configurations
+from loopid.regressors import motion_parameters, motion_regressor
 from loopid.robot import Body
 
 pytestmark = [

@@ -9,12 +9,7 @@ from feasible_changes import changed, relative
 
 from loopid import JointTerms, find_force_model, load_mechanism
 from loopid.export import export_robot_file
-from loopid.identification import (
-    consistent_fit,
-    quiet_fit,
-    read_fit,
-    save_fit,
-)
+from loopid.identification import consistent_fit, quiet_fit, read_fit, save_fit
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 from loopid.robot import inertia_defects

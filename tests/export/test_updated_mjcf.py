@@ -8,15 +8,8 @@ from feasible_changes import changed, forces, forces_of_file, relative
 from lxml import etree
 
 from loopid import load_mechanism
-from loopid.errors import (
-    DataError,
-    OptionError,
-    RobotFileError,
-)
-from loopid.export import (
-    export_robot_file,
-    updated_robot_file,
-)
+from loopid.errors import DataError, OptionError, RobotFileError
+from loopid.export import export_robot_file, updated_robot_file
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 pytestmark = pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")

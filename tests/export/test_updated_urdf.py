@@ -19,16 +19,8 @@ from feasible_changes import (
 from bank_robots import few_of
 from closure_robots import body, frame, joint, urdf
 from loopid import JointTerms, bundled_robots, load_mechanism
-from loopid.errors import (
-    DataError,
-    FileError,
-    OptionError,
-    RobotFileError,
-)
-from loopid.export import (
-    export_robot_file,
-    updated_robot_file,
-)
+from loopid.errors import DataError, FileError, OptionError, RobotFileError
+from loopid.export import export_robot_file, updated_robot_file
 
 ROUND_TRIP = 1e-9
 # Found without loopid's own reader: whatever is between the tags, comments and all.

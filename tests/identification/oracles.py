@@ -3,10 +3,7 @@
 import cvxpy as cp
 import numpy as np
 
-from loopid.inertia import (
-    parameters_of,
-    pseudo_inertia,
-)
+from loopid.inertia import parameters_of, pseudo_inertia
 from loopid.parameters import KINDS
 
 

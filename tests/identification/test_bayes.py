@@ -7,11 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import multivariate_normal
 
-from loopid.errors import (
-    DataError,
-    OptionError,
-    RankError,
-)
+from loopid.errors import DataError, OptionError, RankError
 from loopid.identification import (
     BayesianRidge,
     FitSamples,

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 from oracles import bodies_of, body_columns, fitted as independent_fit, least_relative, shaken
 
-from loopid.errors import (
-    DataError,
-    MissingExtraError,
-    OptionError,
-)
+from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.identification import (
     REGULARISATIONS,
     OrdinaryLeastSquares,
@@ -19,10 +15,7 @@ from loopid.identification import (
     consistent_parameters,
     consistent_program as program,
 )
-from loopid.inertia import (
-    parameters_of,
-    pseudo_inertia,
-)
+from loopid.inertia import parameters_of, pseudo_inertia
 from loopid.parameters import ParameterSet
 
 

@@ -5,15 +5,8 @@ import pytest
 from oracles import bodies_of, body_columns, closest, least_eigenvalue, least_relative, shaken
 
 from loopid import load_mechanism
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
-from loopid.identification import (
-    REGULARISATIONS,
-    consistent_parameters,
-    find_force_model,
-)
+from loopid.errors import DataError, OptionError
+from loopid.identification import REGULARISATIONS, consistent_parameters, find_force_model
 
 MARGIN = 1e-3
 

@@ -8,10 +8,7 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
-from loopid.errors import (
-    DataWarning,
-    OptionError,
-)
+from loopid.errors import DataWarning, OptionError
 from loopid.identification import (
     FitSamples,
     OrdinaryLeastSquares,

@@ -7,16 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from loopid import JointTerms, load_mechanism
-from loopid.identification import (
-    FitSamples,
-    OrdinaryLeastSquares,
-    find_force_model,
-    quiet_fit,
-)
-from loopid.motion import (
-    FourierSeries,
-    joint_motion,
-)
+from loopid.identification import FitSamples, OrdinaryLeastSquares, find_force_model, quiet_fit
+from loopid.motion import FourierSeries, joint_motion
 from made_runs import friction, wander
 
 RUNS = 25

@@ -21,15 +21,9 @@ from loopid import (
     simulate_measurement,
 )
 from loopid.diagnosis.bands import sweep_fit
-from loopid.errors import (
-    DataWarning,
-    LogError,
-)
+from loopid.errors import DataWarning, LogError
 from loopid.identification import quiet_fit
-from loopid.logs import (
-    Log,
-    motion_spectrum,
-)
+from loopid.logs import Log, motion_spectrum
 from made_runs import quietly
 
 STEP = 2 * np.pi / 2**17  # rad, of the encoders

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from loopid.diagnosis import eliminate_parameters
-from loopid.errors import (
-    OptionError,
-    RankError,
-)
+from loopid.errors import OptionError, RankError
 from loopid.identification import (
     BayesianRidge,
     Bisquare,
@@ -23,10 +20,7 @@ from loopid.identification import (
     quiet_fit,
     working_fit,
 )
-from loopid.parameters import (
-    Parameter,
-    ParameterSet,
-)
+from loopid.parameters import Parameter, ParameterSet
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

@@ -8,11 +8,7 @@ import pytest
 from dask import delayed
 
 from loopid import JointTerms, random_configurations
-from loopid.errors import (
-    DataError,
-    MissingExtraError,
-    OptionError,
-)
+from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.identification import (
     BayesianRidge,
     FitSamples,
@@ -25,10 +21,7 @@ from loopid.identification import (
     quiet_fit,
 )
 from loopid.identification.robot_prior import body_sizes
-from loopid.kinematics import (
-    closed_motion,
-    random_motions,
-)
+from loopid.kinematics import closed_motion, random_motions
 from loopid.logs import Recording
 from loopid.motion import JointMotion
 from loopid.regressors import force_parts

@@ -12,22 +12,11 @@ from linkages import LINKAGES
 from loopid import forward_dynamics, random_configurations
 from loopid.diagnosis import examine
 from loopid.errors import RankError
-from loopid.identification import (
-    find_force_model,
-    fit,
-    identify,
-    quiet_fit,
-)
-from loopid.kinematics import (
-    random_motions,
-    singularity_measure,
-)
+from loopid.identification import find_force_model, fit, identify, quiet_fit
+from loopid.kinematics import random_motions, singularity_measure
 from loopid.logs import Recording
 from loopid.motion import JointMotion
-from loopid.report.identify import (
-    identification_record,
-    identification_tables,
-)
+from loopid.report.identify import identification_record, identification_tables
 from made_runs import quietly
 
 DRAWS = 25

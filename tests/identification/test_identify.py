@@ -9,12 +9,7 @@ import pytest
 
 from loopid import JointTerms
 from loopid.diagnosis import StudyOptions, eliminate, examine, judge_essential
-from loopid.errors import (
-    DataError,
-    DataWarning,
-    OptionError,
-    RankError,
-)
+from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
     CorrelationOptions,
     FitOptions,

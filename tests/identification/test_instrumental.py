@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    OptionError,
-    RankError,
-)
-from loopid.identification import (
-    FitSamples,
-    InstrumentalVariables,
-    quiet_fit,
-)
+from loopid.errors import OptionError, RankError
+from loopid.identification import FitSamples, InstrumentalVariables, quiet_fit
 from smooth_data import (
     TRUTH,
     assert_coverage,

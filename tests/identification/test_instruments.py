@@ -5,18 +5,9 @@ import pytest
 
 from loopid import JointTerms
 from loopid.errors import DataError
-from loopid.identification import (
-    find_force_model,
-    quiet_fit,
-    reference_instruments,
-)
+from loopid.identification import find_force_model, quiet_fit, reference_instruments
 from loopid.logs import Recording
-from loopid.motion import (
-    FourierSeries,
-    Motion,
-    differentiate,
-    joint_motion,
-)
+from loopid.motion import FourierSeries, Motion, differentiate, joint_motion
 
 RATE, NOISE, DRAWS = 100.0, 1e-4, 25
 

@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    DataError,
-    RankError,
-)
-from loopid.identification import (
-    FitSamples,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    quiet_fit,
-)
+from loopid.errors import DataError, RankError
+from loopid.identification import FitSamples, OrdinaryLeastSquares, WeightedLeastSquares, quiet_fit
 from smooth_data import DEVIATIONS, assert_coverage, covered, named, named_samples, runs
 
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0])

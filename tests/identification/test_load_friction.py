@@ -17,10 +17,7 @@ from loopid import (
     save_fit,
 )
 from loopid.diagnosis import compare_terms
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import quietly, record, wander

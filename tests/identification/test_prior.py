@@ -4,27 +4,12 @@ import numpy as np
 import pytest
 from oracles import bodies_of
 
-from loopid.errors import (
-    DataError,
-)
-from loopid.identification import (
-    consistent_fit,
-    consistent_parameters,
-    repaired_prior,
-)
-from loopid.identification.consistent_prior import (
-    THICKNESS,
-    sound_prior,
-)
-from loopid.identification.consistent_program import (
-    matrix,
-    minimise,
-)
+from loopid.errors import DataError
+from loopid.identification import consistent_fit, consistent_parameters, repaired_prior
+from loopid.identification.consistent_prior import THICKNESS, sound_prior
+from loopid.identification.consistent_program import matrix, minimise
 from loopid.inertia import FLAT
-from loopid.parameters import (
-    KINDS,
-    ParameterSet,
-)
+from loopid.parameters import KINDS, ParameterSet
 from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)

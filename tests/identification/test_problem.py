@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import DataError
-from loopid.identification import (
-    FitProblem,
-    FitSamples,
-    WeightedLeastSquares,
-)
+from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares
 from smooth_data import TRUTH, autoregressive, named, named_samples, smooth_regressor
 
 

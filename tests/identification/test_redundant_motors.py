@@ -4,17 +4,9 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms
-from loopid.identification import (
-    find_force_model,
-    identify,
-    quiet_fit,
-)
+from loopid.identification import find_force_model, identify, quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import (
-    Recording,
-    prepare_recording,
-    read_log,
-)
+from loopid.logs import Recording, prepare_recording, read_log
 from loopid.motion import simulate_measurement
 from made_runs import logged, quietly, wander
 

@@ -4,19 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
-from loopid.identification import (
-    Bisquare,
-    WeightedLeastSquares,
-    quiet_fit,
-)
-from loopid.identification.robust import (
-    bisquare,
-    huber,
-)
+from loopid.errors import DataError, OptionError
+from loopid.identification import Bisquare, WeightedLeastSquares, quiet_fit
+from loopid.identification.robust import bisquare, huber
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

@@ -10,16 +10,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
-from loopid.base_parameters import (
-    ExactSearch,
-    SearchEffort,
-    SearchStrategy,
-)
-from loopid.errors import (
-    DataError,
-    FileError,
-    OptionError,
-)
+from loopid.base_parameters import ExactSearch, SearchEffort, SearchStrategy
+from loopid.errors import DataError, FileError, OptionError
 from loopid.export import export_robot_file
 from loopid.identification import (
     SavedFit,

@@ -5,11 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.robot import (
-    Body,
-    LoopClosure,
-    Mechanism,
-)
+from loopid.robot import Body, LoopClosure, Mechanism
 
 ROD = 0.4
 KINDS = ("3d", "6d", "hinge", "universal", "prismatic", "cylindrical", "2d", "distance")

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from loopid import assemble, random_configurations
-from loopid.errors import (
-    AssemblyError,
-    DataError,
-    MobilityError,
-    OptionError,
-)
+from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
 from loopid.kinematics import (
     Assembly,
     AssemblyOptions,

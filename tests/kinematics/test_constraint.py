@@ -22,10 +22,7 @@ import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
 from linkages import LINKAGES, PLANAR
 from loopid import find_base_parameters, random_configurations, structural_observation
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     assemble,
     close_loops,
@@ -38,10 +35,7 @@ from loopid.kinematics import (
     singularity_measure,
 )
 from loopid.robot import CLOSURE_KINDS
-from loopid.robot.closures import (
-    ClosureKind,
-    Square,
-)
+from loopid.robot.closures import ClosureKind, Square
 
 
 def with_kinds(mechanism, kinds):

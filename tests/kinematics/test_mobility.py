@@ -10,11 +10,7 @@ from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
-from loopid.errors import (
-    MobilityError,
-    ModelWarning,
-    RobotFileError,
-)
+from loopid.errors import MobilityError, ModelWarning, RobotFileError
 from loopid.kinematics import (
     independent_coordinates,
     mobility,

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from loopid import assemble
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     constraint_drift,
     constraint_jacobian,

@@ -9,13 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from loopid import assemble, load_mechanism, random_configurations
-from loopid.errors import (
-    AccuracyWarning,
-    DataError,
-    MobilityError,
-    OptionError,
-    SingularityError,
-)
+from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     closed_motion,

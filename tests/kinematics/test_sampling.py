@@ -9,10 +9,7 @@ import pytest
 from closure_robots import loop
 from linkages import LINKAGES, four_bar
 from loopid import assemble, random_configurations
-from loopid.errors import (
-    AssemblyError,
-    OptionError,
-)
+from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics import (
     NEAR_SINGULARITY,
     SamplingOptions,

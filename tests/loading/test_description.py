@@ -19,11 +19,7 @@ from loopid.errors import (
     OptionError,
     RobotFileError,
 )
-from loopid.kinematics import (
-    constraint_residual,
-    mobility,
-    singularity_measure,
-)
+from loopid.kinematics import constraint_residual, mobility, singularity_measure
 from loopid.loading.description import Description
 from small_tree import PARTS
 

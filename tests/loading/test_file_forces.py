@@ -14,20 +14,10 @@ from loopid import (
     read_fit,
     save_fit,
 )
-from loopid.errors import (
-    ModelWarning,
-    OptionError,
-    RobotFileError,
-)
+from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.identification import cad_prior
-from loopid.kinematics import (
-    closed_motion,
-    random_motions,
-)
-from loopid.regressors import (
-    file_forces,
-    motion_regressor,
-)
+from loopid.kinematics import closed_motion, random_motions
+from loopid.regressors import file_forces, motion_regressor
 
 BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'
 # Everything that MuJoCo knows of one joint, with actuators that act along one.

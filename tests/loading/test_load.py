@@ -7,16 +7,8 @@ import pinocchio as pin
 import pytest
 
 from loopid import bundled_robots, load_mechanism, random_configurations
-from loopid.errors import (
-    ModelWarning,
-    RobotFileError,
-)
-from loopid.kinematics import (
-    constraint_residual,
-    mobility,
-    platform_coordinates,
-    torque_regressors,
-)
+from loopid.errors import ModelWarning, RobotFileError
+from loopid.kinematics import constraint_residual, mobility, platform_coordinates, torque_regressors
 from loopid.loading import bundled_directory
 from small_tree import PARTS
 

@@ -9,16 +9,8 @@ import pytest
 from hypothesis import assume, example, given, strategies as st
 
 from loopid import load_mechanism
-from loopid.errors import (
-    FileError,
-    LoopidError,
-    MissingExtraError,
-    RobotFileError,
-)
-from loopid.kinematics import (
-    constraint_jacobian,
-    constraint_residual,
-)
+from loopid.errors import FileError, LoopidError, MissingExtraError, RobotFileError
+from loopid.kinematics import constraint_jacobian, constraint_residual
 
 mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 read_mjcf = importlib.import_module("loopid.formats.mjcf").read_mjcf

@@ -9,9 +9,7 @@ import pytest
 
 from bank_robots import moved
 from loopid import load_mechanism, random_configurations
-from loopid.errors import (
-    ModelWarning,
-)
+from loopid.errors import ModelWarning
 from loopid.kinematics import mobility
 from loopid.robot import lock_options
 from others_robots import ROWS, each, load, path, poses

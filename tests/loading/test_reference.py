@@ -7,11 +7,7 @@ from closure_robots import files, tie
 from linkages import five_bar
 from loopid import load_mechanism, random_configurations
 from loopid.errors import ModelWarning
-from loopid.kinematics import (
-    NEAR_SINGULARITY,
-    mobility,
-    singularity_measure,
-)
+from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"

@@ -11,12 +11,7 @@ from closure_robots import files
 from linkages import four_bar
 from loopid import load_mechanism
 from loopid.kinematics import mobility
-from loopid.loading import (
-    Dialect,
-    TreeSource,
-    closure_of,
-    linked,
-)
+from loopid.loading import Dialect, TreeSource, closure_of, linked
 from loopid.registry import robot_formats, urdf_dialects
 from loopid.robot import CLOSURE_KINDS
 

@@ -11,17 +11,8 @@ from cad_export import cad_export
 from closure_robots import files
 from linkages import four_bar
 from loopid import find_base_parameters, load_mechanism, structural_observation
-from loopid.errors import (
-    AccuracyWarning,
-    MobilityError,
-    OptionError,
-    RankError,
-    RobotFileError,
-)
-from loopid.kinematics import (
-    largest_residual,
-    mobility,
-)
+from loopid.errors import AccuracyWarning, MobilityError, OptionError, RankError, RobotFileError
+from loopid.kinematics import largest_residual, mobility
 
 # Independent equations and base parameters of the full model: loops that only special geometry
 # lets move.

@@ -20,11 +20,7 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.errors import (
-    AccuracyWarning,
-    ModelWarning,
-    RobotFileError,
-)
+from loopid.errors import AccuracyWarning, ModelWarning, RobotFileError
 from loopid.kinematics import mobility
 from loopid.loading import read_urdf_file
 from loopid.loading.urdf import read_urdf

@@ -6,13 +6,7 @@ import numpy as np
 
 from loopid import JointTerms
 from loopid.kinematics import platform_coordinates
-from loopid.motion import (
-    JointMotion,
-    Waypoint,
-    joint_motion,
-    point_to_point,
-    simulate_measurement,
-)
+from loopid.motion import JointMotion, Waypoint, joint_motion, point_to_point, simulate_measurement
 
 FRICTION = np.array([17.0, 300.0, 22.0, 300.0, 19.0, 300.0, 230.0, 2000.0])
 EPOCH = 1_608_291_576  # s

@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
 
-from loopid.errors import (
-    DataWarning,
-    LogError,
-    OptionError,
-)
-from loopid.logs import (
-    LogMapping,
-    read_log,
-)
+from loopid.errors import DataWarning, LogError, OptionError
+from loopid.logs import LogMapping, read_log
 
 COUNT = 400
 

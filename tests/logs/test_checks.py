@@ -5,10 +5,7 @@ import pytest
 from simulated_logs import table
 
 from loopid import load_mechanism
-from loopid.errors import (
-    DataWarning,
-    LogError,
-)
+from loopid.errors import DataWarning, LogError
 from loopid.logs import read_log
 
 

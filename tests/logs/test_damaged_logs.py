@@ -12,16 +12,8 @@ from hypothesis import example, given, settings, strategies as st
 from recorded_logs import write_any
 
 from loopid.diagnosis import suspicions
-from loopid.errors import (
-    FileError,
-    LogError,
-    LoopidError,
-)
-from loopid.logs import (
-    LogMapping,
-    prepare_recording,
-    read_log,
-)
+from loopid.errors import FileError, LogError, LoopidError
+from loopid.logs import LogMapping, prepare_recording, read_log
 
 POSITIONS, FORCES = (1, 2, 3, 4), (5, 6, 7, 8)
 

@@ -9,17 +9,8 @@ import pytest
 from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
-from loopid.errors import (
-    DataWarning,
-    FileError,
-    LogError,
-    MissingExtraError,
-)
-from loopid.logs import (
-    LogMapping,
-    prepare_recording,
-    read_log,
-)
+from loopid.errors import DataWarning, FileError, LogError, MissingExtraError
+from loopid.logs import LogMapping, prepare_recording, read_log
 from loopid.logs.reading import read_streams
 from loopid.motion import JointMotion
 

@@ -10,10 +10,7 @@ from recorded_logs import write_any
 from simulated_logs import stream_text, table
 
 from block_sizes import set_block_rows
-from loopid.logs import (
-    prepare_recording,
-    read_log,
-)
+from loopid.logs import prepare_recording, read_log
 from loopid.motion import JointMotion
 
 __all__ = ["set_block_rows"]

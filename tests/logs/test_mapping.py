@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 from simulated_logs import table
 
-from loopid.errors import (
-    FileError,
-    LogError,
-)
-from loopid.logs import (
-    LogMapping,
-    read_log,
-    read_mapping,
-)
+from loopid.errors import FileError, LogError
+from loopid.logs import LogMapping, read_log, read_mapping
 
 MAPPING = """
 format: csv

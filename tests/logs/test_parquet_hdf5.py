@@ -9,14 +9,8 @@ import pytest
 from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
-from loopid.errors import (
-    DataWarning,
-    LogError,
-)
-from loopid.logs import (
-    LogMapping,
-    read_log,
-)
+from loopid.errors import DataWarning, LogError
+from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 
 COUNT = 300

@@ -6,18 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from loopid.errors import (
-    AssemblyError,
-    DataError,
-    DataWarning,
-    LogError,
-    OptionError,
-)
-from loopid.kinematics import (
-    JointCoordinates,
-    constraint_residual,
-    platform_coordinates,
-)
+from loopid.errors import AssemblyError, DataError, DataWarning, LogError, OptionError
+from loopid.kinematics import JointCoordinates, constraint_residual, platform_coordinates
 from loopid.logs import (
     FilterOptions,
     Log,
@@ -38,12 +28,7 @@ from loopid.logs.preparing import (
     standing,
     without_frozen,
 )
-from loopid.motion import (
-    Motion,
-    differentiate,
-    joint_motion,
-    simulate_measurement,
-)
+from loopid.motion import Motion, differentiate, joint_motion, simulate_measurement
 from made_runs import quietly, wander
 from real_streams import read_stream
 

@@ -9,12 +9,7 @@ from linkages import PLATE, five_bar, four_bar, rssr
 from loopid import load_mechanism, random_configurations
 from loopid.errors import OptionError
 from loopid.kinematics import closed_motion
-from loopid.logs import (
-    FilterOptions,
-    Log,
-    prepare_recording,
-    read_log,
-)
+from loopid.logs import FilterOptions, Log, prepare_recording, read_log
 from loopid.logs.preparing import on_independent
 from loopid.motion import JointMotion, simulate_measurement
 from made_runs import wander

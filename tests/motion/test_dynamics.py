@@ -17,14 +17,8 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.errors import (
-    DataError,
-    SingularityError,
-)
-from loopid.kinematics import (
-    closed_motion,
-    random_motions,
-)
+from loopid.errors import DataError, SingularityError
+from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
 
 ROBOTS = (*LINKAGES, "3ups_rpu", "flying")

@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
-from loopid.motion import (
-    LowPass,
-    differentiate,
-)
+from loopid.errors import DataError, OptionError
+from loopid.motion import LowPass, differentiate
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))

@@ -3,22 +3,9 @@
 import numpy as np
 import pytest
 
-from loopid.errors import (
-    AssemblyError,
-    OptionError,
-)
-from loopid.kinematics import (
-    constraint_residual,
-    measured_coordinates,
-    platform_coordinates,
-)
-from loopid.motion import (
-    Arc,
-    Waypoint,
-    joint_motion,
-    point_to_point,
-    review_motion,
-)
+from loopid.errors import AssemblyError, OptionError
+from loopid.kinematics import constraint_residual, measured_coordinates, platform_coordinates
+from loopid.motion import Arc, Waypoint, joint_motion, point_to_point, review_motion
 
 RATE = 500.0
 

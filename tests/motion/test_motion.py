@@ -5,13 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError
-from loopid.motion import (
-    Arc,
-    FourierSeries,
-    Motion,
-    Waypoint,
-    point_to_point,
-)
+from loopid.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
 
 NAMES = ("x_m", "z_m", "theta")
 RATE = 2000.0

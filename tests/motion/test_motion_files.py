@@ -8,16 +8,8 @@ from hypothesis import given, strategies as st
 from ruamel.yaml import YAML
 
 from loopid import load_mechanism
-from loopid.errors import (
-    DataError,
-    FileError,
-    OptionError,
-    RobotFileError,
-)
-from loopid.motion import (
-    joint_motion,
-    read_motion_program,
-)
+from loopid.errors import DataError, FileError, OptionError, RobotFileError
+from loopid.motion import joint_motion, read_motion_program
 
 NAMES = ("a", "b")
 SPEEDS = {"a": 0.1, "b": 0.4}

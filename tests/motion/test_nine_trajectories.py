@@ -5,12 +5,7 @@ import pytest
 
 from loopid import find_base_parameters, gravity_regressor, structural_observation
 from loopid.kinematics import platform_motion
-from loopid.motion import (
-    joint_motion,
-    read_motion_program,
-    read_reference,
-    review_motion,
-)
+from loopid.motion import joint_motion, read_motion_program, read_reference, review_motion
 
 # A (x, z, theta, psi), B, seconds from A to B, and z on the way as a function of x.
 TABLE = {

@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import (
-    FileError,
-    LogError,
-    OptionError,
-)
-from loopid.motion import (
-    LowPass,
-    joint_motion,
-    read_reference,
-    review_motion,
-)
+from loopid.errors import FileError, LogError, OptionError
+from loopid.motion import LowPass, joint_motion, read_reference, review_motion
 
 NAMES = ("x", "y")
 RATE = 100.0

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, dynamic_regressor, forward_dynamics, random_configurations
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     closed_motion,
     measured_coordinates,

@@ -10,22 +10,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
-from loopid.paper import (
-    page as figures,
-    paper_files,
-    paper_tables,
-)
-from loopid.paper.page import (
-    actual_table,
-    base_table,
-    simulated_table,
-)
-from loopid.report.look import (
-    COLUMN,
-    RESOLUTION,
-    rendered,
-    thinned,
-)
+from loopid.paper import page as figures, paper_files, paper_tables
+from loopid.paper.page import actual_table, base_table, simulated_table
+from loopid.report.look import COLUMN, RESOLUTION, rendered, thinned
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 

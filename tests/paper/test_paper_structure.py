@@ -16,10 +16,7 @@ from loopid.paper.reproduction import (
     measured_geometry,
     rows_of_table_ii,
 )
-from loopid.paper.symbolic import (
-    base_parameter_rows,
-    read_geometry,
-)
+from loopid.paper.symbolic import base_parameter_rows, read_geometry
 
 FIELDS = {"d_s": "ds"}
 STEMS = {"m12": "leg1_stem.m", "m22": "leg2_stem.m", "m32": "leg3_stem.m"}

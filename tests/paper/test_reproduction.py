@@ -8,10 +8,7 @@ import pytest
 from loopid.diagnosis import truncated_values
 from loopid.errors import LoopidError
 from loopid.identification import FitSamples
-from loopid.paper import (
-    reproduce_paper,
-    reproduction,
-)
+from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,

@@ -19,10 +19,7 @@ from loopid import (
     load_mechanism,
     random_configurations,
 )
-from loopid.errors import (
-    DataError,
-    SingularityError,
-)
+from loopid.errors import DataError, SingularityError
 from loopid.kinematics import platform_coordinates
 from loopid.paper.symbolic import (
     GRAVITY,

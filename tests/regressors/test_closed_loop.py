@@ -19,12 +19,7 @@ from loopid import (
     load_mechanism,
     random_configurations,
 )
-from loopid.errors import (
-    AssemblyError,
-    DataError,
-    OptionError,
-    SingularityError,
-)
+from loopid.errors import AssemblyError, DataError, OptionError, SingularityError
 from loopid.kinematics import (
     AssemblyOptions,
     closed_motion,

@@ -15,15 +15,8 @@ from loopid import (
     structural_observation,
 )
 from loopid.errors import OptionError
-from loopid.kinematics import (
-    closed_motion,
-    random_motions,
-)
-from loopid.regressors import (
-    JOINT_TERMS,
-    JointState,
-    JointTerm,
-)
+from loopid.kinematics import closed_motion, random_motions
+from loopid.regressors import JOINT_TERMS, JointState, JointTerm
 
 
 @pytest.fixture

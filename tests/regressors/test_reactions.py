@@ -9,11 +9,7 @@ import pytest
 
 from closure_robots import X, body, frame, joint
 from loopid import JointTerms, find_force_model
-from loopid.errors import (
-    DataError,
-    ModelWarning,
-    OptionError,
-)
+from loopid.errors import DataError, ModelWarning, OptionError
 from loopid.kinematics import (
     bearing_forces,
     closed_motion,

@@ -16,10 +16,7 @@ from loopid import (
     random_configurations,
     structural_observation,
 )
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     closed_motion,
     measured_coordinates,
@@ -27,11 +24,7 @@ from loopid.kinematics import (
     random_motions,
     torque_regressors,
 )
-from loopid.regressors import (
-    force_parts,
-    motion_parameters,
-    motion_regressor,
-)
+from loopid.regressors import force_parts, motion_parameters, motion_regressor
 
 TREES = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", ()),

@@ -7,10 +7,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from loopid import gravity_regressor, random_configurations, structural_observation
-from loopid.errors import (
-    AccuracyWarning,
-    OptionError,
-)
+from loopid.errors import AccuracyWarning, OptionError
 
 # Gravity never does work on these, in the paper's link frames (m11, m21, m31, m41, m41 y, m42 z).
 WITHOUT_EFFECT = {

@@ -13,14 +13,7 @@ import numpy as np
 from recorded_logs import write_hdf5, write_parquet
 
 from broken_robots import FAMILY, FAMILY_YAML
-from loopid import (
-    JointTerms,
-    find_force_model,
-    fit,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-)
+from loopid import JointTerms, find_force_model, fit, load_mechanism, prepare_recording, read_log
 from loopid.identification import save_fit
 from loopid.loading import bundled_directory
 from made_runs import ARM, logged, wander

@@ -8,10 +8,7 @@ import pytest
 from material import LAUGHS
 
 from loopid import load_mechanism, read_fit
-from loopid.errors import (
-    LoopidError,
-    RobotFileError,
-)
+from loopid.errors import LoopidError, RobotFileError
 from loopid.logs import read_mapping
 from loopid.motion import read_motion_program
 from made_runs import ARM

@@ -12,24 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from loopid import load_mechanism
 from loopid.diagnosis import examine
 from loopid.errors import MissingExtraError
-from loopid.identification import (
-    find_force_model,
-    identifiability,
-    identify,
-)
+from loopid.identification import find_force_model, identifiability, identify
 from loopid.report import identify as identify_figures, look as figures
-from loopid.report.identify import (
-    draw_forces,
-    draw_parameters,
-    draw_reduction,
-    draw_spectrum,
-)
-from loopid.report.look import (
-    COLUMN,
-    MOST_POINTS,
-    RESOLUTION,
-    thinned,
-)
+from loopid.report.identify import draw_forces, draw_parameters, draw_reduction, draw_spectrum
+from loopid.report.look import COLUMN, MOST_POINTS, RESOLUTION, thinned
 from made_runs import ARM, modelled, quietly, stand, wander
 
 DRAWERS = {

@@ -15,10 +15,7 @@ from linkages import rssr
 from loopid import find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import RankTolerances, expression
 from loopid.errors import AccuracyWarning, ModelWarning
-from loopid.motion import (
-    JointRange,
-    MotionReview,
-)
+from loopid.motion import JointRange, MotionReview
 from loopid.report.structure import (
     base_record,
     base_tables,

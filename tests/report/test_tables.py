@@ -12,11 +12,7 @@ from rich.table import Table
 
 from loopid.errors import one_line
 from loopid.report.identify import identification_tables
-from loopid.report.look import (
-    json_text,
-    markdown_table,
-    plain_table,
-)
+from loopid.report.look import json_text, markdown_table, plain_table
 
 
 def parsed(text):

@@ -9,10 +9,7 @@ from lxml import etree
 
 import loopid
 from loopid.errors import OptionError
-from loopid.parameters import (
-    KINDS,
-    model_kinds,
-)
+from loopid.parameters import KINDS, model_kinds
 from loopid.robot import LoopClosure
 
 

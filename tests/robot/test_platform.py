@@ -7,11 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError
-from loopid.robot import (
-    ROTATIONS,
-    TRANSLATIONS,
-    Platform,
-)
+from loopid.robot import ROTATIONS, TRANSLATIONS, Platform
 
 some_translations = st.lists(st.sampled_from(TRANSLATIONS), unique=True)
 some_turns = st.sampled_from([turns for n in range(4) for turns in permutations(ROTATIONS, n)])

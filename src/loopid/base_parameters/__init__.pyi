@@ -15,15 +15,9 @@ from .choice import (
     SearchResult as SearchResult,
     SearchStrategy as SearchStrategy,
 )
-from .exact import (
-    ExactSearch as ExactSearch,
-)
-from .exhaustive import (
-    ExhaustiveSearch as ExhaustiveSearch,
-)
-from .pivoted import (
-    PivotedQR as PivotedQR,
-)
+from .exact import ExactSearch as ExactSearch
+from .exhaustive import ExhaustiveSearch as ExhaustiveSearch
+from .pivoted import PivotedQR as PivotedQR
 from .rank import (
     DoubtfulCombination as DoubtfulCombination,
     RankTolerances as RankTolerances,
@@ -34,6 +28,4 @@ from .structure import (
     analyse as analyse,
     independent_blocks as independent_blocks,
 )
-from .subgroup import (
-    SubgroupSearch as SubgroupSearch,
-)
+from .subgroup import SubgroupSearch as SubgroupSearch

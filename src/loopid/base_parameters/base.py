@@ -10,35 +10,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-    frozen,
-)
-from loopid.base_parameters.choice import (
-    ChoiceProblem,
-    SearchEffort,
-    SearchResult,
-    SearchStrategy,
-)
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.base_parameters.choice import ChoiceProblem, SearchEffort, SearchResult, SearchStrategy
 from loopid.base_parameters.rank import (
     DoubtfulCombination,
     RankTolerances,
     warn_of_doubts,
     without_effect,
 )
-from loopid.base_parameters.structure import (
-    Structure,
-    analyse,
-    base_columns,
-    regrouping_matrix,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.base_parameters.structure import Structure, analyse, base_columns, regrouping_matrix
+from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 from loopid.records import record

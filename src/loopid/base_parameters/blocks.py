@@ -12,15 +12,9 @@ from math import prod
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.choice import ChoiceProblem
-from loopid.base_parameters.structure import (
-    base_columns,
-    independent_blocks,
-)
+from loopid.base_parameters.structure import base_columns, independent_blocks
 
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10

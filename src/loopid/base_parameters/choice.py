@@ -11,14 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
-from loopid.base_parameters.structure import (
-    Structure,
-    base_columns,
-)
+from loopid.arguments import FloatArray, IntArray
+from loopid.base_parameters.structure import Structure, base_columns
 from loopid.errors import OptionError
 from loopid.records import record
 from loopid.workers import one_blas_thread

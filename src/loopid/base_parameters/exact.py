@@ -18,14 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import (
-    IntArray,
-)
-from loopid.base_parameters.blocks import (
-    Block,
-    Levels,
-    split,
-)
+from loopid.arguments import IntArray
+from loopid.base_parameters.blocks import Block, Levels, split
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     Exclusion,
@@ -33,15 +27,8 @@ from loopid.base_parameters.choice import (
     SearchResult,
     SearchStrategy,
 )
-from loopid.base_parameters.guess import (
-    FRACTIONS,
-    good_selection,
-    walked,
-)
-from loopid.base_parameters.ties import (
-    Tied,
-    most_readable_tie,
-)
+from loopid.base_parameters.guess import FRACTIONS, good_selection, walked
+from loopid.base_parameters.ties import Tied, most_readable_tie
 from loopid.base_parameters.tree import (
     UNIT_ROUND_OFF,
     Budget,

@@ -8,10 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchEffort,
@@ -19,10 +16,7 @@ from loopid.base_parameters.choice import (
     SearchStrategy,
     condition_numbers,
 )
-from loopid.base_parameters.ties import (
-    most_readable,
-    readabilities,
-)
+from loopid.base_parameters.ties import most_readable, readabilities
 from loopid.errors import OptionError
 from loopid.records import record
 from loopid.workers import Progress

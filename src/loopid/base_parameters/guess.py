@@ -16,20 +16,10 @@ from math import comb
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    random_generator,
-)
-from loopid.base_parameters.blocks import (
-    Block,
-    Levels,
-)
+from loopid.arguments import FloatArray, IntArray, random_generator
+from loopid.base_parameters.blocks import Block, Levels
 from loopid.base_parameters.rank import pivots
-from loopid.base_parameters.tree import (
-    Budget,
-    OutOfBudgetError,
-)
+from loopid.base_parameters.tree import Budget, OutOfBudgetError
 
 BELOW, ABOVE = 1.0, -1.0
 SIDES = ((BELOW,), (BELOW, ABOVE))

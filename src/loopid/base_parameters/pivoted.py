@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from loopid.base_parameters.choice import (
-    ChoiceProblem,
-    SearchResult,
-    SearchStrategy,
-)
+from loopid.base_parameters.choice import ChoiceProblem, SearchResult, SearchStrategy
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import base_columns
 from loopid.records import record

@@ -14,16 +14,8 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
-from loopid.errors import (
-    AccuracyWarning,
-    OptionError,
-    RankError,
-    warn,
-)
+from loopid.arguments import FloatArray, IntArray
+from loopid.errors import AccuracyWarning, OptionError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import KINDS
 from loopid.records import record

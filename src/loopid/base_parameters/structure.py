@@ -12,18 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-)
-from loopid.base_parameters.rank import (
-    DoubtfulCombination,
-    RankTolerances,
-    decide_rank,
-    decomposed,
-)
+from loopid.arguments import FloatArray, IntArray, checked, finite
+from loopid.base_parameters.rank import DoubtfulCombination, RankTolerances, decide_rank, decomposed
 from loopid.errors import DataError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet

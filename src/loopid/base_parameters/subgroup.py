@@ -17,11 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchEffort,
@@ -30,9 +26,7 @@ from loopid.base_parameters.choice import (
     condition_numbers,
 )
 from loopid.base_parameters.rank import pivots
-from loopid.errors import (
-    OptionError,
-)
+from loopid.errors import OptionError
 from loopid.records import record
 
 VARIANTS = ("gap", "pseudocode")

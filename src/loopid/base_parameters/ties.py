@@ -12,21 +12,11 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
-from loopid.base_parameters.blocks import (
-    Block,
-    Levels,
-)
+from loopid.arguments import FloatArray, IntArray
+from loopid.base_parameters.blocks import Block, Levels
 from loopid.base_parameters.choice import SearchEffort
 from loopid.base_parameters.structure import regrouping_matrix
-from loopid.base_parameters.tree import (
-    Budget,
-    OutOfBudgetError,
-    selections_between,
-)
+from loopid.base_parameters.tree import Budget, OutOfBudgetError, selections_between
 
 EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
 BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together

@@ -29,11 +29,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.blocks import Block
 
 # The margin: a proven multiple of the unit round-off, and at least this.

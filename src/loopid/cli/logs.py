@@ -83,10 +83,7 @@ def identify(
     as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
-    from loopid.diagnosis.study import (
-        StudyOptions,
-        study_logs,
-    )
+    from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.options import FitOptions
     from loopid.report.identify import (
         identification_files,
@@ -167,11 +164,7 @@ def predict(
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
-    from loopid.report.forces import (
-        prediction_files,
-        prediction_record,
-        prediction_tables,
-    )
+    from loopid.report.forces import prediction_files, prediction_record, prediction_tables
     from loopid.report.look import require_report
 
     require_report(out)
@@ -206,19 +199,10 @@ def payload(
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
-    from loopid.diagnosis.payload import (
-        KnownLoad,
-        drive_gains,
-        identify_payload,
-    )
+    from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.forces import (
-        gains_record,
-        gains_tables,
-        payload_record,
-        payload_tables,
-    )
+    from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
 
     force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
     light = recordings(robot, unloaded, mapping, cutoff, rows)
@@ -292,10 +276,7 @@ def paper(
     seed: int = Option(0, help="Of all noise."),
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
-    from loopid.paper.page import (
-        paper_files,
-        paper_tables,
-    )
+    from loopid.paper.page import paper_files, paper_tables
     from loopid.paper.reproduction import reproduce_paper
     from loopid.report.look import require_report
 

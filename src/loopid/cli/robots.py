@@ -226,11 +226,7 @@ def excite(
     from loopid.excitation.options import DesignOptions
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.excitation import (
-        excitation_files,
-        excitation_record,
-        excitation_tables,
-    )
+    from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
     from loopid.report.look import require_report
 
     require_report(out)

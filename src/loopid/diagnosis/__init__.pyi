@@ -1,11 +1,5 @@
-from .bands import (
-    BandSweep as BandSweep,
-    sweep_bands as sweep_bands,
-)
-from .comparison import (
-    PredictionError as PredictionError,
-    prediction_errors as prediction_errors,
-)
+from .bands import BandSweep as BandSweep, sweep_bands as sweep_bands
+from .comparison import PredictionError as PredictionError, prediction_errors as prediction_errors
 from .elimination import (
     Reduction as Reduction,
     ReductionStep as ReductionStep,
@@ -20,10 +14,7 @@ from .log_mistakes import (
     suspicions as suspicions,
     warn_of_suspicions as warn_of_suspicions,
 )
-from .modes import (
-    ModeComparison as ModeComparison,
-    compare_modes as compare_modes,
-)
+from .modes import ModeComparison as ModeComparison, compare_modes as compare_modes
 from .payload import (
     GainFit as GainFit,
     KnownLoad as KnownLoad,
@@ -42,7 +33,4 @@ from .term_sets import (
     TermSet as TermSet,
     compare_terms as compare_terms,
 )
-from .truncation import (
-    influence as influence,
-    truncated_values as truncated_values,
-)
+from .truncation import influence as influence, truncated_values as truncated_values

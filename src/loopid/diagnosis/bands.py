@@ -11,15 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    checked,
-)
-from loopid.errors import (
-    DataWarning,
-    warn,
-)
+from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.errors import DataWarning, warn
 from loopid.identification.pipeline import Identification
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult

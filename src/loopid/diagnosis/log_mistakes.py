@@ -19,27 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    checked,
-    spread_rows,
-)
-from loopid.errors import (
-    DataWarning,
-    warn,
-)
+from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
+from loopid.errors import DataWarning, warn
 from loopid.identification.pipeline import Identification
 from loopid.identification.robot_prior import body_sizes
-from loopid.kinematics.assembly import (
-    AssemblyOptions,
-    try_assemble,
-)
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import (
-    closed_motion,
-    singularity_measure,
-)
+from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.logs.options import MaskOptions
 from loopid.logs.recording import Recording
 from loopid.records import record

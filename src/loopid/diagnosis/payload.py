@@ -9,42 +9,17 @@ from html import escape
 import numpy as np
 from scipy.special import stdtrit
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-    frozen,
-    row_blocks,
-)
-from loopid.base_parameters.base import (
-    BaseParameters,
-    find_base_parameters,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-    RankError,
-)
-from loopid.identification.estimator import (
-    Estimator,
-    chosen_estimator,
-)
-from loopid.identification.fitting import (
-    fit,
-    quiet_fit,
-)
+from loopid.arguments import FloatArray, checked, finite, frozen, row_blocks
+from loopid.base_parameters.base import BaseParameters, find_base_parameters
+from loopid.errors import DataError, OptionError, RankError
+from loopid.identification.estimator import Estimator, chosen_estimator
+from loopid.identification.fitting import fit, quiet_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.logs.recording import Recording
 from loopid.observation import Observation
-from loopid.parameters import (
-    GRAVITY_KINDS,
-    KINDS,
-    Parameter,
-    ParameterSet,
-    html_table,
-)
+from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet, html_table
 from loopid.records import record
 
 PAYLOAD = "payload"

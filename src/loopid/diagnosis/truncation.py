@@ -6,19 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, OptionError
+from loopid.identification.problem import FitProblem, FitSamples
 
 
 @checked

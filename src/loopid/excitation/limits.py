@@ -13,12 +13,7 @@ from loopid.excitation.collisions import Collisions
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.platform import platform_coordinates
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import (
-    NEAR_SINGULARITY,
-    ClosedMotion,
-    partition,
-    project,
-)
+from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, partition, project
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import ROTATIONS

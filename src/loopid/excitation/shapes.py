@@ -15,13 +15,7 @@ from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.motion.trajectories import (
-    FourierCurve,
-    Motion,
-    SplineCurve,
-    Waypoint,
-    point_to_point,
-)
+from loopid.motion.trajectories import FourierCurve, Motion, SplineCurve, Waypoint, point_to_point
 from loopid.records import record
 from loopid.registry import Registry
 

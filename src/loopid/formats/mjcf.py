@@ -17,23 +17,12 @@ from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
 from loopid.arguments import BoolArray, FloatArray, number
-from loopid.errors import (
-    FileError,
-    MissingExtraError,
-    OptionError,
-    RobotFileError,
-)
-from loopid.loading.description import (
-    ClosureDescription,
-    Description,
-)
+from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
+from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf_tree import Element, read_xml
-from loopid.robot.mechanism import (
-    LeftOut,
-    shortened,
-)
+from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
 try:

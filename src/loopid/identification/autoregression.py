@@ -10,12 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    row_blocks,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks
 from loopid.errors import OptionError
 from loopid.records import record
 

@@ -17,36 +17,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-    rectangular,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import FloatArray, checked, finite, rectangular
+from loopid.errors import DataError, OptionError
 from loopid.identification.correlation import with_correlated_errors
-from loopid.identification.estimator import (
-    Estimator,
-    WorkingFit,
-)
-from loopid.identification.least_squares import (
-    least_squares_weights,
-    leverages,
-    result_of,
-    solved,
-)
-from loopid.identification.problem import (
-    ROUND_OFF,
-    FitProblem,
-    FitSamples,
-)
-from loopid.identification.result import (
-    FitResult,
-    NoiseModel,
-)
+from loopid.identification.estimator import Estimator, WorkingFit
+from loopid.identification.least_squares import least_squares_weights, leverages, result_of, solved
+from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.result import FitResult, NoiseModel
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-    row_blocks,
-)
+from loopid.arguments import FloatArray, checked, finite, row_blocks
 from loopid.errors import DataError
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import (
-    FitResult,
-    Quality,
-    fit_quality,
-)
+from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.records import record
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors

@@ -10,16 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-    frozen,
-)
-from loopid.errors import (
-    DataError,
-)
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.errors import DataError
 from loopid.inertia import (
     body_defect,
     central_moments,
@@ -28,11 +20,7 @@ from loopid.inertia import (
     pseudo_inertia,
     upper_factor,
 )
-from loopid.parameters import (
-    GRAVITY_KINDS,
-    KINDS,
-    ParameterSet,
-)
+from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 
 # Terms of joints that cannot be negative: drive inertia, Coulomb and viscous friction.
 POSITIVE_KINDS = ("Ia", "Fc", "Fv")

@@ -29,16 +29,9 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters
-from loopid.errors import (
-    DataError,
-    MissingExtraError,
-    OptionError,
-)
+from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.identification.consistent_prior import Prior
 from loopid.inertia import parameters_of
 

@@ -17,15 +17,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    row_blocks,
-)
-from loopid.errors import (
-    DataWarning,
-    warn,
-)
+from loopid.arguments import BoolArray, FloatArray, row_blocks
+from loopid.errors import DataWarning, warn
 from loopid.identification.autoregression import (
     Autoregression,
     CorrelationOptions,
@@ -34,10 +27,7 @@ from loopid.identification.autoregression import (
 )
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF
-from loopid.identification.result import (
-    FitResult,
-    NoiseModel,
-)
+from loopid.identification.result import FitResult, NoiseModel
 from loopid.workers import one_blas_thread
 
 # Parts of a correction that are tried, until one leaves innovations enough.

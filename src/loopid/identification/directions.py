@@ -13,22 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.identification.estimator import Estimator
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.least_squares import excited_rank
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
-from loopid.identification.result import (
-    FitResult,
-    fit_quality,
-)
+from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.result import FitResult, fit_quality
 from loopid.identification.robot_prior import body_sizes
 from loopid.parameters import ParameterSet
 from loopid.records import record

@@ -6,10 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 from loopid.arguments import checked
-from loopid.errors import (
-    DataError,
-    MissingExtraError,
-)
+from loopid.errors import DataError, MissingExtraError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.logs.recording import Recording

@@ -14,14 +14,8 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from loopid.arguments import FloatArray, row_blocks
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
+from loopid.errors import DataError, OptionError
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.registry import Registry

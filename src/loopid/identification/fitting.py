@@ -8,11 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.errors import (
-    DataWarning,
-    OptionError,
-    warn,
-)
+from loopid.errors import DataWarning, OptionError, warn
 from loopid.identification.autoregression import CorrelationOptions
 from loopid.identification.correlation import (
     warn_of_correlation,
@@ -21,17 +17,9 @@ from loopid.identification.correlation import (
     with_scatter,
     within_runs,
 )
-from loopid.identification.estimator import (
-    Estimator,
-    WorkingFit,
-    chosen_estimator,
-)
+from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import (
-    LEAST_FREEDOM,
-    FitResult,
-    fit_quality,
-)
+from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
 
 
 @checked

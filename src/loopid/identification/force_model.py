@@ -7,52 +7,24 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    row_blocks,
-)
-from loopid.base_parameters.base import (
-    BaseParameters,
-    find_base_parameters,
-)
+from loopid.arguments import FloatArray, IntArray, checked, row_blocks
+from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import SearchStrategy
-from loopid.errors import (
-    ModelWarning,
-    warn,
-)
+from loopid.errors import ModelWarning, warn
 from loopid.identification.problem import FitSamples
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    closed_motion,
-    project,
-)
-from loopid.kinematics.sampling import (
-    random_configurations,
-    random_motions,
-)
+from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import (
-    KINDS,
-    ParameterSet,
-    html_table,
-)
+from loopid.parameters import KINDS, ParameterSet, html_table
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_laws import (
-    JointState,
-    joint_term,
-)
+from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.left_out import warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import (
-    Progress,
-    ordered_map,
-)
+from loopid.workers import Progress, ordered_map
 
 # Joint terms by default: Coulomb and viscous friction of the motors, and what the file gives.
 USUAL_TERMS = "Fc,Fv,file"

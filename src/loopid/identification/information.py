@@ -10,21 +10,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-)
+from loopid.arguments import FloatArray, checked
 from loopid.base_parameters.base import expression
-from loopid.errors import (
-    DataError,
-    DataWarning,
-    RankError,
-    warn,
-)
-from loopid.identification.directions import (
-    Excitation,
-    excited_samples,
-)
+from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.identification.directions import Excitation, excited_samples
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.least_squares import LEAST_EXCITATION

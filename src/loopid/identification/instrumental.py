@@ -13,25 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
-from loopid.errors import (
-    OptionError,
-    RankError,
-)
-from loopid.identification.estimator import (
-    Estimator,
-    WorkingFit,
-    require_rows,
-)
+from loopid.errors import OptionError, RankError
+from loopid.identification.estimator import Estimator, WorkingFit, require_rows
 from loopid.identification.least_squares import (
     Convergence,
     converged_weights,
     require_excitation,
     result_of,
 )
-from loopid.identification.problem import (
-    FitProblem,
-    FitSamples,
-)
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.observation import triangular_factor
 from loopid.records import record
 from loopid.workers import one_blas_thread

@@ -12,18 +12,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray
-from loopid.errors import (
-    DataError,
-    RankError,
-)
-from loopid.identification.problem import (
-    ROUND_OFF,
-    FitProblem,
-)
-from loopid.identification.result import (
-    FitResult,
-    fit_quality,
-)
+from loopid.errors import DataError, RankError
+from loopid.identification.problem import ROUND_OFF, FitProblem
+from loopid.identification.result import FitResult, fit_quality
 from loopid.records import record
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.

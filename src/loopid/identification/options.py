@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.errors import OptionError
-from loopid.identification.estimator import (
-    ESTIMATORS,
-    Estimator,
-)
+from loopid.identification.estimator import ESTIMATORS, Estimator
 from loopid.records import record
 from loopid.workers import require_processes
 

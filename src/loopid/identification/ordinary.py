@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from loopid.identification.estimator import Estimator
-from loopid.identification.least_squares import (
-    equal_weights,
-    result_of,
-    solved,
-)
+from loopid.identification.least_squares import equal_weights, result_of, solved
 from loopid.identification.problem import FitProblem
 from loopid.identification.result import FitResult
 from loopid.records import record

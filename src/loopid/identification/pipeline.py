@@ -12,59 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-)
-from loopid.errors import (
-    OptionError,
-    RankError,
-)
-from loopid.identification.bayes import (
-    BayesianRidge,
-    evidence_scale,
-)
-from loopid.identification.candidate import (
-    Candidate,
-    judge,
-)
-from loopid.identification.directions import (
-    Excitation,
-    fit_excited,
-)
-from loopid.identification.estimator import (
-    Estimator,
-    chosen_estimator,
-)
-from loopid.identification.fitting import (
-    fit,
-    fit_in_steps,
-    quiet_fit,
-    warn_of_insignificant,
-)
+from loopid.arguments import FloatArray, checked
+from loopid.errors import OptionError, RankError
+from loopid.identification.bayes import BayesianRidge, evidence_scale
+from loopid.identification.candidate import Candidate, judge
+from loopid.identification.directions import Excitation, fit_excited
+from loopid.identification.estimator import Estimator, chosen_estimator
+from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
 from loopid.identification.force_model import ForceModel
-from loopid.identification.information import (
-    Identifiability,
-    identifiability,
-)
+from loopid.identification.information import Identifiability, identifiability
 from loopid.identification.least_squares import equal_weights
 from loopid.identification.options import FitOptions
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import (
-    FitResult,
-    NoiseModel,
-    fit_quality,
-    nearest_first,
-)
-from loopid.identification.robot_prior import (
-    PRIOR_DEVIATION,
-    cad_prior,
-)
-from loopid.identification.samples import (
-    samples_of,
-    split_recordings,
-    warn_of_fitted,
-)
+from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first
+from loopid.identification.robot_prior import PRIOR_DEVIATION, cad_prior
+from loopid.identification.samples import samples_of, split_recordings, warn_of_fitted
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table

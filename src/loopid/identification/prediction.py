@@ -7,21 +7,11 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    checked,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.identification.force_model import ForceModel
-from loopid.identification.result import (
-    FitResult,
-    Quality,
-)
+from loopid.identification.result import FitResult, Quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
 from loopid.parameters import html_table

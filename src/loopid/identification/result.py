@@ -9,22 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-    frozen,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
-from loopid.parameters import (
-    ParameterSet,
-    html_table,
-)
+from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
 if TYPE_CHECKING:

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, OptionError
 from loopid.identification.bayes import Prior
 from loopid.identification.force_model import ForceModel
 from loopid.parameters import KINDS

@@ -6,17 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-)
-from loopid.errors import (
-    DataError,
-    DataWarning,
-    OptionError,
-    warn,
-)
+from loopid.arguments import FloatArray, IntArray, checked
+from loopid.errors import DataError, DataWarning, OptionError, warn
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording

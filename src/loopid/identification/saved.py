@@ -31,62 +31,27 @@ from pydantic import (
     model_validator,
 )
 
-from loopid.arguments import (
-    FloatArray,
-    Number,
-    checked,
-    finite,
-    frozen,
-)
+from loopid.arguments import FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
-from loopid.errors import (
-    DataError,
-    FileError,
-    LoopidError,
-    OptionError,
-)
-from loopid.files import (
-    require_other_file,
-    why_no_file,
-    write_file,
-)
-from loopid.identification.consistent import (
-    ConsistentFit,
-    FitCost,
-    consistent_parameters,
-)
+from loopid.errors import DataError, FileError, LoopidError, OptionError
+from loopid.files import require_other_file, why_no_file, write_file
+from loopid.identification.consistent import ConsistentFit, FitCost, consistent_parameters
 from loopid.identification.consistent_prior import repaired_prior
 from loopid.identification.force_model import ForceModel
-from loopid.identification.result import (
-    FitResult,
-    NoiseModel,
-    Quality,
-    Robustness,
-)
+from loopid.identification.result import FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
-from loopid.parameters import (
-    Parameter,
-    ParameterSet,
-    html_table,
-)
-from loopid.regressors.closed_loop import (
-    motion_parameters,
-    motion_regressor,
-)
+from loopid.parameters import Parameter, ParameterSet, html_table
+from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.yaml_files import (
-    LARGE,
-    load_yaml,
-    yaml_writer,
-)
+from loopid.yaml_files import LARGE, load_yaml, yaml_writer
 
 ENDINGS = (".yaml", ".yml", ".json")
 STATES = 3  # of the robot, by which it is known again

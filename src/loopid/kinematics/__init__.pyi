@@ -26,19 +26,12 @@ from .freedoms import (
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
-from .linear import (
-    Factorisation as Factorisation,
-    null_space as null_space,
-)
+from .linear import Factorisation as Factorisation, null_space as null_space
 from .measured import (
     JointCoordinates as JointCoordinates,
     measured_coordinates as measured_coordinates,
 )
-from .modes import (
-    FOLDED as FOLDED,
-    ModeOptions as ModeOptions,
-    assembly_modes as assembly_modes,
-)
+from .modes import FOLDED as FOLDED, ModeOptions as ModeOptions, assembly_modes as assembly_modes
 from .platform import (
     platform_coordinates as platform_coordinates,
     platform_motion as platform_motion,
@@ -59,9 +52,7 @@ from .projection import (
     project as project,
     singularity_measure as singularity_measure,
 )
-from .reactions import (
-    bearing_forces as bearing_forces,
-)
+from .reactions import bearing_forces as bearing_forces
 from .rounding import (
     SIX_DIGITS as SIX_DIGITS,
     Accuracy as Accuracy,

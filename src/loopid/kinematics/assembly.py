@@ -19,27 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    samples,
-)
-from loopid.errors import (
-    AssemblyError,
-    OptionError,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, samples
+from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.linear import Solver
-from loopid.kinematics.measured import (
-    Linearisation,
-    MeasuredCoordinates,
-    measured_by,
-)
-from loopid.kinematics.poses import (
-    blocks,
-    integrate,
-)
+from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_by
+from loopid.kinematics.poses import blocks, integrate
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread

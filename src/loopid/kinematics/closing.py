@@ -7,25 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    random_generator,
-)
-from loopid.kinematics.constraint import (
-    Constraint,
-    largest_residual,
-)
-from loopid.kinematics.linear import (
-    Factorisation,
-    null_space,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
+from loopid.kinematics.constraint import Constraint, largest_residual
+from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import (
-    partition,
-    velocity_map,
-)
+from loopid.kinematics.projection import partition, velocity_map
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 

@@ -15,23 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    checked,
-    samples,
-)
-from loopid.kinematics.poses import (
-    blocks,
-    frame_motions,
-    frame_poses,
-    prepared,
-)
-from loopid.robot.closures import (
-    Equations,
-    FramePair,
-    PairRates,
-)
+from loopid.arguments import BoolArray, FloatArray, checked, samples
+from loopid.kinematics.poses import blocks, frame_motions, frame_poses, prepared
+from loopid.robot.closures import Equations, FramePair, PairRates
 from loopid.robot.mechanism import Mechanism
 
 ROUND_OFF = 1e-13  # of the characteristic length

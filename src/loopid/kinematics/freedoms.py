@@ -10,32 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    samples,
-)
-from loopid.errors import (
-    DataError,
-    MobilityError,
-)
+from loopid.arguments import FloatArray, IntArray, checked, samples
+from loopid.errors import DataError, MobilityError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import nearby_configurations
-from loopid.kinematics.constraint import (
-    Constraint,
-    largest_residual,
-)
-from loopid.kinematics.linear import (
-    Factorisation,
-    null_space,
-)
+from loopid.kinematics.constraint import Constraint, largest_residual
+from loopid.kinematics.linear import Factorisation, null_space
 from loopid.kinematics.rounding import rounding_that_closes
 from loopid.records import record
-from loopid.robot.mechanism import (
-    RANK_TOLERANCE,
-    Mechanism,
-)
+from loopid.robot.mechanism import RANK_TOLERANCE, Mechanism
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 # Motors are taken in their order as long as this much of each is its own.

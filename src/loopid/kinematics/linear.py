@@ -15,10 +15,7 @@ from scipy.linalg.lapack import dgetrf, dgetri
 from scipy.sparse import block_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.records import record
 from loopid.robot.mechanism import RANK_TOLERANCE
 

@@ -8,30 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-)
-from loopid.errors import (
-    MobilityError,
-    OptionError,
-)
-from loopid.kinematics.constraint import (
-    Constraint,
-    scaled_residual,
-)
+from loopid.arguments import FloatArray, IntArray, checked
+from loopid.errors import MobilityError, OptionError
+from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.platform import (
-    coordinates_at,
-    declared_platform,
-)
-from loopid.kinematics.poses import (
-    FramePoses,
-    difference,
-    frame_poses,
-    prepared,
-)
+from loopid.kinematics.platform import coordinates_at, declared_platform
+from loopid.kinematics.poses import FramePoses, difference, frame_poses, prepared
 from loopid.kinematics.projection import partition
 from loopid.robot.closures import relative_quaternion
 from loopid.robot.mechanism import Mechanism

@@ -13,37 +13,16 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    random_generator,
-)
-from loopid.kinematics.assembly import (
-    CLOSURE_TOLERANCE,
-    follow_paths,
-)
+from loopid.arguments import FloatArray, random_generator
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, follow_paths
 from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.linear import (
-    Factorisation,
-    least_over_largest,
-)
+from loopid.kinematics.linear import Factorisation, least_over_largest
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.poses import (
-    FramePoses,
-    difference,
-    frame_poses,
-    integrate,
-)
-from loopid.kinematics.projection import (
-    NEAR_SINGULARITY,
-    singularity_measure,
-)
+from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
+from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from loopid.records import record
-from loopid.robot.mechanism import (
-    AssemblyMode,
-    Loop,
-    Mechanism,
-)
+from loopid.robot.mechanism import AssemblyMode, Loop, Mechanism
 
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
 DIGITS = 4  # to which distances differ: round-off does not choose

@@ -8,19 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    samples,
-)
+from loopid.arguments import FloatArray, checked, samples
 from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.poses import (
-    blocks,
-    frame_motions,
-    frame_poses,
-)
+from loopid.kinematics.poses import blocks, frame_motions, frame_poses
 from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import Platform
 

@@ -17,19 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-)
+from loopid.arguments import FloatArray, IntArray
 from loopid.parameters import model_kinds
-from loopid.robot.closures import (
-    Equations,
-    LoopClosure,
-)
-from loopid.robot.mechanism import (
-    Mechanism,
-    scratch_data,
-)
+from loopid.robot.closures import Equations, LoopClosure
+from loopid.robot.mechanism import Mechanism, scratch_data
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024

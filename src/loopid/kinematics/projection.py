@@ -13,37 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    IntArray,
-    checked,
-    samples,
-)
-from loopid.errors import (
-    AccuracyWarning,
-    MobilityError,
-    SingularityError,
-    warn,
-)
-from loopid.kinematics.constraint import (
-    Constraint,
-    constraint_jacobian,
-    scaled_jacobian,
-)
-from loopid.kinematics.linear import (
-    Factorisation,
-    Solver,
-    least_over_largest,
-)
-from loopid.kinematics.poses import (
-    blocks,
-    prepared,
-)
+from loopid.arguments import FloatArray, IntArray, checked, samples
+from loopid.errors import AccuracyWarning, MobilityError, SingularityError, warn
+from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
+from loopid.kinematics.linear import Factorisation, Solver, least_over_largest
+from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
-from loopid.robot.mechanism import (
-    RANK_TOLERANCE,
-    Mechanism,
-)
+from loopid.robot.mechanism import RANK_TOLERANCE, Mechanism
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3

@@ -19,10 +19,7 @@ import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray
-from loopid.kinematics.constraint import (
-    Constraint,
-    scaled_residual,
-)
+from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (
     ClosedMotion,
@@ -32,12 +29,7 @@ from loopid.kinematics.projection import (
     velocity_map,
 )
 from loopid.records import record
-from loopid.robot.closures import (
-    CLOSURE_KINDS,
-    FramePair,
-    LoopClosure,
-    PairRates,
-)
+from loopid.robot.closures import CLOSURE_KINDS, FramePair, LoopClosure, PairRates
 from loopid.robot.mechanism import Mechanism
 
 # Numbers with fewer decimals are round by design; those with more have all the digits there are.

@@ -3,43 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import (
-    field,
-    replace,
-)
+from dataclasses import field, replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    frozen,
-    random_generator,
-    require_count,
-)
-from loopid.errors import (
-    AssemblyError,
-    OptionError,
-)
-from loopid.kinematics.assembly import (
-    CLOSURE_TOLERANCE,
-    AssemblyOptions,
-    follow_paths,
-)
-from loopid.kinematics.closing import (
-    displaced,
-    nearby_configurations,
-)
-from loopid.kinematics.measured import (
-    MeasuredCoordinates,
-    measured_by,
-)
+from loopid.arguments import FloatArray, checked, frozen, random_generator, require_count
+from loopid.errors import AssemblyError, OptionError
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, follow_paths
+from loopid.kinematics.closing import displaced, nearby_configurations
+from loopid.kinematics.measured import MeasuredCoordinates, measured_by
 from loopid.kinematics.poses import prepared
-from loopid.kinematics.projection import (
-    NEAR_SINGULARITY,
-    partition,
-    singularity_measure,
-)
+from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 

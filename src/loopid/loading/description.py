@@ -13,15 +13,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from loopid.errors import (
-    ModelWarning,
-    RobotFileError,
-    warn,
-)
-from loopid.robot.closures import (
-    CLOSURE_KINDS,
-    JointCoupling,
-)
+from loopid.errors import ModelWarning, RobotFileError, warn
+from loopid.robot.closures import CLOSURE_KINDS, JointCoupling
 from loopid.yaml_files import Section
 
 COUPLING = JointCoupling.kind

@@ -10,13 +10,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import (
-    MobilityError,
-    ModelWarning,
-    OptionError,
-    RobotFileError,
-    warn,
-)
+from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.loading.closures import find_closures, find_couplings, frame_named
 from loopid.loading.description import LARGEST_ROUNDING, Description, merged
 from loopid.loading.files import find_files, naming
@@ -24,14 +18,7 @@ from loopid.loading.findings import warn_of_findings
 from loopid.loading.reference import close_reference
 from loopid.loading.tree import TreeSource, build_tree, joint_named, written_reference
 from loopid.registry import robot_formats
-from loopid.robot.mechanism import (
-    RANK_TOLERANCE,
-    Body,
-    LinkGroup,
-    Mechanism,
-    Platform,
-    link_frames,
-)
+from loopid.robot.mechanism import RANK_TOLERANCE, Body, LinkGroup, Mechanism, Platform, link_frames
 
 
 @checked

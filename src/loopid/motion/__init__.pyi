@@ -4,10 +4,7 @@ from .files import (
     read_motion_program as read_motion_program,
     read_reference as read_reference,
 )
-from .filtering import (
-    LowPass as LowPass,
-    differentiate as differentiate,
-)
+from .filtering import LowPass as LowPass, differentiate as differentiate
 from .joints import (
     JointMotion as JointMotion,
     JointRange as JointRange,

@@ -8,32 +8,17 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-)
-from loopid.errors import (
-    DataError,
-    OptionError,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite
+from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.platform import platform_motion
-from loopid.kinematics.projection import (
-    closed_motion,
-    singularity_measure,
-)
+from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
 from loopid.records import record
-from loopid.robot.mechanism import (
-    Mechanism,
-    lock_options,
-)
+from loopid.robot.mechanism import Mechanism, lock_options
 
 
 @record(checked=True)

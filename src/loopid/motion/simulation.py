@@ -23,27 +23,16 @@ from loopid.arguments import (
     row_blocks,
     samples,
 )
-from loopid.errors import (
-    DataError,
-    OptionError,
-    SingularityError,
-)
+from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
 from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    closed_motion,
-)
+from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.closed_loop import (
-    closed_inertia,
-    motion_regressor,
-    standard_values,
-)
+from loopid.regressors.closed_loop import closed_inertia, motion_regressor, standard_values
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 

@@ -42,10 +42,7 @@ from loopid.report.look import (
     rendered,
     thinned,
 )
-from loopid.report.structure import (
-    motions_record,
-    motions_tables,
-)
+from loopid.report.structure import motions_record, motions_tables
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 

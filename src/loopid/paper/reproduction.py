@@ -22,33 +22,15 @@ from loopid.arguments import (
     derived_seed,
     random_generator,
 )
-from loopid.base_parameters.base import (
-    BaseParameters,
-    find_base_parameters,
-)
-from loopid.diagnosis.truncation import (
-    influence,
-    truncated_values,
-)
-from loopid.errors import (
-    DataWarning,
-    OptionError,
-)
+from loopid.base_parameters.base import BaseParameters, find_base_parameters
+from loopid.diagnosis.truncation import influence, truncated_values
+from loopid.errors import DataWarning, OptionError
 from loopid.identification.bayes import BayesianRidge
 from loopid.identification.candidate import prediction_reach
-from loopid.identification.fitting import (
-    fit_in_steps,
-    quiet_fit,
-)
-from loopid.identification.force_model import (
-    ForceModel,
-    find_force_model,
-)
+from loopid.identification.fitting import fit_in_steps, quiet_fit
+from loopid.identification.force_model import ForceModel, find_force_model
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import (
-    FitResult,
-    fit_quality,
-)
+from loopid.identification.result import FitResult, fit_quality
 from loopid.identification.robot_prior import cad_prior
 from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
@@ -59,20 +41,10 @@ from loopid.logs.reading import read_log
 from loopid.logs.recording import Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
-from loopid.motion.joints import (
-    JointMotion,
-    MotionReview,
-    review_motion,
-)
-from loopid.motion.simulation import (
-    Noise,
-    simulate_measurement,
-)
+from loopid.motion.joints import JointMotion, MotionReview, review_motion
+from loopid.motion.simulation import Noise, simulate_measurement
 from loopid.records import record
-from loopid.regressors.closed_loop import (
-    ForceParts,
-    force_parts,
-)
+from loopid.regressors.closed_loop import ForceParts, force_parts
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism

@@ -19,14 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from ruamel.yaml import YAML
 
-from loopid.arguments import (
-    FloatArray,
-    samples,
-)
-from loopid.errors import (
-    MissingExtraError,
-    SingularityError,
-)
+from loopid.arguments import FloatArray, samples
+from loopid.errors import MissingExtraError, SingularityError
 from loopid.parameters import GRAVITY_KINDS
 
 try:

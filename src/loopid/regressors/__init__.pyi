@@ -14,16 +14,10 @@ from .joint_laws import (
     JointTerm as JointTerm,
     joint_term as joint_term,
 )
-from .joint_terms import (
-    NO_TERMS as NO_TERMS,
-    OF_FILE as OF_FILE,
-    JointTerms as JointTerms,
-)
+from .joint_terms import NO_TERMS as NO_TERMS, OF_FILE as OF_FILE, JointTerms as JointTerms
 from .left_out import (
     FileForce as FileForce,
     file_forces as file_forces,
     warn_of_omitted as warn_of_omitted,
 )
-from .structural import (
-    structural_observation as structural_observation,
-)
+from .structural import structural_observation as structural_observation

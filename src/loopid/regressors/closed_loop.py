@@ -15,13 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    finite,
-    frozen,
-    samples,
-)
+from loopid.arguments import FloatArray, checked, finite, frozen, samples
 from loopid.errors import DataError
 from loopid.kinematics.assembly import (
     USUAL,
@@ -32,24 +26,10 @@ from loopid.kinematics.assembly import (
 )
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.measured import measured_by
-from loopid.kinematics.platform import (
-    coordinates_at,
-    platform_jacobian,
-)
-from loopid.kinematics.poses import (
-    blocks,
-    torque_regressors,
-)
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    completed,
-    partition,
-    velocity_maps,
-)
-from loopid.parameters import (
-    ParameterSet,
-    model_kinds,
-)
+from loopid.kinematics.platform import coordinates_at, platform_jacobian
+from loopid.kinematics.poses import blocks, torque_regressors
+from loopid.kinematics.projection import ClosedMotion, completed, partition, velocity_maps
+from loopid.parameters import ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism

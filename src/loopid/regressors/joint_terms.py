@@ -14,21 +14,12 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.errors import (
-    OptionError,
-    RobotFileError,
-)
+from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics.projection import ClosedMotion
 from loopid.kinematics.reactions import bearing_forces
-from loopid.parameters import (
-    Parameter,
-    ParameterSet,
-)
+from loopid.parameters import Parameter, ParameterSet
 from loopid.records import record
-from loopid.regressors.joint_laws import (
-    JointState,
-    joint_term,
-)
+from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.robot.mechanism import Mechanism
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.

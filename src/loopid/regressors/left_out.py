@@ -8,39 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-)
-from loopid.errors import (
-    AccuracyWarning,
-    AssemblyError,
-    ModelWarning,
-    SingularityError,
-    warn,
-)
+from loopid.arguments import FloatArray, checked
+from loopid.errors import AccuracyWarning, AssemblyError, ModelWarning, SingularityError, warn
 from loopid.kinematics.poses import torque_regressors
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    closed_motion,
-)
-from loopid.kinematics.sampling import (
-    random_configurations,
-    random_motions,
-)
+from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.records import record
 from loopid.regressors.joint_laws import joint_term
-from loopid.regressors.joint_terms import (
-    OF_FILE,
-    JointTerms,
-    terms_of_file,
-)
-from loopid.robot.mechanism import (
-    LeftOut,
-    Mechanism,
-    link_frames,
-    shortened,
-)
+from loopid.regressors.joint_terms import OF_FILE, JointTerms, terms_of_file
+from loopid.robot.mechanism import LeftOut, Mechanism, link_frames, shortened
 
 SAMPLES = 60  # random states that forces are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off

@@ -9,41 +9,18 @@ from functools import partial
 
 import numpy as np
 
-from loopid.arguments import (
-    FloatArray,
-    checked,
-    random_generator,
-)
+from loopid.arguments import FloatArray, checked, random_generator
 from loopid.errors import AccuracyWarning
 from loopid.kinematics.projection import closed_motion
-from loopid.kinematics.rounding import (
-    Accuracy,
-    geometry_accuracy,
-    same_motion,
-    within_accuracy,
-)
-from loopid.kinematics.sampling import (
-    SamplingOptions,
-    configuration_batches,
-    random_motions,
-)
-from loopid.observation import (
-    Observation,
-    Rounding,
-)
+from loopid.kinematics.rounding import Accuracy, geometry_accuracy, same_motion, within_accuracy
+from loopid.kinematics.sampling import SamplingOptions, configuration_batches, random_motions
+from loopid.observation import Observation, Rounding
 from loopid.records import record
-from loopid.regressors.closed_loop import (
-    gravity_regressor,
-    motion_parameters,
-    motion_regressor,
-)
+from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import (
-    Progress,
-    one_blas_thread,
-)
+from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4

@@ -11,11 +11,7 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
-from loopid.motion.trajectories import (
-    FourierCurve,
-    SplineCurve,
-    Waypoint,
-)
+from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
 from loopid.report.look import (
     BLUE,
     GREY,

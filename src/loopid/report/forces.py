@@ -8,10 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from loopid.diagnosis.payload import (
-    GainFit,
-    PayloadFit,
-)
+from loopid.diagnosis.payload import GainFit, PayloadFit
 from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Quality

@@ -7,25 +7,16 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-)
+from loopid.arguments import BoolArray, FloatArray
 from loopid.diagnosis.bands import BandSweep
 from loopid.diagnosis.comparison import PredictionError
 from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.identification.candidate import (
-    Candidate,
-    prediction_reach,
-)
+from loopid.identification.candidate import Candidate, prediction_reach
 from loopid.identification.consistent import ConsistentFit
-from loopid.identification.information import (
-    Identifiability,
-    WeakDirection,
-)
+from loopid.identification.information import Identifiability, WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit

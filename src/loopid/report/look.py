@@ -22,14 +22,8 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from loopid.arguments import (
-    IntArray,
-    spread_rows,
-)
-from loopid.errors import (
-    MissingExtraError,
-    one_line,
-)
+from loopid.arguments import IntArray, spread_rows
+from loopid.errors import MissingExtraError, one_line
 from loopid.files import require_folder, require_other_file
 
 if TYPE_CHECKING:

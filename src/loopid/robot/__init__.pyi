@@ -26,8 +26,4 @@ from .mechanism import (
     scratch_data as scratch_data,
     shortened as shortened,
 )
-from .platform import (
-    ROTATIONS as ROTATIONS,
-    TRANSLATIONS as TRANSLATIONS,
-    Platform as Platform,
-)
+from .platform import ROTATIONS as ROTATIONS, TRANSLATIONS as TRANSLATIONS, Platform as Platform

@@ -15,26 +15,11 @@ import pinocchio as pin
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Number,
-    frozen,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen
 from loopid.errors import OptionError
-from loopid.parameters import (
-    KINDS,
-    ParameterSet,
-    html_table,
-    model_kinds,
-)
+from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
-from loopid.robot.closures import (
-    UNIT,
-    JointCoupling,
-    LoopClosure,
-)
+from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
 from loopid.robot.platform import Platform
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
