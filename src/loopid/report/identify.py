@@ -9,9 +9,8 @@ from rich.table import Table
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.diagnosis.bands import BandSweep
-from loopid.diagnosis.comparison import PredictionError
-from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.diagnosis.selection import PredictionError, Reduction
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
 from loopid.identification.candidate import Candidate, prediction_reach
