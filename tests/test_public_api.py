@@ -95,8 +95,7 @@ def collect(value, kinds):
             collect(each, kinds)
 
 
-# Public dataclasses that hold what has no value: functions, XML, Pinocchio's trees; or labels by the
-# hundred, that are ordered.
+# Public dataclasses of what cannot be compared (functions, XML, trees), and labels in order.
 NO_RECORDS = {"Dialect", "TreeSource", "UrdfFile", "FramePair", "Parameter"}
 
 
