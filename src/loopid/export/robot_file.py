@@ -16,9 +16,16 @@ from lxml import etree
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, OptionError, RobotFileError
 from loopid.files import write_file
-from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
+from loopid.inertia import (
+    Inertial,
+    body_defect,
+    central_moments,
+    centre,
+    from_moments,
+    pseudo_inertia,
+    written,
+)
 from loopid.loading.files import find_files
-from loopid.loading.inertials import Inertial, InertialFile, XmlFile, add_first, written
 from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import inertial_files
@@ -62,7 +69,7 @@ def updated_robot_file(
         When the parameters, or the file, are not those of the mechanism.
     """
     tree = find_files(mechanism.path).tree
-    file: InertialFile = inertial_files[tree.suffix](tree)
+    file = inertial_files[tree.suffix](tree)
     rows = _body_parameters(mechanism, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
@@ -245,7 +252,7 @@ def _relative_change(P: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray((P - other) / np.outer(size, size))
 
 
-class UrdfInertials(InertialFile):
+class UrdfInertials:
     """The inertials of a URDF that are not all zero: tensors along the axes of the origin."""
 
     def __init__(self, path: Path) -> None:
@@ -259,14 +266,14 @@ class UrdfInertials(InertialFile):
 
     def replaced(self, new: Mapping[str, FloatArray]) -> bytes:
         """Content of the file with new pseudo-inertias (4, 4), each seen from its link."""
-        xml = XmlFile(self.path)
-        space = etree.QName(xml.root).namespace  # simulators declare a default one
-        for link in xml.root.findall("{*}link"):
+        tree = etree.parse(self.path, etree.XMLParser(resolve_entities=False))
+        space = etree.QName(tree.getroot()).namespace  # simulators declare a default one
+        for link in tree.getroot().findall("{*}link"):
             name = link.get("name", "").strip()
             if name in new and etree.QName(link).namespace == space:
                 old = self.inertials[name]
                 _edit(link, old, Inertial.of(new[name], old.axes))
-        return xml.content()
+        return etree.tostring(tree, encoding=tree.docinfo.encoding, xml_declaration=True)
 
 
 def _edit(link: etree._Element, old: Inertial, new: Inertial) -> None:
@@ -281,7 +288,7 @@ def _edit(link: etree._Element, old: Inertial, new: Inertial) -> None:
     if moved:
         if inertial.find("{*}origin") is None:
             tag = etree.QName(etree.QName(inertial).namespace, "origin")
-            add_first(inertial, etree.Element(tag))
+            inertial.insert(0, etree.Element(tag))
         _child(inertial, "origin").set("xyz", written(*new.centre))
 
 
