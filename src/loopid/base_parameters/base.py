@@ -29,9 +29,9 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
     "search",
     {
         "exact": "loopid.base_parameters.exact:ExactSearch",
-        "subgroup": "loopid.base_parameters.subgroup:SubgroupSearch",
-        "exhaustive": "loopid.base_parameters.exhaustive:ExhaustiveSearch",
-        "qr": "loopid.base_parameters.pivoted:PivotedQR",
+        "subgroup": "loopid.base_parameters.enumerated:SubgroupSearch",
+        "exhaustive": "loopid.base_parameters.enumerated:ExhaustiveSearch",
+        "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
 LEAST_TIME = 0.01  # s, for a search after one that used all there was

@@ -101,8 +101,7 @@ def base(
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters.base import find_felt_parameters
     from loopid.base_parameters.choice import SearchEffort
-    from loopid.regressors.joint_terms import JointTerms
-    from loopid.regressors.left_out import warn_of_omitted
+    from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
 

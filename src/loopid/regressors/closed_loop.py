@@ -25,8 +25,7 @@ from loopid.kinematics.assembly import (
     required,
 )
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.measured import measured_by
-from loopid.kinematics.platform import coordinates_at, platform_jacobian
+from loopid.kinematics.measured import coordinates_at, measured_coordinates, platform_jacobian
 from loopid.kinematics.poses import blocks, torque_regressors
 from loopid.kinematics.projection import ClosedMotion, completed, partition, velocity_maps
 from loopid.parameters import ParameterSet, model_kinds
@@ -121,7 +120,7 @@ class ClosedLoop:
         AssemblyError
             When a sample cannot be reached from the start without meeting a singularity.
         """
-        measured = measured_by(self.mechanism, coordinates)
+        measured = measured_coordinates(self.mechanism, coordinates)
         targets, answer = _one_or_many(values, measured.width, "measured coordinates")
         q = self.mechanism.reference if start is None else start
         q = samples(q, self.mechanism.model.nq, "start", 1)
