@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 from loopid import assemble, load_mechanism, random_configurations
 from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
-    SamplingOptions,
     NEAR_SINGULARITY,
+    SamplingOptions,
     closed_motion,
     constraint_drift,
     constraint_jacobian,

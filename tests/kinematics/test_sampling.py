@@ -55,12 +55,16 @@ def test_a_margin_that_none_keeps_is_refused(knee):
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [{"count": 0}, {"count": 10**10}, *({"count": 3, "margin": x} for x in (-0.1, 1.1, np.nan))],
+    "ask",
+    [
+        lambda robot: random_configurations(robot, 0),
+        lambda robot: random_configurations(robot, 10**10),
+        *(lambda robot, x=x: SamplingOptions(margin=x) for x in (-0.1, 1.1, np.nan)),
+    ],
 )
-def test_absurd_arguments_are_refused(mechanism, arguments):
+def test_absurd_arguments_are_refused(mechanism, ask):
     with pytest.raises(OptionError):
-        random_configurations(mechanism, **arguments)
+        ask(mechanism)
 
 
 def test_random_motions_are_seeded_and_of_the_order_of_gravity(mechanism):

@@ -192,7 +192,9 @@ def design_excitation(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         known = Known.of(model, unknown.basis, options.rate, noise=options.noise, after=after)
-        poses = random_configurations(model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0))
+        poses = random_configurations(
+            model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
+        )
         problem = _problem(model, limits, options, unknown, known, poses, parameters)
         regular = find_poses(problem, poses, options.seed)
         found = search(problem, regular, options, solver, progress)

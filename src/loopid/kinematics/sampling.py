@@ -30,8 +30,8 @@ class SamplingOptions:
     Attributes
     ----------
     margin : float, optional
-        Least singularity measure of a pose, see ``Projection.singularity``; by default that of the robot's file, else the usual
-        one, or less where the geometry hardly allows it.
+        Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
+        robot's file, else the usual one, or less where the geometry hardly allows it.
     usual_margin, least_margin : float
         The margin without a choice, and how far it may fall where few draws keep it.
     spread : float

@@ -108,7 +108,9 @@ def joint_motion(
                 f"which the motors leave free: lock them ({lock_options(mechanism)})"
             )
         q = assemble(mechanism, motion.position, motion.names, start=start, trajectory=True)
-        whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, independent=motion.names)
+        whole = closed_motion(
+            mechanism, q, motion.velocity, motion.acceleration, independent=motion.names
+        )
         v, a = whole.velocities, whole.accelerations
     else:
         of_platform = () if platform is None else platform.names
