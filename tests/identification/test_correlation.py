@@ -16,7 +16,7 @@ from loopid.identification import (
     fit,
     quiet_fit,
 )
-from loopid.identification.autoregression import Autoregression
+from loopid.identification.correlation import Autoregression
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

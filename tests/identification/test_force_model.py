@@ -20,7 +20,7 @@ from loopid.identification import (
     force_model,
     quiet_fit,
 )
-from loopid.identification.robot_prior import body_sizes
+from loopid.identification.bayes import body_sizes
 from loopid.kinematics import closed_motion, random_motions
 from loopid.logs import Recording
 from loopid.motion import JointMotion

@@ -11,8 +11,14 @@ import numpy as np
 from loopid.arguments import FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters
 from loopid.errors import DataError, OptionError
-from loopid.identification.consistent_prior import Prior, repaired_prior, sound_prior
-from loopid.identification.consistent_program import Whitening, attainable, minimise
+from loopid.identification.consistent_program import (
+    Prior,
+    Whitening,
+    attainable,
+    minimise,
+    repaired_prior,
+    sound_prior,
+)
 from loopid.identification.problem import FitProblem
 from loopid.identification.result import FitResult
 from loopid.parameters import ParameterSet, html_table

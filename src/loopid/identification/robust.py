@@ -16,11 +16,17 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.estimator import Estimator, WorkingFit
-from loopid.identification.least_squares import inverse_deviations, leverages, result_of, solved
+from loopid.identification.estimator import (
+    Estimator,
+    WeightedLeastSquares,
+    WorkingFit,
+    inverse_deviations,
+    leverages,
+    result_of,
+    solved,
+)
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import Robustness, fit_quality
-from loopid.identification.weighted import WeightedLeastSquares
 from loopid.records import record
 from loopid.workers import one_blas_thread
 

@@ -38,7 +38,7 @@ from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, LoopidError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.consistent import ConsistentFit, FitCost, consistent_parameters
-from loopid.identification.consistent_prior import repaired_prior
+from loopid.identification.consistent_program import repaired_prior
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics.constraint import constraint_residual

@@ -309,6 +309,7 @@ def dynamic_regressor(
     mechanism: Mechanism,
     configurations: FloatArray,
     velocities: FloatArray,
+    *,
     accelerations: FloatArray,
 ) -> FloatArray:
     """Actuator forces in motion per unit of all ten parameters a body.
@@ -334,7 +335,8 @@ def dynamic_regressor(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.dynamic_regressor(robot, robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]).shape
+    >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
+    >>> loopid.dynamic_regressor(robot, q, still, accelerations=pushed).shape
     (1, 4, 90)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")

@@ -14,10 +14,10 @@ from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.identification.candidate import Candidate, prediction_reach
 from loopid.identification.consistent import ConsistentFit
 from loopid.identification.information import Identifiability, WeakDirection
 from loopid.identification.pipeline import Identification
+from loopid.identification.prediction import Candidate, prediction_reach
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording

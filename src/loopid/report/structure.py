@@ -15,9 +15,9 @@ from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
+from loopid.loading.load import inertia_defects, odd_masses, unequal_links
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table
-from loopid.robot.checks import inertia_defects, odd_masses, unequal_links
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.mechanism import Mechanism
 
