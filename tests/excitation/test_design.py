@@ -126,7 +126,7 @@ def test_platform_coordinates():
     )
     assert found.violations == 0
     assert found.motion.names == robot.platform.names
-    x = loopid.kinematics.measured_coordinates(robot, found.joint_motion.configurations)
+    x = loopid.kinematics.platform_coordinates(robot, found.joint_motion.configurations)
     assert np.abs(x[:, 0]).max() <= 0.1
     assert found.joint_motion.singularity.min() >= 0.05
 

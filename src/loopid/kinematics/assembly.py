@@ -169,7 +169,7 @@ def assemble(
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
     >>> q = loopid.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
-    >>> loopid.kinematics.measured_coordinates(robot, q).round(6).tolist()
+    >>> loopid.kinematics.platform_coordinates(robot, q).round(6).tolist()
     [[0.0, 0.7, 0.1, 0.0]]
     """
     outcome = try_assemble(

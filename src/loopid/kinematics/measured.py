@@ -243,7 +243,7 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.kinematics.measured_coordinates(robot, robot.reference).shape
+    >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
     (1, 4)
     """
     declared_platform(mechanism)
