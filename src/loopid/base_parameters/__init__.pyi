@@ -2,7 +2,6 @@ from .base import (
     SEARCHES as SEARCHES,
     BaseParameter as BaseParameter,
     BaseParameters as BaseParameters,
-    FeltParameters as FeltParameters,
     expression as expression,
     find_base_parameters as find_base_parameters,
     find_felt_parameters as find_felt_parameters,

@@ -113,7 +113,7 @@ def base(
         )
     effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
     found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
-    record = base_record(robot, model, found.base, found.motors_alone)
+    record = base_record(robot, model, *found)
     show(record, base_tables(record), as_json)
 
 

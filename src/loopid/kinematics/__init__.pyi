@@ -9,7 +9,6 @@ from .closing import (
     FOLDED as FOLDED,
     ClosingOptions as ClosingOptions,
     ModeOptions as ModeOptions,
-    WalkOptions as WalkOptions,
     assembly_modes as assembly_modes,
     close_by_continuation as close_by_continuation,
     close_loops as close_loops,

@@ -58,17 +58,9 @@ class ClosingOptions:
     continuation_steps: int = 20  # equal parts that the residual shrinks by
 
 
-@record(checked=True)
-class WalkOptions:
-    """Random walks to closed configurations nearby."""
-
-    walks: int = 8
-    steps: int = 3
-    step: float = 0.1  # rad or characteristic lengths
-    closed: float = 1e-7  # the residual that counts as closed, in characteristic lengths
-
-
-CLOSING, WALKS = ClosingOptions(), WalkOptions()
+CLOSING = ClosingOptions()
+WALKS, WALK_STEPS, STEP = 8, 3, 0.1  # to poses nearby, each step in rad or characteristic lengths
+CLOSED = 1e-7  # residual of poses nearby that counts as closed, in characteristic lengths
 
 
 class _Points:
@@ -147,25 +139,23 @@ def displaced(
     return q, residual
 
 
-def nearby_configurations(
-    mechanism: Mechanism, configuration: FloatArray, *, options: WalkOptions = WALKS
-) -> FloatArray:
+def nearby_configurations(mechanism: Mechanism, configuration: FloatArray) -> FloatArray:
     """A closed configuration (nq,), then ends of walks from it that stay closed (n, nq)."""
     if mechanism.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
     nv, generator = mechanism.model.nv, random_generator(0, stream=3)
     places = mechanism.draw_places(np.arange(nv))
-    q = np.repeat(configuration[None], options.walks, axis=0)
-    for _ in range(options.steps):
+    q = np.repeat(configuration[None], WALKS, axis=0)
+    for _ in range(WALK_STEPS):
         _, jacobian = Constraint(mechanism, q).scaled()
-        steps = generator.normal(size=(options.walks, nv))[:, places]
-        for k in range(options.walks):
+        steps = generator.normal(size=(WALKS, nv))[:, places]
+        for k in range(WALKS):
             basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
             direction = basis @ (basis.T @ steps[k])
-            steps[k] = options.step * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
+            steps[k] = STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
         q, residual = close_loops(mechanism, start)
-    near = max(options.closed * mechanism.length, 2.0 * mechanism.closure_residual)
+    near = max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)
     return np.concatenate([configuration[None], q[residual <= near]])
 
 

@@ -240,10 +240,6 @@ class ClosedMotion:
     gamma: FloatArray  # (N, nv), the part of the accelerations that the velocities cause
     projection: Projection
 
-    def projected(self, tree_columns: FloatArray) -> FloatArray:
-        """Columns of the actuated forces (N, dof, n) from those of the tree's (N, nv, n)."""
-        return np.asarray(self.projection.G.transpose(0, 2, 1) @ tree_columns, dtype=np.float64)
-
 
 @checked
 def project(
