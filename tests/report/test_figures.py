@@ -128,9 +128,9 @@ def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, study):
 
 
 def test_a_turning_joint_has_its_force_in_newton_metres(study):
-    unit = identify_figures.force_unit
-    assert unit(study.identification, "leg1_stroke") == "N"
-    assert unit(study.identification, "leg4_revolute") == "N m"
+    robot = study.identification.force_model.mechanism
+    assert figures.force_unit(robot, "leg1_stroke") == "N"
+    assert figures.force_unit(robot, "leg4_revolute") == "N m"
 
 
 def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_log):
