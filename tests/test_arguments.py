@@ -55,7 +55,7 @@ def test_what_is_annotated_is_taken_and_the_rest_refused(words):
         taken = function(value)
         assert taken == (tuple(value) if isinstance(value, list) else value) or taken == value
     for value in wrong:
-        with pytest.raises(OptionError, match="^value must be ") as refused:
+        with pytest.raises(OptionError, match=r"^value must be ") as refused:
             function(value)
         assert refused.value.facts["argument"] == "value"
         assert refused.value.facts["given"] is value
@@ -102,7 +102,7 @@ def test_what_python_refuses_itself_stays_its_own():
     assert (function.__name__, function.__doc__) == ("function", "What it does.")
     with pytest.raises(TypeError, match="missing a required argument"):
         function()
-    with pytest.raises(OptionError, match="^key must be "):
+    with pytest.raises(OptionError, match=r"^key must be "):
         function(1, key="x")
 
 

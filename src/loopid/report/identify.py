@@ -9,7 +9,6 @@ from rich.table import Table
 
 from loopid.diagnosis.bands import BandSweep
 from loopid.diagnosis.comparison import PredictionError
-from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
@@ -48,7 +47,6 @@ CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",
-    "reduction": "Validation error by the number of parameters taken from the data.",
 }
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
@@ -431,8 +429,8 @@ def identification_files(study: Study, command: str | None = None) -> dict[str, 
 def identification_figures(study: Study) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
     found = study.identification
-    first = draw_forces(study) | draw_spectrum(found.identifiability) | draw_parameters(found)
-    return first | draw_reduction(study.reduction) | draw_filter(study)
+    spectrum = draw_spectrum(found.identifiability)
+    return draw_forces(study) | spectrum | draw_parameters(found) | draw_filter(study)
 
 
 def draw_filter(study: Study) -> dict[str, bytes]:
@@ -531,21 +529,3 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
         figure.suptitle("base parameters against the robot file", fontsize=8)
         figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)
         return rendered(figure, "parameters")
-
-
-def draw_reduction(reduction: Reduction) -> dict[str, bytes]:
-    """Validation error by the number of fitted parameters, and the number that was chosen."""
-    steps = reduction.steps
-    count = np.array([len(step.labels) for step in steps])
-    error = np.array([step.validation_error for step in steps])
-    spread = np.array([step.standard_error for step in steps])
-    with drawing(height=2.0) as (figure, axes):
-        ax = axes[0, 0]
-        ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
-        chosen = len(reduction.chosen.labels)
-        ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
-        ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
-        ax.set(title="how many parameters are essential", yscale="log")
-        plain_log_labels(ax.yaxis)
-        ax.legend()
-        return rendered(figure, "reduction")
