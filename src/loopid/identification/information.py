@@ -93,10 +93,6 @@ class Excitation:
         structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
         return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
 
-    def __repr__(self) -> str:
-        spread = ", ".join(f"{effect:.2g}" for effect in self.effects[[0, -1]])
-        return f"Excitation(rank {self.rank} of {len(self.effects)}, effects {spread})"
-
     @property
     def sizes(self) -> FloatArray:
         """Sizes (n,) of the parameters."""
