@@ -113,15 +113,15 @@ class ForceModel:
         return self.base.values(self.standard_prior)
 
     @cached_property
-    def random_states(self) -> tuple[FloatArray, FloatArray]:
-        """Closed poses (M, nq) inside the limits, and ``standard_regressor`` (M, dof, p) there.
+    def random_regressor(self) -> FloatArray:
+        """``standard_regressor`` (M, dof, p) at closed poses inside the limits, seeded.
 
-        Seeded; velocities and accelerations are those of a fall over the robot's length.
+        Velocities and accelerations are those of a fall over the robot's length.
         """
         rows = ROWS_PER_COLUMN * len(self.parameters)
         count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
         q = random_configurations(self.mechanism, count)
-        return q, self.standard_regressor(q, *random_motions(self.mechanism, count))
+        return self.standard_regressor(q, *random_motions(self.mechanism, count))
 
     def standard_regressor(
         self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray

@@ -73,7 +73,7 @@ class Excitation:
         """Of a fit problem of some or all parameters of a force model."""
         base, columns = force_model.base, force_model.columns_of(problem.parameters)
         bodies = body_sizes(force_model.mechanism, force_model.model)
-        random = force_model.random_states[1]
+        random = force_model.random_regressor
         usual = (random[:, :, : len(bodies)] @ force_model.standard_prior[: len(bodies)]) ** 2
         squares = problem.force_squares() / np.maximum(problem.samples, 1)
         force = np.sqrt(np.where(squares > 0, squares, usual.mean(axis=0)))

@@ -224,13 +224,6 @@ class Candidate:
             f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
         )
 
-    def __repr__(self) -> str:
-        ratio, error = self.error_ratio
-        return (
-            f"Candidate({self.name}: {self.fitted} of {len(self.values)} parameters fitted, "
-            f"validation error {ratio:.2f} ± {error:.2f} of the baseline's)"
-        )
-
 
 @checked
 def judge(
