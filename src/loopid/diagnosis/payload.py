@@ -219,7 +219,7 @@ def identify_payload(
     if not unloaded or not loaded:
         raise DataError("a payload takes recordings without it, and others with it")
     columns = _link_columns(force_model, link)
-    regressor = force_model.random_states[1][:, :, columns]
+    regressor = force_model.random_regressor[:, :, columns]
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {link}")
     names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])

@@ -20,7 +20,7 @@ from loopid.excitation.shapes import SHAPES, PosesShape
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project, singularity_measure
-from loopid.kinematics.sampling import DEFAULT_MARGIN, random_configurations
+from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording
 from loopid.logs.recording import Recording
@@ -224,7 +224,9 @@ def design_excitation(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         known = Known.of(model, unknown.basis, options.rate, noise=options.noise, after=after)
-        poses = random_configurations(model.mechanism, POSES, options.seed, margin=0.0)
+        poses = random_configurations(
+            model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
+        )
         criterion = unknown.criterion(options.criterion, parameters, model)
         on_platform = options.coordinates == "platform"
         size = options.size or SIZES.get(options.shape)

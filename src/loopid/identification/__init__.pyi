@@ -15,20 +15,16 @@ from .consistent_program import REGULARISATIONS as REGULARISATIONS, repaired_pri
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
-    LEAST_EXCITATION as LEAST_EXCITATION,
     Convergence as Convergence,
     Estimator as Estimator,
     OrdinaryLeastSquares as OrdinaryLeastSquares,
     WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
-    chosen_estimator as chosen_estimator,
-    excited_rank as excited_rank,
 )
 from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
     quiet_fit as quiet_fit,
-    warn_of_insignificant as warn_of_insignificant,
     working_fit as working_fit,
 )
 from .force_model import (
@@ -42,13 +38,11 @@ from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
     WeakDirection as WeakDirection,
-    excited_samples as excited_samples,
     fit_excited as fit_excited,
     identifiability as identifiability,
 )
 from .instrumental import InstrumentalVariables as InstrumentalVariables
 from .pipeline import (
-    UNIDENTIFIABLE as UNIDENTIFIABLE,
     FitOptions as FitOptions,
     Identification as Identification,
     fit_all as fit_all,
@@ -62,7 +56,6 @@ from .prediction import (
     Prediction as Prediction,
     judge as judge,
     predict as predict,
-    prediction_error as prediction_error,
     prediction_reach as prediction_reach,
 )
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
@@ -75,9 +68,4 @@ from .result import (
     fit_quality as fit_quality,
 )
 from .robust import Bisquare as Bisquare
-from .saved import (
-    SavedFit as SavedFit,
-    read_fit as read_fit,
-    robot_files as robot_files,
-    save_fit as save_fit,
-)
+from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit

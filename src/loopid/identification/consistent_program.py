@@ -42,6 +42,21 @@ from loopid.inertia import (
 )
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 
+REGULARISATIONS = ("entropic", "euclidean", "riemannian")
+# Weight of the tie-breaking pull on what has no prior, relative to what has one.
+TIE_BREAK = 1e-6
+# Relative to the prior: eigenvalues, and values, up to which a body or term is on the boundary.
+TOUCHING, FLUSH = 1e-2, 1e-5
+# Singular values of the data below this part of the largest are round-off.
+NEGLIGIBLE = 1e-14
+TOLERANCE = 1e-10  # of Clarabel: duality gap and residuals
+# A solution that is almost within it counts where the duality gap proves the objective this well.
+SOLVED, LARGEST_GAP = ("Solved", "AlmostSolved"), 1e-6
+# So deep inside the constraints solutions are looked for, relative to the prior: far deeper than
+# what Clarabel leaves open, so that no verdict hangs on round-off. Equations count as satisfiable
+# where they are at twice this depth.
+DEPTH = 1e-6
+ROUND_OFF = 1e-12  # of equations whose rows and targets are of size one
 # Terms of joints that cannot be negative: drive inertia, Coulomb and viscous friction.
 POSITIVE_KINDS = ("Ia", "Fc", "Fv")
 # A repaired body is at least so thick: second moments of a thirtieth of its length.
@@ -239,23 +254,6 @@ def _thicker(name: str, own: FloatArray, ball: float) -> FloatArray:
     if moments[0] <= 0:
         raise DataError(f"no body tells how large {name} is: the prior cannot be repaired")
     return parameters_of(from_moments(mass, centre, axes * moments @ axes.T))
-
-
-REGULARISATIONS = ("entropic", "euclidean", "riemannian")
-# Weight of the tie-breaking pull on what has no prior, relative to what has one.
-TIE_BREAK = 1e-6
-# Relative to the prior: eigenvalues, and values, up to which a body or term is on the boundary.
-TOUCHING, FLUSH = 1e-2, 1e-5
-# Singular values of the data below this part of the largest are round-off.
-NEGLIGIBLE = 1e-14
-TOLERANCE = 1e-10  # of Clarabel: duality gap and residuals
-# A solution that is almost within it counts where the duality gap proves the objective this well.
-SOLVED, LARGEST_GAP = ("Solved", "AlmostSolved"), 1e-6
-# So deep inside the constraints solutions are looked for, relative to the prior: far deeper than
-# what Clarabel leaves open, so that no verdict hangs on round-off. Equations count as satisfiable
-# where they are at twice this depth.
-DEPTH = 1e-6
-ROUND_OFF = 1e-12  # of equations whose rows and targets are of size one
 
 
 def vector(matrix: FloatArray) -> FloatArray:

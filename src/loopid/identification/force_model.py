@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from html import escape
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,12 +17,11 @@ from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import KINDS, ParameterSet, html_table
+from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.left_out import warn_of_omitted
+from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map
@@ -70,12 +68,6 @@ class ForceModel:
             f"{joints} of joint terms)"
         )
 
-    def _repr_html_(self) -> str:
-        head = "base parameter", "robot file", "unit"
-        units = (parameter.unit for parameter in self.parameters)
-        rows = zip(self.base.expressions, self.prior.tolist(), units, strict=True)
-        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
-
     @property
     def parameters(self) -> ParameterSet:
         """Leading parameter of each of the n columns."""
@@ -120,15 +112,15 @@ class ForceModel:
         return self.base.values(self.standard_prior)
 
     @cached_property
-    def random_states(self) -> tuple[FloatArray, FloatArray]:
-        """Closed poses (M, nq) inside the limits, and ``standard_regressor`` (M, dof, p) there.
+    def random_regressor(self) -> FloatArray:
+        """``standard_regressor`` (M, dof, p) at closed poses inside the limits, seeded.
 
-        Seeded; velocities and accelerations are those of a fall over the robot's length.
+        Velocities and accelerations are those of a fall over the robot's length.
         """
         rows = ROWS_PER_COLUMN * len(self.parameters)
         count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
         q = random_configurations(self.mechanism, count)
-        return q, self.standard_regressor(q, *random_motions(self.mechanism, count))
+        return self.standard_regressor(q, *random_motions(self.mechanism, count))
 
     def standard_regressor(
         self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray

@@ -73,7 +73,7 @@ class Excitation:
         """Of a fit problem of some or all parameters of a force model."""
         base, columns = force_model.base, force_model.columns_of(problem.parameters)
         bodies = body_sizes(force_model.mechanism, force_model.model)
-        random = force_model.random_states[1]
+        random = force_model.random_regressor
         usual = (random[:, :, : len(bodies)] @ force_model.standard_prior[: len(bodies)]) ** 2
         squares = problem.force_squares() / np.maximum(problem.samples, 1)
         force = np.sqrt(np.where(squares > 0, squares, usual.mean(axis=0)))
@@ -92,10 +92,6 @@ class Excitation:
         rows = K[:, :, leading].reshape(-1, n) @ L
         structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
         return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
-
-    def __repr__(self) -> str:
-        spread = ", ".join(f"{effect:.2g}" for effect in self.effects[[0, -1]])
-        return f"Excitation(rank {self.rank} of {len(self.effects)}, effects {spread})"
 
     @property
     def sizes(self) -> FloatArray:

@@ -202,11 +202,6 @@ class Identification:
         return self.recommended.fit
 
     @property
-    def best(self) -> Candidate:
-        """The candidate with the least error on new data."""
-        return min(self.candidates.values(), key=lambda candidate: candidate.error_ratio[0])
-
-    @property
     def verdict(self) -> str:
         """Whether the recommended values are better than the robot file on new data: a sentence."""
         if self.recommended is not self.baseline:

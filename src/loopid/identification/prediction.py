@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from html import escape
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
-from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 
@@ -79,10 +77,6 @@ class Prediction:
         told = zip(self.recording.actuators, self.moving.r_squared, strict=True)
         shares = ", ".join(f"{motor} {value:.3f}" for motor, value in told)
         return f"<Prediction of {self.recording.name!r}: R² where motors move: {shares}>"
-
-    def _repr_html_(self) -> str:
-        head = "motor", "moving", "RMS error", "R²", "standing", "RMS error"
-        return f"<p>{escape(repr(self))}</p>{html_table(head, self.rows)}"
 
     def csv(self) -> str:
         """A table of text: time, then measured, predicted and used of each motor."""
@@ -230,13 +224,6 @@ class Candidate:
             f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
         )
 
-    def __repr__(self) -> str:
-        ratio, error = self.error_ratio
-        return (
-            f"Candidate({self.name}: {self.fitted} of {len(self.values)} parameters fitted, "
-            f"validation error {ratio:.2f} ± {error:.2f} of the baseline's)"
-        )
-
 
 @checked
 def judge(
@@ -294,13 +281,20 @@ def _mean_error(series: FloatArray) -> float:
 
 
 @checked
-def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Standard errors (N, dof) of the forces that a regressor (N, dof, n) predicts.
+def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Half the width (N, dof) of 95 % intervals of the forces that a regressor predicts.
+
+    Parameters
+    ----------
+    regressor : FloatArray
+        (N, dof, n) in N or N m per unit parameter.
+    covariance : FloatArray
+        (n, n).
 
     Raises
     ------
     DataError
-        When the covariance is not (n, n), or something is not finite.
+        When shapes differ, or something is not finite.
     """
     # The order of numbers in memory would decide the last bits.
     W = np.ascontiguousarray(finite(regressor, "regressor"))
@@ -310,10 +304,4 @@ def prediction_error(regressor: FloatArray, covariance: FloatArray) -> FloatArra
             f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
         )
     variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
-
-
-@checked
-def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Half the width (N, dof) of 95 % intervals of predicted forces; see ``prediction_error``."""
-    return INTERVAL * prediction_error(regressor, covariance)
+    return np.asarray(INTERVAL * np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
