@@ -35,10 +35,9 @@ from loopid.identification.robot_prior import cad_prior
 from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
-from loopid.logs.options import FilterOptions
 from loopid.logs.preparing import prepare_recording
 from loopid.logs.reading import read_log
-from loopid.logs.recording import Recording
+from loopid.logs.recording import FilterOptions, Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, MotionReview, review_motion
