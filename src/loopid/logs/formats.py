@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import require_plausible, text_blocks
+from loopid.files import require_plausible, text_blocks, why_no_file
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
