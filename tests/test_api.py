@@ -87,19 +87,3 @@ def test_defaults_of_options_are_those_of_the_functions():
 
     assert default(cli.motions, "margin").default == default(loopid.review_motion, "margin")
     assert default(cli.identify, "fraction").default == default(loopid.split_recordings, "fraction")
-
-
-def api():
-    """Each public name with its parameters; a star stands before those that are given by name."""
-    for name in NAMES:
-        thing = getattr(loopid, name)
-        words = []
-        for each in inspect.signature(thing).parameters.values():
-            words += ["*"] * (each.kind is each.KEYWORD_ONLY and "*" not in words) + [each.name]
-        yield f"{name}({', '.join(words)})"
-
-
-def test_public_names_and_their_parameters_are_those_of_the_list():
-    """Whoever changes one on purpose changes the list, and tells users in the CHANGELOG."""
-    listed = Path(__file__).with_name("public_api.txt").read_text().splitlines()
-    assert list(api()) == listed

@@ -12,7 +12,7 @@ from bank_doc import table
 from bank_robots import ROBOTS, URDF, count, load, nearby, plan, ranks, row
 from loopid import assemble
 from loopid.kinematics import constraint_residual, try_assemble
-from loopid.robot import inertia_defects
+from loopid.loading import inertia_defects
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
 WITH_LEGS = ["3rpr", "3rrr", "6ups", "6ups_crosses", "delta"]

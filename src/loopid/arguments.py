@@ -6,12 +6,11 @@ functions that take them, which know their shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
-from pathlib import Path
 from types import UnionType
 from typing import (
     Annotated,
@@ -187,14 +186,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         def plain(*args: P.args, **kwargs: P.kwargs) -> R:
             return function(*args, **kwargs)
 
-        plain.__annotations__ = {name: _instances(hint) for name, hint in hints().items()}
+        hints = get_type_hints(function, include_extras=True)
+        plain.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         validator: Callable[P, R] = validate_call(config=config)(plain)
         return validator
-
-    @cache
-    def hints() -> dict[str, Any]:
-        return get_type_hints(function, include_extras=True)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -204,7 +200,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             if error.title not in (function.__name__, function.__qualname__):
                 raise
             signature(function).bind(*args, **kwargs)  # a TypeError as Python words it
-            raise _refusal(error, list(signature(function).parameters), hints()) from None
+            raise _refusal(error, list(signature(function).parameters)) from None
 
     return call
 
@@ -231,62 +227,16 @@ def _instances(hint: Any) -> Any:
     return kind[tuple(map(_instances, parts))]
 
 
-def _refusal(error: ValidationError, names: list[str], hints: Mapping[str, Any]) -> OptionError:
-    """Say what the first wrong argument must be."""
+def _refusal(error: ValidationError, names: list[str]) -> OptionError:
+    """What pydantic says of the first wrong argument."""
     detail = error.errors(include_url=False)[0]
     place, *inside = detail["loc"]
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
-    at, hint, given = name, hints.get(name, Any), detail["input"]
-    if get_origin(hint) in ENTRIES and inside:  # an entry of a sequence or a mapping is wrong
-        at, hint = f"{name}[{inside[0]!r}]", get_args(hint)[-1 if get_args(hint)[-1] != ... else 0]
-        inside = inside[1:]
-    valid = words(hint)
-    if detail["type"] in LIMITS and not inside:
-        valid = detail["msg"].removeprefix("Input should be ")
+    at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
+    must = detail["msg"].partition(",")[0].removeprefix("Input should be ")
+    given = detail["input"]
     shown = repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
-    return OptionError(f"{at} must be {valid}, not {shown:.60}", argument=name, given=given)
-
-
-# What pydantic says of a value of the right type.
-LIMITS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
-ENTRIES = {Sequence, Iterable, Mapping, tuple, list, dict}
-NOUNS = {
-    int: ("a whole number", "whole numbers"),
-    float: ("a finite number", "finite numbers"),
-    bool: ("True or False", "True or False"),
-    str: ("text", "texts"),
-    Path: ("a path", "paths"),
-    type(None): ("None", "None"),
-}
-
-
-def words(hint: Any, several: bool = False) -> str:
-    """What an annotation asks for, in words.
-
-    Examples
-    --------
-    >>> from loopid.arguments import words
-    >>> words(int | None), words(tuple[str, ...])
-    ('a whole number or None', 'a sequence of texts')
-    """
-    kind, parts = get_origin(hint), get_args(hint)
-    if kind is Annotated:
-        return "an array" if hint in (FloatArray, IntArray, BoolArray) else words(parts[0], several)
-    if kind in (Union, UnionType):
-        shown = [part for part in parts if part is not str or Path not in parts]
-        return " or ".join(dict.fromkeys(words(part, several) for part in shown))
-    if kind is Literal:
-        return " or ".join(map(repr, parts))
-    if kind is Callable or hint is Callable:
-        return "functions" if several else "a function"
-    if kind in (Mapping, dict):
-        return f"a mapping of names to {words(parts[1], several=True)}"
-    if kind in ENTRIES:
-        return f"a sequence of {words(parts[0], several=True)}"
-    if hint in NOUNS:
-        return NOUNS[hint][several]
-    name = getattr(hint, "__name__", "value").lstrip("_")
-    return name if several else f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+    return OptionError(f"{at} must be {must}, not {shown:.60}", argument=name, given=given)
 
 
 def random_generator(seed: int, stream: int = 0) -> np.random.Generator:

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, finite
+from loopid.arguments import BoolArray, FloatArray, finite
 from loopid.errors import DataError
 from loopid.parameters import KINDS
+from loopid.records import record
 
 # What counts as a solid body: second moments about the centre of mass that are
 # below this part of the largest count as zero. Those of a plate a metre wide and a tenth of a
@@ -92,3 +93,58 @@ def body_defect(P: FloatArray, flat_allowed: bool = False, tolerance: float = FL
         f"its principal moments of inertia {listed} kg m² are those of no solid body: each must "
         f"be positive and less than the sum of the others (tolerance {tolerance:g})"
     )
+
+
+# Inertials as robot files write them.
+
+# Numbers whose change moves no more than this part of the second moments about the link's origin
+# stay as they are written.
+KEPT = 1e-14
+
+
+@record
+class Inertial:
+    """A mass, its centre, and a tensor about the centre along axes that are turned from the link's.
+
+    Attributes
+    ----------
+    mass : float
+        In kg.
+    centre : FloatArray
+        (3,) in m, seen from the link.
+    axes : FloatArray
+        (3, 3), as columns.
+    tensor : FloatArray
+        (3, 3) in kg m².
+    """
+
+    mass: float
+    centre: FloatArray
+    axes: FloatArray
+    tensor: FloatArray
+
+    @classmethod
+    def of(cls, P: FloatArray, axes: FloatArray | None = None) -> Inertial:
+        """What says a pseudo-inertia (4, 4), along the link's or other axes (3, 3)."""
+        turn = np.eye(3) if axes is None else axes
+        tensor = turn.T @ inertia_tensor(central_moments(P)) @ turn
+        return cls(float(P[3, 3]), centre(P), turn, tensor)
+
+    @property
+    def P(self) -> FloatArray:  # noqa: N802
+        """Pseudo-inertia (4, 4), seen from the link."""
+        inertia = pin.Inertia(self.mass, self.centre, self.axes @ self.tensor @ self.axes.T)
+        return np.array(pin.PseudoInertia.FromInertia(inertia).toMatrix())
+
+    def changes_to(self, new: Inertial) -> tuple[bool, bool, BoolArray]:
+        """Whether mass, centre, and which entries of the tensor (3, 3), change beyond round-off."""
+        spread = float(np.trace(new.P[:3, :3]))
+        mass = abs(new.mass - self.mass) > KEPT * abs(self.mass)
+        moved = np.abs(new.centre - self.centre).max() > KEPT * np.sqrt(spread / new.mass)
+        tensor = np.abs(new.tensor - self.tensor) > KEPT * spread
+        return bool(mass), bool(moved), np.asarray(tensor)
+
+
+def written(*numbers: float) -> str:
+    """Numbers as the shortest text that is read as the very same numbers."""
+    return " ".join(repr(float(number)) for number in numbers)

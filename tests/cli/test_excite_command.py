@@ -31,9 +31,7 @@ def test_files_say_what_the_record_says(run, tmp_path):
         "report.md",
         "excitation.json",
         "motion.png",
-        "singularity.svg",
         "errors.svg",
-        "spectrum.svg",
     }
     # The motion file is the motion of the CSV, and tells what the record says.
     robot = loopid.load_mechanism("five_bar")

@@ -11,8 +11,8 @@ from loopid import JointTerms, find_force_model, load_mechanism
 from loopid.export import export_robot_file
 from loopid.identification import consistent_fit, quiet_fit, read_fit, save_fit
 from loopid.kinematics import closed_motion
+from loopid.loading import inertia_defects
 from loopid.regressors import motion_regressor
-from loopid.robot import inertia_defects
 from made_runs import modelled, wander
 
 ROUND_TRIP = 1e-9

@@ -13,8 +13,7 @@ from loopid.identification import (
     find_force_model,
     identifiability,
 )
-from loopid.identification.consistent_prior import sound_prior
-from loopid.identification.consistent_program import Whitening
+from loopid.identification.consistent_program import Whitening, sound_prior
 from made_runs import ARM, friction, modelled, one_joint, wander
 
 __all__ = ["set_block_rows"]

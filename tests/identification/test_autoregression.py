@@ -6,13 +6,13 @@ from hypothesis import given, strategies as st
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from loopid.identification.autoregression import (
+from loopid.identification.correlation import (
     LARGEST_REFLECTION,
     Autoregression,
     CorrelationOptions,
+    ErrorModel,
     burg_covariances,
 )
-from loopid.identification.correlation import ErrorModel
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
 

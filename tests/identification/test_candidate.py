@@ -11,7 +11,7 @@ from loopid.identification import (
     Quality,
     fit_quality,
     judge,
-    prediction_error,
+    prediction_reach,
     quiet_fit,
 )
 from loopid.parameters import ParameterSet
@@ -135,14 +135,14 @@ def test_errors_of_predictions_are_the_spread_of_predictions_over_draws():
     covariance, W = spread @ spread.T, generator.normal(size=(20, 2, 3))
     draws = generator.multivariate_normal(np.zeros(3), covariance, size=20_000)
     expected = np.einsum("nij,kj->nik", W, draws).std(axis=2)
-    np.testing.assert_allclose(prediction_error(W, covariance), expected, rtol=0.03)
+    np.testing.assert_allclose(prediction_reach(W, covariance), 1.96 * expected, rtol=0.03)
 
 
 def test_nothing_fitted_has_no_error_of_prediction():
     W = np.random.default_rng(1).normal(size=(5, 2, 3))
-    assert not prediction_error(W, np.zeros((3, 3))).any()
+    assert not prediction_reach(W, np.zeros((3, 3))).any()
     # A covariance that round-off has made slightly negative gives 0 rather than NaN.
-    assert np.isfinite(prediction_error(W, -1e-20 * np.eye(3))).all()
+    assert np.isfinite(prediction_reach(W, -1e-20 * np.eye(3))).all()
 
 
 def test_an_rms_has_the_error_of_its_spread_over_draws():

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
-from loopid.errors import DataWarning, OptionError
+from loopid.errors import DataWarning
 from loopid.identification import (
     FitSamples,
     OrdinaryLeastSquares,
@@ -16,7 +16,7 @@ from loopid.identification import (
     fit,
     quiet_fit,
 )
-from loopid.identification.autoregression import Autoregression
+from loopid.identification.correlation import Autoregression
 from smooth_data import (
     DEVIATIONS,
     TRUTH,
@@ -111,10 +111,6 @@ def test_parameters_near_zero_are_named_once():
         result = fit(named_samples(W, W @ truth + 0.1 * rng.normal(size=(200, 2))))
     assert len(caught) == 1
     assert result.insignificant() == ("link2.m", "link4.m")
-    assert result.insignificant(limit=1e-9) == result.parameters.labels
-    assert result.insignificant(limit=1e9) == ()
-    with pytest.raises(OptionError, match="limit"):
-        result.insignificant(limit=0.0)
 
 
 def test_good_data_warn_of_nothing():

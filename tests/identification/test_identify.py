@@ -129,7 +129,6 @@ def test_corrections_of_a_wrong_robot_file_predict_better(heavier, essential):
     baseline, full, informed = heavier.candidates.values()
     supported = essential[1]
     assert all(each.beats_baseline for each in (supported, full, informed))
-    assert heavier.best in (full, informed)
     assert (baseline.validation.residual_rms > supported.validation.residual_rms).all()
     assert supported.fitted == 9
     assert heavier.recommended is informed
@@ -478,7 +477,6 @@ def test_the_first_part_predicts_the_rest_better_than_the_robot_file(logged):
     essential = judge_essential(logged, eliminate(logged))
     assert essential.beats_baseline
     assert (essential.validation.r_squared > 0.7).all()
-    assert logged.best is not logged.baseline
 
 
 def test_what_is_not_significant_is_named(logged):

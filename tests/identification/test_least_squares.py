@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError, RankError
-from loopid.identification import FitSamples, OrdinaryLeastSquares, WeightedLeastSquares, quiet_fit
+from loopid.identification import (
+    FitSamples,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    fit_quality,
+    quiet_fit,
+)
 from smooth_data import DEVIATIONS, assert_coverage, covered, named, named_samples, runs
 
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0])
@@ -69,7 +75,10 @@ def test_ordinary_estimates_are_the_textbooks(seed):
 def test_quality_is_that_of_the_samples_that_take_part(estimator):
     samples, other = made(2), made(3)
     found = estimator.fit(samples.problem)
-    for data, quality in ((samples, found.quality), (other, found.validate(other.problem))):
+    for data, quality in (
+        (samples, found.quality),
+        (other, fit_quality(other.problem, found.values)),
+    ):
         residual = data.force - found.predict(data.regressor)
         for i in range(2):
             used = data.used[:, i]

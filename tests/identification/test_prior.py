@@ -6,11 +6,10 @@ from oracles import bodies_of
 
 from loopid.errors import DataError
 from loopid.identification import consistent_fit, consistent_parameters, repaired_prior
-from loopid.identification.consistent_prior import THICKNESS, sound_prior
-from loopid.identification.consistent_program import matrix, minimise
+from loopid.identification.consistent_program import THICKNESS, matrix, minimise, sound_prior
 from loopid.inertia import FLAT
+from loopid.loading import inertia_defects
 from loopid.parameters import KINDS, ParameterSet
-from loopid.robot import inertia_defects
 
 TWO = ParameterSet.of_links(("arm", "hand"), KINDS)
 SOUND = np.array([2.0, 0.2, 0.0, 0.4, 0.3, 0.0, 0.3, -0.04, 0.0, 0.1])

@@ -47,8 +47,8 @@ def positive(factors):
 def test_merging_factors_is_stacking_samples():
     parts = [made(seed) for seed in (0, 1, 2)]
     whole, (a, b, c) = FitSamples.combined(parts).problem, (part.problem for part in parts)
-    expected = WeightedLeastSquares().fit(whole)
-    for merged in (a.merge(b).merge(c), a.merge(b.merge(c)), FitProblem.combined([c, a, b])):
+    expected, join = WeightedLeastSquares().fit(whole), FitProblem.combined
+    for merged in (join([join([a, b]), c]), join([a, join([b, c])]), join([c, a, b])):
         np.testing.assert_allclose(
             positive(merged.factors) / np.abs(whole.factors).max(),
             positive(whole.factors) / np.abs(whole.factors).max(),
@@ -112,7 +112,7 @@ def test_parts_that_do_not_go_together_are_refused():
     with pytest.raises(DataError, match="share"):
         FitSamples.combined([samples, other])
     with pytest.raises(DataError, match="share"):
-        samples.problem.merge(other.problem)
+        FitProblem.combined([samples.problem, other.problem])
     plain = FitSamples.of(samples.parameters, samples.actuators, samples.regressor, samples.force)
     with pytest.raises(DataError, match="all have instruments"):
         FitSamples.combined([samples, plain])

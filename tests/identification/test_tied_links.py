@@ -14,7 +14,7 @@ from loopid.identification import (
     WeightedLeastSquares,
     find_force_model,
     identify,
-    prediction_error,
+    prediction_reach,
     quiet_fit,
 )
 from loopid.observation import Observation
@@ -112,7 +112,7 @@ def test_sharing_makes_predictions_surer(case):
     errors = []
     for model in (untied, tied):
         fit = WeightedLeastSquares().fit(model.samples(data).problem)
-        errors.append(prediction_error(model.regressor(fresh), fit.covariance))
+        errors.append(prediction_reach(model.regressor(fresh), fit.covariance) / 1.96)
     loose, shared = errors
     # Of the motors' errors, other residuals leave other estimates.
     assert (shared < 1.05 * loose).all()

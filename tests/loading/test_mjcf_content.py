@@ -224,7 +224,7 @@ def test_couplings_hold_where_the_equalities_of_mujoco_do(kind, tmp_path):
         np.testing.assert_allclose(constraint_jacobian(robot, q)[0][:, order], rows, atol=1e-12)
 
 
-def test_a_tendon_without_room_is_a_coupling(read_arm):
+def test_limits_of_tendons_are_told(read_arm):
     source = read_arm(
         """<tendon><fixed name="waist" limited="true" range="-0.0001 0.0003">
         <joint joint="wrist" coef="1"/><joint joint="elbow" coef="-2"/></fixed>
@@ -232,13 +232,8 @@ def test_a_tendon_without_room_is_a_coupling(read_arm):
         <spatial name="rope" limited="true" range="0 0.0001"><site site="tip"/><site site="knob"/>
         </spatial></tendon>"""
     )
-    (coupling,) = source.description.closures
-    assert coupling.joints == {"wrist": 1, "elbow": -2}
-    assert coupling.offset == pytest.approx(1e-4)
-    assert source.notes == (
-        "fixed tendons with a range below 0.001 are couplings: waist",
-        "limits of tendons are not modelled: wide, rope",
-    )
+    assert not source.description.closures
+    assert source.notes == ("limits of tendons are not modelled: waist, wide, rope",)
 
 
 def test_equalities_of_flexible_parts_are_refused(read, refusal):
@@ -349,12 +344,6 @@ def test_quaternions_of_the_reference_have_w_last(read_body):
             '<equality><connect name="c" body1="box" anchor="0 0 0"/></equality>',
             "a <flag> disables the equalities, so they close no loop: remove it: c",
         ),
-        (
-            '<joint name="a" range="-1.57 1.57"/><joint name="b" axis="1 0 0" range="0 0.8"/>',
-            "",
-            "its hinges turn by 3.1° at most: if its angles are meant in rad, write "
-            '<compiler angle="radian"/> into it',
-        ),
     ],
 )
 def test_what_is_not_modelled_is_said(read_body, joints, rest, note):
@@ -401,7 +390,6 @@ def refused(tmp_path, refusal):
         (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model must be finite"),
         (small(HINGE.format('range="nan 1"')), "jnt_range of MuJoCo's model must be finite"),
         (small(rest='<keyframe><key qpos="nan"/></keyframe>'), "key_qpos"),
-        (small(body='quat="1e308 1e308 0 0"'), "body_quat of MuJoCo's model has a quaternion"),
         (
             small(
                 '<joint name="k" type="slide" ref="1e308"/>',
@@ -470,8 +458,3 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
-
-
-def test_a_file_that_asks_for_more_than_robots_have_is_refused(refused):
-    copies = f'<replicate count="1e9">{BODY.format("", HINGE.format(""))}</replicate>'
-    refused(f"<mujoco><worldbody>{copies}</worldbody></mujoco>", "count of <replicate>")

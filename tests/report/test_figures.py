@@ -14,14 +14,13 @@ from loopid.diagnosis import examine
 from loopid.errors import MissingExtraError
 from loopid.identification import find_force_model, identifiability, identify
 from loopid.report import identify as identify_figures, look as figures
-from loopid.report.identify import draw_forces, draw_parameters, draw_reduction, draw_spectrum
+from loopid.report.identify import draw_forces, draw_parameters, draw_spectrum
 from loopid.report.look import COLUMN, MOST_POINTS, RESOLUTION, thinned
 from made_runs import ARM, modelled, quietly, stand, wander
 
 DRAWERS = {
     "forces": (draw_forces, "study"),
     "parameters": (draw_parameters, "identification"),
-    "reduction": (draw_reduction, "reduction"),
     "spectrum": (draw_spectrum, "support"),
 }
 
@@ -38,7 +37,6 @@ def parts(study):
     return {
         "study": study,
         "identification": study.identification,
-        "reduction": study.reduction,
         "support": study.identification.identifiability,
     }
 
@@ -128,9 +126,9 @@ def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, study):
 
 
 def test_a_turning_joint_has_its_force_in_newton_metres(study):
-    unit = identify_figures.force_unit
-    assert unit(study.identification, "leg1_stroke") == "N"
-    assert unit(study.identification, "leg4_revolute") == "N m"
+    robot = study.identification.force_model.mechanism
+    assert figures.force_unit(robot, "leg1_stroke") == "N"
+    assert figures.force_unit(robot, "leg4_revolute") == "N m"
 
 
 def test_the_spectrum_is_that_of_structure_and_data(monkeypatch, knee_log):
@@ -172,12 +170,6 @@ def test_bars_of_the_parameters_are_the_intervals_of_the_fit(monkeypatch, study)
     np.testing.assert_allclose(ends, reach[identification.force_model.body_columns])
 
 
-def test_the_chosen_number_of_corrections_is_marked(monkeypatch, study):
-    (ax,) = axes_of(monkeypatch, identify_figures, draw_reduction, study.reduction)
-    chosen = [line for line in ax.lines if line.get_label() == "essential"]
-    assert list(chosen[0].get_xdata()) == [len(study.reduction.columns)] * 2
-
-
 @pytest.mark.parametrize("count", [1, 2, MOST_POINTS, 40_000])
 def test_long_lines_are_thinned_from_end_to_end(count):
     rows = thinned(count)
@@ -192,7 +184,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, study):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingExtraError, match=r"matplotlib is not installed.*loopid\[plot\]"):
-        draw_reduction(study.reduction)
+        draw_parameters(study.identification)
 
 
 def test_a_serial_robot_has_a_row_for_each_of_its_motors(monkeypatch, tmp_path):

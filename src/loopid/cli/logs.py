@@ -84,7 +84,7 @@ def identify(
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid.diagnosis.study import StudyOptions, study_logs
-    from loopid.identification.options import FitOptions
+    from loopid.identification.pipeline import FitOptions
     from loopid.report.identify import (
         identification_files,
         identification_record,

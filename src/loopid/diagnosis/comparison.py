@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import DataError
-from loopid.identification.autoregression import Autoregression, burg_covariances, run_lengths
+from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.problem import FitSamples
 
 # Standard errors of a difference that make it clear.

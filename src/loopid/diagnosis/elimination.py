@@ -11,11 +11,11 @@ from scipy.linalg import solve_triangular
 from loopid.arguments import FloatArray, checked, finite
 from loopid.diagnosis.comparison import prediction_errors
 from loopid.errors import DataError, OptionError
-from loopid.identification.candidate import Candidate, judge
-from loopid.identification.directions import Excitation
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
+from loopid.identification.information import Excitation
 from loopid.identification.pipeline import Identification
+from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, relative_deviation
 from loopid.parameters import ParameterSet, html_table

@@ -400,7 +400,7 @@ def _link_regressor(force_model: ForceModel, run: Recording, columns: list[int])
 def _payload_base(force_model: ForceModel, link: str) -> tuple[BaseParameters, list[int]]:
     """Base parameters of a payload on a link, and the link's columns of the standard parameters."""
     columns = _link_columns(force_model, link)
-    regressor = force_model.random_states[1][:, :, columns]
+    regressor = force_model.random_regressor[:, :, columns]
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {link}")
     names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])

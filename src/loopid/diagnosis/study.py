@@ -12,11 +12,10 @@ from loopid.diagnosis.elimination import Reduction, eliminate, judge_essential
 from loopid.diagnosis.log_mistakes import Suspicions, diagnose
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.errors import DataWarning, ModelWarning, warn
-from loopid.identification.candidate import Candidate
 from loopid.identification.consistent import ConsistentFit, consistent_fit
 from loopid.identification.force_model import USUAL_TERMS, find_force_model
-from loopid.identification.options import FitOptions
-from loopid.identification.pipeline import Identification, identify
+from loopid.identification.pipeline import FitOptions, Identification, identify
+from loopid.identification.prediction import Candidate
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.records import record

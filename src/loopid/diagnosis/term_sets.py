@@ -12,10 +12,9 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.comparison import PredictionError, prediction_errors
 from loopid.errors import DataError
-from loopid.identification.force_model import ForceModel, find_force_model
+from loopid.identification.bayes import body_sizes
+from loopid.identification.force_model import ForceModel, find_force_model, samples_of
 from loopid.identification.pipeline import Identification
-from loopid.identification.robot_prior import body_sizes
-from loopid.identification.samples import samples_of
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms

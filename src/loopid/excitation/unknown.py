@@ -10,9 +10,9 @@ import scipy.linalg
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.excitation.criteria import CRITERIA, Criterion, OfCombinations
-from loopid.identification.directions import Excitation, excited_samples
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
+from loopid.identification.information import Excitation, excited_samples
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording
 from loopid.parameters import ParameterSet

@@ -9,11 +9,11 @@ import numpy as np
 from lxml import etree
 
 from loopid.arguments import FloatArray
-from loopid.loading.inertials import Inertial, InertialFile, XmlFile, add_first, written
+from loopid.inertia import Inertial, written
 from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
 
 
-class UrdfInertials(InertialFile):
+class UrdfInertials:
     """The inertials of a URDF that are not all zero."""
 
     def __init__(self, path: Path) -> None:
@@ -27,14 +27,14 @@ class UrdfInertials(InertialFile):
 
     def replaced(self, new: Mapping[str, FloatArray]) -> bytes:
         """Content of the file with new pseudo-inertias (4, 4), each seen from its link."""
-        xml = XmlFile(self.path)
-        space = etree.QName(xml.root).namespace  # simulators declare a default one
-        for link in xml.root.findall("{*}link"):
+        tree = etree.parse(self.path, etree.XMLParser(resolve_entities=False))
+        space = etree.QName(tree.getroot()).namespace  # simulators declare a default one
+        for link in tree.getroot().findall("{*}link"):
             name = link.get("name", "").strip()
             if name in new and etree.QName(link).namespace == space:
                 old = self.inertials[name]
                 _edit(link, old, Inertial.of(new[name], old.axes))
-        return xml.content()
+        return etree.tostring(tree, encoding=tree.docinfo.encoding, xml_declaration=True)
 
 
 def _edit(link: etree._Element, old: Inertial, new: Inertial) -> None:
@@ -49,7 +49,7 @@ def _edit(link: etree._Element, old: Inertial, new: Inertial) -> None:
     if moved:
         if inertial.find("{*}origin") is None:
             tag = etree.QName(etree.QName(inertial).namespace, "origin")
-            add_first(inertial, etree.Element(tag))
+            inertial.insert(0, etree.Element(tag))
         _child(inertial, "origin").set("xyz", written(*new.centre))
 
 

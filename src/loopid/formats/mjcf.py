@@ -5,7 +5,6 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +15,12 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import BoolArray, FloatArray, number
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_tree import Element, read_xml
+from loopid.loading.urdf_tree import read_xml
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
@@ -56,13 +55,9 @@ GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 LARGEST = 1e100  # so that no product of a few numbers overflows
-# Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
-COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
-MOST = 10_000
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
 MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
-ROOM = 1e-3  # rad or m at a joint: a tendon with a smaller range holds its length
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -82,8 +77,6 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
-    tight, slack = _limited_tendons(scene)
-    closures += tight
     terms, left_out = _joint_forces(scene)
     motors, notes = _motors(scene, closures)
     try:
@@ -103,7 +96,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         inertial_links=tuple(_where(scene.bodies, heavy)),
         child_links=child_links,
         description=description,
-        notes=(*_left_out(scene), *slack, *notes, *warnings),
+        notes=(*_left_out(scene), *notes, *warnings),
         left_out=tuple(left_out),
     )
 
@@ -155,7 +148,10 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     if not path.is_file():
         raise FileError(f"{path} is missing", file=str(path))
     with naming(path):
-        _refuse_excess(read_xml(path))
+        root = read_xml(path)
+        # MuJoCo compiles URDFs too, but drops what it does not know in them.
+        if root.tag != "mujoco":
+            raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
         # MuJoCo would print its warnings, and append them to a file where it runs.
         heard: list[str] = []
         before = mujoco.get_mju_user_warning()
@@ -172,20 +168,8 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     return compiled, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
 
 
-def _refuse_excess(root: Element) -> None:
-    """Refuse what MuJoCo would read other than it is meant, or hang on."""
-    # MuJoCo compiles URDFs too, but drops what it does not know in them.
-    if root.tag != "mujoco":
-        raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
-    for tag in root.iter("*"):
-        for key in COUNTS if tag.tag != "geom" else ():
-            if any(number(word) > MOST for word in tag.get(key, "").split()):
-                what = f"{key} of <{tag.tag!s}>"
-                raise RobotFileError(f"{what} must be at most {MOST:,}, not {tag.get(key)!r:.60}")
-
-
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
-    """Refuse numbers that are not finite, and directions without length."""
+    """Refuse numbers that are not finite."""
     numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
     # Limits may be infinite.
     numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
@@ -194,11 +178,6 @@ def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
             raise RobotFileError(
                 f"{name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
             )
-    for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
-        # What is too long or short for MuJoCo to normalise is zero then.
-        if not np.linalg.norm(getattr(compiled, name), axis=1).all():
-            what = "an axis" if name == "jnt_axis" else "a quaternion"
-            raise RobotFileError(f"{name} of MuJoCo's model has {what} of length 0")
 
 
 def _text(compiled: mujoco.MjModel, address: int) -> str:
@@ -438,27 +417,6 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
     return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
 
 
-def _limited_tendons(scene: Scene) -> tuple[list[ClosureDescription], list[str]]:
-    """Couplings of fixed tendons that have no room to move, and notes about other limits."""
-    compiled, tight = scene.compiled, list[ClosureDescription]()
-    notes: dict[str, list[str]] = {}
-    for tendon in np.flatnonzero(compiled.tendon_limited):
-        name = _named(scene.tendons, int(tendon))
-        low, high = map(float, compiled.tendon_range[tendon])
-        joints = _driven(scene, int(tendon))
-        held = high - low <= ROOM * max(map(abs, joints.values()), default=1.0)
-        if held and joints:
-            middle = 0.5 * (low + high)
-            tight.append(
-                ClosureDescription(type="coupling", name=name, joints=joints, offset=middle)
-            )
-            what = f"fixed tendons with a range below {ROOM:g} are couplings: "
-        else:
-            what = "limits of tendons are not modelled: "
-        notes.setdefault(what, []).append(name)
-    return tight, [what + shortened(names) for what, names in notes.items()]
-
-
 def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
     """Coefficients of the joints whose sum is a tendon's length; ValueError of a spatial one."""
     compiled = scene.compiled
@@ -531,6 +489,7 @@ def _left_out(scene: Scene) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled = scene.compiled
     equalities = [_named(scene.equalities, equality) for equality in range(compiled.neq)]
+    tendons = [_named(scene.tendons, tendon) for tendon in range(compiled.ntendon)]
     active = _active(compiled)
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
@@ -544,15 +503,9 @@ def _left_out(scene: Scene) -> list[str]:
         "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
+        "limits of tendons are not modelled": _where(tendons, compiled.tendon_limited != 0),
     }
     notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
-    hinges = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (compiled.jnt_limited != 0)
-    turn = float(np.degrees(np.ptp(compiled.jnt_range[hinges], axis=1)).max(initial=0.0))
-    if 0 < turn < 2 * math.pi:
-        notes.append(
-            f"its hinges turn by {turn:.2g}° at most: if its angles are meant in rad, write "
-            '<compiler angle="radian"/> into it'
-        )
     if compiled.nflex:
         notes.append("flexible parts are not modelled")
     return notes

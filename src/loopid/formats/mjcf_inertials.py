@@ -16,7 +16,7 @@ from lxml import etree
 from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
 from loopid.formats.mjcf import MUJOCO_ERRORS, Scene, compile_mjcf
-from loopid.loading.inertials import Inertial, InertialFile, XmlFile, add_first, written
+from loopid.inertia import Inertial, written
 
 ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 # Attributes of <compiler> that have the last word on inertias, and values that do no harm.
@@ -26,7 +26,7 @@ HARMLESS = (None, "auto", "false", "-1")
 FAITHFUL = 1e-11
 
 
-class MjcfInertials(InertialFile):
+class MjcfInertials:
     """The inertials of all bodies of an MJCF that have one, by loopid's names of them."""
 
     def __init__(self, path: Path) -> None:
@@ -35,13 +35,14 @@ class MjcfInertials(InertialFile):
 
     def replaced(self, new: Mapping[str, FloatArray]) -> bytes:
         """Content of the file with new pseudo-inertias (4, 4), each seen from its link."""
-        xml = XmlFile(self.path)
-        self._refuse_overruling(xml.root)
-        for name, body in zip(self._scene.bodies[1:], self._bodies(xml.root), strict=True):
+        tree = etree.parse(self.path, etree.XMLParser(resolve_entities=False))
+        root = tree.getroot()
+        self._refuse_overruling(root)
+        for name, body in zip(self._scene.bodies[1:], self._bodies(root), strict=True):
             if name in new:
                 _edit(body, self.inertials[name], new[name])
-        self._require_faithful(xml.root, new)
-        return xml.content()
+        self._require_faithful(root, new)
+        return etree.tostring(tree, encoding=tree.docinfo.encoding, xml_declaration=True)
 
     def _refuse_overruling(self, root: etree._Element) -> None:
         for compiler in root.findall("compiler"):
@@ -123,7 +124,7 @@ def _edit(body: etree._Element, old: Inertial, P: FloatArray) -> None:
         inertial.set("mass", written(along.mass))
         inertial.set("pos", written(*along.centre))
         inertial.set("fullinertia", full)
-        add_first(body, inertial)
+        body.insert(0, inertial)
         return
     heavier, moved, turned = old.changes_to(new)
     if heavier:

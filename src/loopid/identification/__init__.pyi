@@ -1,13 +1,9 @@
-from .autoregression import (
-    Autoregression as Autoregression,
-    CorrelationOptions as CorrelationOptions,
-)
-from .bayes import BayesianRidge as BayesianRidge, Prior as Prior, evidence_scale as evidence_scale
-from .candidate import (
-    Candidate as Candidate,
-    judge as judge,
-    prediction_error as prediction_error,
-    prediction_reach as prediction_reach,
+from .bayes import (
+    BayesianRidge as BayesianRidge,
+    Prior as Prior,
+    body_sizes as body_sizes,
+    cad_prior as cad_prior,
+    evidence_scale as evidence_scale,
 )
 from .consistent import (
     ConsistentFit as ConsistentFit,
@@ -15,49 +11,53 @@ from .consistent import (
     consistent_fit as consistent_fit,
     consistent_parameters as consistent_parameters,
 )
-from .consistent_prior import repaired_prior as repaired_prior
-from .consistent_program import REGULARISATIONS as REGULARISATIONS
-from .directions import (
-    Excitation as Excitation,
-    excited_samples as excited_samples,
-    fit_excited as fit_excited,
-)
-from .distributed import distributed_problem as distributed_problem
+from .consistent_program import REGULARISATIONS as REGULARISATIONS, repaired_prior as repaired_prior
+from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
+    Convergence as Convergence,
     Estimator as Estimator,
+    OrdinaryLeastSquares as OrdinaryLeastSquares,
+    WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
-    chosen_estimator as chosen_estimator,
 )
 from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
     quiet_fit as quiet_fit,
-    warn_of_insignificant as warn_of_insignificant,
     working_fit as working_fit,
 )
-from .force_model import ForceModel as ForceModel, find_force_model as find_force_model
+from .force_model import (
+    ForceModel as ForceModel,
+    distributed_problem as distributed_problem,
+    find_force_model as find_force_model,
+    reference_instruments as reference_instruments,
+    samples_of as samples_of,
+)
 from .information import (
+    Excitation as Excitation,
     Identifiability as Identifiability,
     WeakDirection as WeakDirection,
+    fit_excited as fit_excited,
     identifiability as identifiability,
 )
 from .instrumental import InstrumentalVariables as InstrumentalVariables
-from .least_squares import (
-    LEAST_EXCITATION as LEAST_EXCITATION,
-    Convergence as Convergence,
-    excited_rank as excited_rank,
-)
-from .options import UNIDENTIFIABLE as UNIDENTIFIABLE, FitOptions as FitOptions
-from .ordinary import OrdinaryLeastSquares as OrdinaryLeastSquares
 from .pipeline import (
+    FitOptions as FitOptions,
     Identification as Identification,
     fit_all as fit_all,
     fit_joint_terms as fit_joint_terms,
     identify as identify,
     likely_deviation as likely_deviation,
+    split_recordings as split_recordings,
 )
-from .prediction import Prediction as Prediction, predict as predict
+from .prediction import (
+    Candidate as Candidate,
+    Prediction as Prediction,
+    judge as judge,
+    predict as predict,
+    prediction_reach as prediction_reach,
+)
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
 from .result import (
     Estimate as Estimate,
@@ -67,17 +67,5 @@ from .result import (
     Robustness as Robustness,
     fit_quality as fit_quality,
 )
-from .robot_prior import body_sizes as body_sizes, cad_prior as cad_prior
 from .robust import Bisquare as Bisquare
-from .samples import (
-    reference_instruments as reference_instruments,
-    samples_of as samples_of,
-    split_recordings as split_recordings,
-)
-from .saved import (
-    SavedFit as SavedFit,
-    read_fit as read_fit,
-    robot_files as robot_files,
-    save_fit as save_fit,
-)
-from .weighted import WeightedLeastSquares as WeightedLeastSquares
+from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, Number, checked, finite, frozen
+from loopid.arguments import FloatArray, Number, checked, finite
 from loopid.base_parameters.base import BaseParameters
 from loopid.errors import DataError, OptionError
-from loopid.identification.consistent_prior import Prior, repaired_prior, sound_prior
-from loopid.identification.consistent_program import Whitening, attainable, minimise
+from loopid.identification.consistent_program import (
+    Prior,
+    Whitening,
+    attainable,
+    minimise,
+    repaired_prior,
+    sound_prior,
+)
 from loopid.identification.problem import FitProblem
-from loopid.identification.result import FitResult
-from loopid.parameters import ParameterSet, html_table
+from loopid.identification.result import FitResult, OfArrays
+from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -33,7 +38,7 @@ MOST_NAMED = 5
 
 
 @record
-class FitCost:
+class FitCost(OfArrays):
     """Residuals with and without the constraints.
 
     Attributes
@@ -49,10 +54,6 @@ class FitCost:
     unconstrained: FloatArray
     constrained: FloatArray
     total: Number
-
-    def __post_init__(self) -> None:
-        for name in ("unconstrained", "constrained"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 @record
@@ -130,11 +131,6 @@ class ConsistentFit:
         if self.boundary:
             lines.append(f"on the boundary: {', '.join(self.boundary)}")
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        head = ("body", "mass (kg)", "x (m)", "y (m)", "z (m)", "margin")
-        rows = ([body, *(f"{x:.4g}" for x in rest)] for body, *rest in map(dict.values, self.rows))
-        return f"<p>{escape(self._summary())}</p>{html_table(head, rows)}"
 
 
 @checked

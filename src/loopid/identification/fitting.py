@@ -9,8 +9,8 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, warn
-from loopid.identification.autoregression import CorrelationOptions
 from loopid.identification.correlation import (
+    CorrelationOptions,
     warn_of_correlation,
     warn_of_scatter,
     with_correlated_errors,

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from html import escape
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import SearchStrategy
-from loopid.errors import ModelWarning, warn
-from loopid.identification.problem import FitSamples
+from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import KINDS, ParameterSet, html_table
+from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, joint_term
@@ -26,6 +27,8 @@ from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map
 
+# Steps of the reference, before its start and after its end, that the log may reach.
+OVERHANG = 1.0
 # Joint terms by default: Coulomb and viscous friction of the motors, and what the file gives.
 USUAL_TERMS = "Fc,Fv,file"
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -65,12 +68,6 @@ class ForceModel:
             f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
             f"{joints} of joint terms)"
         )
-
-    def _repr_html_(self) -> str:
-        head = "base parameter", "robot file", "unit"
-        units = (parameter.unit for parameter in self.parameters)
-        rows = zip(self.base.expressions, self.prior.tolist(), units, strict=True)
-        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     @property
     def parameters(self) -> ParameterSet:
@@ -116,15 +113,15 @@ class ForceModel:
         return self.base.values(self.standard_prior)
 
     @cached_property
-    def random_states(self) -> tuple[FloatArray, FloatArray]:
-        """Closed poses (M, nq) inside the limits, and ``standard_regressor`` (M, dof, p) there.
+    def random_regressor(self) -> FloatArray:
+        """``standard_regressor`` (M, dof, p) at closed poses inside the limits, seeded.
 
-        Seeded; velocities and accelerations are those of a fall over the robot's length.
+        Velocities and accelerations are those of a fall over the robot's length.
         """
         rows = ROWS_PER_COLUMN * len(self.parameters)
         count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
         q = random_configurations(self.mechanism, count)
-        return q, self.standard_regressor(q, *random_motions(self.mechanism, count))
+        return self.standard_regressor(q, *random_motions(self.mechanism, count))
 
     def standard_regressor(
         self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
@@ -267,3 +264,134 @@ def find_force_model(
                 ModelWarning,
             )
     return ForceModel(mechanism, model, joint_terms, base)
+
+
+@checked
+def samples_of(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    *,
+    references: Sequence[JointMotion] = (),
+    n_jobs: int = 1,
+) -> FitSamples:
+    """All samples of recordings, with instruments if there is a reference motion for each.
+
+    Raises
+    ------
+    DataError
+        Without recordings.
+    OptionError
+        When the reference motions are not as many as the recordings.
+    """
+    if not recordings:
+        raise DataError("identification needs recordings to fit, and others to validate")
+    if references and len(references) != len(recordings):
+        raise OptionError(
+            f"references must be one motion a recording, {len(recordings)}, not {len(references)}",
+            given=len(references),
+            valid=len(recordings),
+        )
+    parts = [force_model.samples(recording, n_jobs) for recording in recordings]
+    for k, reference in enumerate(references):
+        instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
+        parts[k] = parts[k].with_instruments(instruments)
+    return FitSamples.combined(parts)
+
+
+@checked
+def reference_instruments(
+    force_model: ForceModel, recording: Recording, reference: JointMotion, *, n_jobs: int = 1
+) -> FloatArray:
+    """Instruments (N, dof, n) for the samples of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    reference : JointMotion
+        What was commanded, or simulated, by the clock of the recording. Instruments need to follow
+        the motion, not to match it, so that the sample of the nearest time is taken.
+    n_jobs : int
+        As of ``ForceModel.samples``.
+
+    Raises
+    ------
+    DataError
+        When the reference does not last as long as the recording, or is of another mechanism.
+    """
+    nq = recording.motion.configurations.shape[1]
+    if reference.configurations.shape[1] != nq:
+        raise DataError(
+            f"the reference must have configurations of {nq} numbers, as the recording has, not "
+            f"{reference.configurations.shape[1]}"
+        )
+    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
+    return force_model.regressor(reference.select(rows), n_jobs)
+
+
+def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
+    """Numbers (N,) of the times nearest to wanted ones."""
+    if len(times) < 2:
+        raise DataError(f"the reference must have at least two samples, not {len(times)}")
+    reach = OVERHANG * float(np.diff(times).max())
+    if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
+        raise DataError(
+            f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
+            f"{wanted.min():.6g} to {wanted.max():.6g} s"
+        )
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    earlier = wanted - times[after - 1] < times[after] - wanted
+    return np.asarray(after - earlier, dtype=np.int64)
+
+
+# A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
+Source: TypeAlias = Recording | Callable[[], Recording] | Any
+
+
+@checked
+def distributed_problem(
+    force_model: ForceModel, sources: Iterable[Source], **options: Any
+) -> FitProblem:
+    """Reduce recordings where they lie, by Dask: only triangular factors travel.
+
+    Map: a recording becomes the factors of its samples. Reduce: stacked factors are factored again,
+    in pairs. What comes out are the factors of all samples together, to round-off.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    sources : iterable
+        For each recording itself, a function without arguments that loads it (where the log is), or
+        a ``dask.delayed`` one.
+    options
+        Of ``dask.compute``, such as ``scheduler="processes"``.
+
+    Returns
+    -------
+    FitProblem
+        For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
+        intervals are those of independent errors: factors do not tell autocorrelated ones.
+
+    Raises
+    ------
+    MissingExtraError
+        When Dask is not installed.
+    DataError
+        When there are no recordings.
+    """
+    try:
+        import dask
+    except ImportError as error:
+        raise MissingExtraError.of("dask", "distributed") from error
+    model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
+    level = [dask.delayed(_reduced)(model, source) for source in sources]
+    if not level:
+        raise DataError("there are no recordings to reduce")
+    while len(level) > 1:
+        level = [merged(level[k : k + 2]) for k in range(0, len(level), 2)]
+    problem: FitProblem = dask.compute(level[0], **options)[0]
+    return problem
+
+
+def _reduced(force_model: ForceModel, source: Recording | Callable[[], Recording]) -> FitProblem:
+    recording = source if isinstance(source, Recording) else source()
+    return force_model.samples(recording).problem

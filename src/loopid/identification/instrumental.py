@@ -14,11 +14,13 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import OptionError, RankError
-from loopid.identification.estimator import Estimator, WorkingFit, require_rows
-from loopid.identification.least_squares import (
+from loopid.identification.estimator import (
     Convergence,
+    Estimator,
+    WorkingFit,
     converged_weights,
     require_excitation,
+    require_rows,
     result_of,
 )
 from loopid.identification.problem import FitProblem, FitSamples

@@ -13,24 +13,128 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import OptionError, RankError
-from loopid.identification.bayes import BayesianRidge, evidence_scale
-from loopid.identification.candidate import Candidate, judge
-from loopid.identification.directions import Excitation, fit_excited
-from loopid.identification.estimator import Estimator, chosen_estimator
+from loopid.errors import DataWarning, OptionError, RankError, warn
+from loopid.identification.bayes import PRIOR_DEVIATION, BayesianRidge, cad_prior, evidence_scale
+from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
-from loopid.identification.force_model import ForceModel
-from loopid.identification.information import Identifiability, identifiability
-from loopid.identification.least_squares import equal_weights
-from loopid.identification.options import FitOptions
+from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.information import (
+    Excitation,
+    Identifiability,
+    fit_excited,
+    identifiability,
+)
+from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first
-from loopid.identification.robot_prior import PRIOR_DEVIATION, cad_prior
-from loopid.identification.samples import samples_of, split_recordings, warn_of_fitted
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import record
+from loopid.workers import require_processes
+
+# What is done about a combination of parameters that no force of the data depends on.
+UNIDENTIFIABLE = ("error", "prior")
+
+
+@record(kw_only=True, checked=True)
+class FitOptions:
+    """Options of ``identify``.
+
+    Attributes
+    ----------
+    estimator : str or Estimator
+        A name of ``ESTIMATORS``, or an estimator with its own options. ``"bayes"`` takes the robot
+        file as its prior.
+    unidentifiable : str
+        Where no force of the training data depends on a combination of parameters: ``"error"``, or
+        ``"prior"``: fit the others, and keep the robot file's values there.
+    fraction : float
+        Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
+        are fitted, the rest judges.
+    prior_deviation : float, optional
+        For ``"bayes"``: standard deviation of the robot file's parameters, relative to their sizes
+        (``cad_prior``); by default 0.3.
+    deviations : tuple of float
+        Without that: the least and the largest such deviation that the evidence of the data may
+        choose. A file that is right in most of its bodies need not be in all, so that the least is
+        not 0.
+    n_jobs : int
+        Processes that compute the regressors; the result is the same to the bit.
+
+    Raises
+    ------
+    OptionError
+        When an option is out of its range, or one is given that the estimator has no use for.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.FitOptions(estimator="wsl")
+    Traceback (most recent call last):
+    loopid.errors.OptionError: unknown estimator 'wsl': choose one of ols, wls, bisquare, iv, bayes
+    """
+
+    estimator: str | Estimator = "wls"
+    unidentifiable: str = "error"
+    fraction: float = 0.6
+    prior_deviation: float | None = None
+    deviations: tuple[float, float] = (0.1, 10.0)
+    n_jobs: int = 1
+
+    def __post_init__(self) -> None:
+        if isinstance(self.estimator, str) and self.estimator not in ESTIMATORS:
+            raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
+        if self.unidentifiable not in UNIDENTIFIABLE:
+            raise OptionError.unknown("unidentifiable", self.unidentifiable, UNIDENTIFIABLE)
+        if not 0 < self.fraction < 1:
+            raise OptionError(
+                f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction
+            )
+        least, largest = self.deviations
+        if not 0 < least < largest < np.inf:
+            raise OptionError(
+                f"deviations must be two that ascend from above 0, not {self.deviations}",
+                given=self.deviations,
+            )
+        if self.prior_deviation is not None and self.estimator != "bayes":
+            raise OptionError(
+                "prior_deviation is of the robot file as prior: it goes with estimator='bayes', "
+                f"not with {self.estimator!r}",
+                given=self.estimator,
+            )
+        require_processes(self.n_jobs, "n_jobs")
+
+    def require_references(self, count: int) -> None:
+        """Refuse reference motions for another estimator than ``"iv"``, and that without any."""
+        if (self.name == "iv") != bool(count):
+            raise OptionError(
+                f"references are for estimator='iv', which needs them: {count} motions do not go "
+                f"with {self.name!r}",
+                given=count,
+                estimator=self.name,
+            )
+
+    @property
+    def name(self) -> str:
+        """Name of the estimator."""
+        return self.estimator if isinstance(self.estimator, str) else self.estimator.name
+
+    @property
+    def keeps_robot_file(self) -> bool:
+        """Whether the robot file's values are kept where the data tell nothing."""
+        return self.unidentifiable == "prior"
+
+    @property
+    def weighs_robot_file(self) -> bool:
+        """Whether the robot file counts as prior beside the fit: by default, with ``"wls"``."""
+        return self.name == "wls"
+
+    @property
+    def estimator_beside(self) -> str | Estimator:
+        """The estimator without a prior: weighted least squares stands in for Bayes."""
+        return "wls" if self.name == "bayes" else self.estimator
+
 
 # Names of the candidates.
 ROBOT_FILE, ALL, NEAR_FILE = "robot file", "all parameters", "robot file as prior"
@@ -98,11 +202,6 @@ class Identification:
         return self.recommended.fit
 
     @property
-    def best(self) -> Candidate:
-        """The candidate with the least error on new data."""
-        return min(self.candidates.values(), key=lambda candidate: candidate.error_ratio[0])
-
-    @property
     def verdict(self) -> str:
         """Whether the recommended values are better than the robot file on new data: a sentence."""
         if self.recommended is not self.baseline:
@@ -129,6 +228,54 @@ class Identification:
         head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
         rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
         return html_table((*head, "±"), rows)
+
+
+@checked
+def split_recordings(
+    recordings: Sequence[Recording], fraction: float = 0.6
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """The first part of each recording's moving samples for training, the rest for validation.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    fraction : float
+        Of the samples of each recording in which a motor moves, between 0 and 1.
+
+    Returns
+    -------
+    training, validation : tuple of Recording
+
+    Raises
+    ------
+    OptionError
+        When the fraction is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> sine = 0.1 * np.ones((2, 1))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
+    >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
+    >>> force = np.zeros((len(motion.time), 2))
+    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
+    >>> training, validation = loopid.split_recordings([run], 0.75)
+    >>> len(run), len(training[0]), len(validation[0])
+    (201, 151, 50)
+    """
+    parts = [recording.split(fraction) for recording in recordings]
+    return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
+
+
+def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording]) -> None:
+    """Name recordings that judge what was fitted to them."""
+    for run in validation:
+        if any(np.array_equal(run.force, other.force) for other in training):
+            warn(
+                f"{run.name} is fitted and validates: its errors say nothing of new data",
+                DataWarning,
+            )
 
 
 @checked

@@ -1,20 +1,19 @@
-"""What a saved fit predicts for a recording that it need not have seen."""
+"""What values predict, and candidates: values judged on data that they were not fitted to."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from html import escape
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.arguments import BoolArray, FloatArray, checked, finite, row_blocks
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.identification.force_model import ForceModel
-from loopid.identification.result import FitResult, Quality
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
-from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 
@@ -78,10 +77,6 @@ class Prediction:
         told = zip(self.recording.actuators, self.moving.r_squared, strict=True)
         shares = ", ".join(f"{motor} {value:.3f}" for motor, value in told)
         return f"<Prediction of {self.recording.name!r}: R² where motors move: {shares}>"
-
-    def _repr_html_(self) -> str:
-        head = "motor", "moving", "RMS error", "R²", "standing", "RMS error"
-        return f"<p>{escape(repr(self))}</p>{html_table(head, self.rows)}"
 
     def csv(self) -> str:
         """A table of text: time, then measured, predicted and used of each motor."""
@@ -151,3 +146,162 @@ def _force_model(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> Fo
     if fit.parameters != robot.parameters:
         raise DataError("the fit is of other parameters than the force model has")
     return robot
+
+
+# Stretches of time whose errors count as independent of each other: few, hence long, as errors
+# are autocorrelated over seconds.
+BATCHES = 8
+INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
+
+
+@record
+class Candidate:
+    """Values for all parameters of a force model, beside those of a baseline.
+
+    Attributes
+    ----------
+    name : str
+    fit : FitResult
+        All n values, with their uncertainty.
+    validation : Quality
+        On data that were not fitted.
+    rms_errors : tuple of FloatArray
+        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
+    error_ratio : tuple of float
+        Mean squared validation error, actuators weighted alike, over that of the baseline; and its
+        standard error.
+    """
+
+    name: str
+    fit: FitResult
+    validation: Quality
+    rms_errors: tuple[FloatArray, FloatArray]
+    error_ratio: tuple[float, float]
+
+    @property
+    def fitted(self) -> int:
+        """Number of parameters that the data alone determine; the others rest on assumptions."""
+        return len(self.fit.values) - len(self.fit.assumed)
+
+    @property
+    def values(self) -> FloatArray:
+        """Values (n,)."""
+        return self.fit.values
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (n, n), zero where nothing was fitted."""
+        return self.fit.covariance
+
+    @property
+    def training(self) -> Quality:
+        """On the data of the fit."""
+        return self.fit.quality
+
+    @property
+    def beats_baseline(self) -> bool:
+        """Whether the validation error is smaller by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return 1.0 - ratio > 2 * error + NO_DIFFERENCE
+
+    @property
+    def loses_to_baseline(self) -> bool:
+        """Whether the validation error is larger by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return ratio - 1.0 > 2 * error + NO_DIFFERENCE
+
+    @property
+    def verdict(self) -> str:
+        """How much better or worse than the baseline: one sentence."""
+        verdict = "not clearly better than"
+        if self.beats_baseline or self.loses_to_baseline:
+            verdict = "better than" if self.beats_baseline else "worse than"
+        ratio, error = self.error_ratio
+        article = "the " if self.name.startswith("robot") else ""
+        return (
+            f"With {article}{self.name} the mean squared error on new data is {ratio:.2f} "
+            f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
+        )
+
+
+@checked
+def judge(
+    fit: FitResult, data: FitSamples, new: FitSamples, *, name: str, against: FitResult
+) -> Candidate:
+    """Judge a fit of data on new data, beside a baseline.
+
+    Parameters
+    ----------
+    data, new : FitSamples
+        Of all parameters: what was fitted, and what was not.
+    against : FitResult
+        The baseline.
+    """
+    errors = _rms_errors(data, fit.values), _rms_errors(new, fit.values)
+    ratio = _error_ratio(new, fit.values, against.values)
+    return Candidate(name, fit, fit_quality(new.problem, fit.values), errors, ratio)
+
+
+def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
+    residual, errors = samples.residual(values), np.full(len(samples.actuators), np.nan)
+    for k in np.flatnonzero(samples.problem.samples):
+        squares = residual[:, k][samples.used[:, k]] ** 2
+        if squares.any():
+            errors[k] = _mean_error(squares) / (2 * np.sqrt(squares.mean()))
+    return errors
+
+
+def _error_ratio(
+    samples: FitSamples, values: FloatArray, baseline: FloatArray
+) -> tuple[float, float]:
+    """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
+    rms = fit_quality(samples.problem, baseline).residual_rms
+    scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
+
+    def squares(phi: FloatArray, rows: slice) -> FloatArray:
+        """Squared errors (L,) of some samples, each actuator in units of its baseline error."""
+        residual = samples.force[rows] - samples.regressor[rows] @ phi
+        residual = np.where(samples.used[rows], residual, 0.0)[:, present]
+        return np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
+
+    own, other = (
+        np.concatenate([squares(phi, rows) for rows in row_blocks(len(samples))])
+        for phi in (values, baseline)
+    )
+    ratio = float(own.mean() / other.mean())
+    return ratio, _mean_error(own - ratio * other) / float(other.mean())
+
+
+def _mean_error(series: FloatArray) -> float:
+    """Standard error of a mean, from the means of batches; NaN for one."""
+    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
+    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
+
+
+@checked
+def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Half the width (N, dof) of 95 % intervals of the forces that a regressor predicts.
+
+    Parameters
+    ----------
+    regressor : FloatArray
+        (N, dof, n) in N or N m per unit parameter.
+    covariance : FloatArray
+        (n, n).
+
+    Raises
+    ------
+    DataError
+        When shapes differ, or something is not finite.
+    """
+    # The order of numbers in memory would decide the last bits.
+    W = np.ascontiguousarray(finite(regressor, "regressor"))
+    C = np.ascontiguousarray(finite(covariance, "covariance"))
+    if W.ndim != 3 or C.shape != 2 * W.shape[2:]:
+        raise DataError(
+            f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
+        )
+    variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
+    return np.asarray(INTERVAL * np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)

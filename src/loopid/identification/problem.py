@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property, reduce
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -65,25 +65,23 @@ class FitProblem:
         Their order changes the result by round-off only.
         """
         parts = iter(problems)
-        first = next(parts, None)
-        if first is None:
+        whole = next(parts, None)
+        if whole is None:
             raise DataError("there are no problems to combine")
-        return reduce(cls.merge, parts, first)
-
-    def merge(self, other: FitProblem) -> FitProblem:
-        """The samples of both."""
-        if (self.parameters, self.actuators) != (other.parameters, other.actuators):
-            raise DataError("problems to combine must share their parameters and actuators")
-        factors = triangular_factor(np.concatenate([self.factors, other.factors], axis=1))
-        counts = self.samples + other.samples
-        total = self.samples * self.mean_force + other.samples * other.mean_force
-        return replace(
-            self,
-            factors=factors,
-            samples=counts,
-            mean_force=total / np.maximum(counts, 1),
-            least_errors=np.maximum(self.least_errors, other.least_errors),
-        )
+        for part in parts:
+            if (part.parameters, part.actuators) != (whole.parameters, whole.actuators):
+                raise DataError("problems to combine must share their parameters and actuators")
+            counts = whole.samples + part.samples
+            total = whole.samples * whole.mean_force + part.samples * part.mean_force
+            stacked = np.concatenate([whole.factors, part.factors], axis=1)
+            whole = replace(
+                whole,
+                factors=triangular_factor(stacked),
+                samples=counts,
+                mean_force=total / np.maximum(counts, 1),
+                least_errors=np.maximum(whole.least_errors, part.least_errors),
+            )
+        return whole
 
     @property
     def rows(self) -> int:

@@ -26,7 +26,7 @@ LEAST_FREEDOM = 1.0
 LISTED = 7
 
 
-class _OfArrays:
+class OfArrays:
     """Lists, as files have them, become arrays."""
 
     def __post_init__(self) -> None:
@@ -38,7 +38,7 @@ class _OfArrays:
 
 
 @record
-class Quality(_OfArrays):
+class Quality(OfArrays):
     """Residuals of parameters on data, by actuator; NaN where it has no samples.
 
     Attributes
@@ -78,7 +78,7 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
 
 
 @record
-class NoiseModel(_OfArrays):
+class NoiseModel(OfArrays):
     """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
 
     Actuators without samples have NaN for all that is not a count.
@@ -111,7 +111,7 @@ class NoiseModel(_OfArrays):
 
 
 @record
-class Robustness(_OfArrays):
+class Robustness(OfArrays):
     """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples.
 
     Attributes
@@ -158,7 +158,7 @@ class Estimate:
 
 
 @record
-class FitResult(_OfArrays):
+class FitResult(OfArrays):
     """Estimated parameters with their uncertainty, found by their names.
 
     Attributes
@@ -289,21 +289,10 @@ class FitResult(_OfArrays):
 
         return pandas.DataFrame(self.rows)
 
-    def insignificant(self, limit: float | None = None) -> tuple[str, ...]:
-        """Names of the parameters whose 95 % interval includes zero.
-
-        With a limit in %, those whose relative standard deviation is above it instead; intervals
-        that include zero correspond to a limit of about 50 %.
-        """
-        if limit is None:
-            low, high = self.intervals().T
-            chosen = (low <= 0) & (high >= 0)
-        elif limit > 0:
-            chosen = self.relative_std > limit
-        else:
-            raise OptionError(f"the limit must be above 0 %, not {limit}")
-        labels = self.parameters.labels
-        return tuple(labels[j] for j in np.flatnonzero(chosen))
+    def insignificant(self) -> tuple[str, ...]:
+        """Names of the parameters whose 95 % interval includes zero."""
+        low, high = self.intervals().T
+        return tuple(self.parameters.labels[j] for j in np.flatnonzero((low <= 0) & (high >= 0)))
 
     def predict(self, regressor: FloatArray) -> FloatArray:
         """Forces (..., dof) of a regressor (..., dof, n)."""
@@ -312,12 +301,6 @@ class FitResult(_OfArrays):
         if W.shape[-2:] != (dof, n):
             raise DataError(f"the regressor must have shape (..., {dof}, {n}), not {W.shape}")
         return np.asarray(W @ self.values, dtype=np.float64)
-
-    def validate(self, problem: FitProblem) -> Quality:
-        """Quality on other data than were fitted."""
-        if problem.parameters != self.parameters or problem.actuators != self.actuators:
-            raise DataError("validation data must have the parameters and actuators of the fit")
-        return fit_quality(problem, self.values)
 
     def __str__(self) -> str:
         return "\n".join(str(estimate) for estimate in self.estimates)

@@ -16,11 +16,17 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.estimator import Estimator, WorkingFit
-from loopid.identification.least_squares import inverse_deviations, leverages, result_of, solved
+from loopid.identification.estimator import (
+    Estimator,
+    WeightedLeastSquares,
+    WorkingFit,
+    inverse_deviations,
+    leverages,
+    result_of,
+    solved,
+)
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import Robustness, fit_quality
-from loopid.identification.weighted import WeightedLeastSquares
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -142,11 +148,10 @@ class Bisquare(Estimator):
             residual = samples.residual(values)
             if k < self.held_from:
                 scale = _scales(samples, residual) if held_scale is None else held_scale
-            row_weights = _row_weights(samples, score, residual, scale)
+            row_weights = score.weight(residual / scale) * samples.used
             if k < self.held_from:
                 counts = (row_weights > 0).sum(axis=0).astype(float)
-                slope = _mean_slope(samples, score, residual / scale, row_weights > 0)
-                self._require_core(samples, slope)
+                slope = self._mean_slope(samples, score, residual / scale, row_weights > 0)
             squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
             R = problem.weighted(weights)[:-1, :-1]
             weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
@@ -164,8 +169,12 @@ class Bisquare(Estimator):
             iterations=self.iterations,
         )
 
-    def _require_core(self, samples: FitSamples, slope: FloatArray) -> None:
-        """Refuse residuals that are no normal core with outliers."""
+    def _mean_slope(
+        self, samples: FitSamples, score: _Score, u: FloatArray, counting: BoolArray
+    ) -> FloatArray:
+        """Means (dof,) of ψ' over the samples (N, dof) that count; small without a normal core."""
+        counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
+        slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
         if (slope < self.least_slope).any():
             name = samples.actuators[int(slope.argmin())]
             raise DataError(
@@ -173,6 +182,7 @@ class Bisquare(Estimator):
                 f"{self.least_slope:g}); use wls, or a larger tuning constant",
                 actuator=name,
             )
+        return slope
 
 
 class _State(NamedTuple):
@@ -184,28 +194,13 @@ class _State(NamedTuple):
     slope: FloatArray
 
 
-def _row_weights(
-    samples: FitSamples, score: _Score, residual: FloatArray, scale: FloatArray
-) -> FloatArray:
-    """Weights ψ(u) / u (N, dof) from 0 to 1; 0 where not used."""
-    return np.asarray(score.weight(residual / scale) * samples.used)
-
-
-def _mean_slope(
-    samples: FitSamples, score: _Score, u: FloatArray, counting: BoolArray
-) -> FloatArray:
-    """Means (dof,) of ψ' over the samples (N, dof) that count."""
-    counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
-    return np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
-
-
 def _working_fit(samples: FitSamples, score: _Score, state: _State) -> WorkingFit:
     """The least squares that the last state amounts to, without samples of weight zero.
 
     These would look like samples without error, and spoil the model of autocorrelation.
     """
     residual, present = samples.residual(state.values), samples.problem.samples > 0
-    row_weights = _row_weights(samples, score, residual, state.scale)
+    row_weights = score.weight(residual / state.scale) * samples.used
     force = samples.predicted(state.values) + residual * row_weights / state.slope
     working = replace(samples.with_force(force), used=row_weights > 0)
     values, R = solved(working.problem, state.weights)

@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from hashlib import sha256
-from html import escape
 from importlib.metadata import version
 from io import StringIO
 from itertools import zip_longest
@@ -21,24 +19,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 
 from loopid.arguments import FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
-from loopid.errors import DataError, FileError, LoopidError, OptionError
+from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.consistent import ConsistentFit, FitCost, consistent_parameters
-from loopid.identification.consistent_prior import repaired_prior
+from loopid.identification.consistent_program import repaired_prior
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import FitResult, NoiseModel, Quality, Robustness
 from loopid.kinematics.constraint import constraint_residual
@@ -46,7 +36,7 @@ from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
-from loopid.parameters import Parameter, ParameterSet, html_table
+from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.structural import structural_observation
@@ -65,13 +55,7 @@ Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, 
 Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
 
-def _not_negative(value: float) -> float:
-    if value < 0:
-        raise ValueError(f"must not be negative, but is {value}")
-    return value
-
-
-class _Record(BaseModel):
+class _Section(BaseModel):
     model_config = ConfigDict(
         frozen=True,
         strict=True,
@@ -83,7 +67,7 @@ class _Record(BaseModel):
     )
 
 
-class SavedOptions(_Record):
+class SavedOptions(_Section):
     """Arguments of ``load_mechanism`` beside the path."""
 
     lock: tuple[str, ...] = ()
@@ -93,7 +77,7 @@ class SavedOptions(_Record):
     rounding: float | None = None
 
 
-class SavedRobot(_Record):
+class SavedRobot(_Section):
     """The robot: name, path then, SHA-256 of its files, how they were loaded, its coordinates."""
 
     name: str
@@ -103,7 +87,7 @@ class SavedRobot(_Record):
     coordinates: tuple[str, ...] = Field(min_length=1)
 
 
-class SavedForceModel(_Record):
+class SavedForceModel(_Section):
     """The options of the force model; forces are along the coordinates named by its rows."""
 
     model: Literal["gravity", "full"]
@@ -112,7 +96,7 @@ class SavedForceModel(_Record):
     joint_terms: JointTerms | None = None
 
 
-class SavedStandard(_Record):
+class SavedStandard(_Section):
     """A standard parameter or joint term, with its value in a consistent fit."""
 
     name: str
@@ -120,20 +104,20 @@ class SavedStandard(_Record):
     value: float | None = None
 
 
-class SavedBase(_Record):
+class SavedBase(_Section):
     """A base parameter: coefficients of standard parameters, 1 of the one that names it."""
 
     name: str
     unit: str
     expression: str
     value: float
-    standard_error: Annotated[Number, AfterValidator(_not_negative)] = math.nan
+    standard_error: Number = math.nan
     relative_std_percent: Number = math.nan
     interval_95_percent: tuple[Number, Number] = (math.nan, math.nan)
     terms: dict[str, float]
 
 
-class SavedState(_Record):
+class SavedState(_Section):
     """A state of the robot, and the forces that the values give there."""
 
     configuration: Array
@@ -142,7 +126,7 @@ class SavedState(_Record):
     force: Array
 
 
-class SavedEstimate(_Record):
+class SavedEstimate(_Section):
     """What a ``FitResult`` has beside values and covariance."""
 
     estimator: str
@@ -156,7 +140,7 @@ class SavedEstimate(_Record):
     robustness: Robustness | None = None
 
 
-class SavedConsistency(_Record):
+class SavedConsistency(_Section):
     """What a ``ConsistentFit`` has beside values."""
 
     feasible: bool
@@ -170,7 +154,7 @@ class SavedConsistency(_Record):
     margin: float
 
 
-class SavedFit(_Record):
+class SavedFit(_Section):
     """Values of base parameters with all that it takes to use them; from ``read_fit``.
 
     Attributes
@@ -211,59 +195,61 @@ class SavedFit(_Record):
         DataError
             When the fit is not one of these parameters.
         """
-        base, values = model.base, _values_of(model, fit)
-        standard: Sequence[float | None] = [None] * len(base.parameters)
-        if isinstance(fit, ConsistentFit):
-            standard = fit.standard_parameters.tolist()
+        estimate = fit if isinstance(fit, FitResult) else None
+        consistency = fit if isinstance(fit, ConsistentFit) else None
+        robot, base, values = model.mechanism, model.base, _values_of(model, fit)
+        standard = (
+            consistency.standard_parameters.tolist()
+            if consistency
+            else [None] * len(base.parameters)
+        )
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
-                "robot": _robot_of(model.mechanism),
-                "force_model": _options_of(model),
+                "robot": {
+                    "name": robot.name,
+                    "path": str(robot.path),
+                    "files": _hashes(robot),
+                    "options": dict(robot.options),
+                    "coordinates": robot.coordinates,
+                },
+                "force_model": {
+                    "model": model.model,
+                    "rows": robot.independent,
+                    "gravity": tuple(robot.model.gravity.linear.tolist()),
+                    "joint_terms": model.joint_terms,
+                },
                 "standard_parameters": tuple(
-                    {"name": p.label, "unit": p.unit, "value": value}
-                    for p, value in zip(base.parameters, standard, strict=True)
+                    {"name": parameter.label, "unit": parameter.unit, "value": value}
+                    for parameter, value in zip(base.parameters, standard, strict=True)
                 ),
-                "base_parameters": tuple(_entries_of(model, fit, values)),
-                "covariance": fit.covariance if isinstance(fit, FitResult) else None,
-                "check": tuple(_states_of(model, values)),
-                "estimate": fit if isinstance(fit, FitResult) else None,
-                "consistency": fit if isinstance(fit, ConsistentFit) else None,
+                "base_parameters": tuple(_entries(model, values, estimate)),
+                "covariance": estimate and estimate.covariance,
+                "check": tuple(_states(model, values)),
+                "estimate": estimate,
+                "consistency": consistency,
             }
         )
 
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
-        labels, names = self.standard.labels, self.parameters.labels
-        dof = len(self.force_model.rows)
+        labels, dof = self.standard.labels, len(self.force_model.rows)
         for base in self.base_parameters:
-            unknown = [label for label in base.terms if label not in labels]
-            if unknown or base.terms.get(base.name) != 1:
+            if not base.terms.keys() <= set(labels) or base.terms.get(base.name) != 1:
                 raise ValueError(f"the terms of {base.name} are not those of a base parameter")
-        if self.covariance is not None:
-            self._require_covariance(self.covariance, names)
+        C, count = self.covariance, len(self.base_parameters)
+        if C is not None and (C.shape != (count, count) or (np.diag(C) < 0).any()):
+            raise ValueError(f"the covariance must be that of {count} parameters")
+        nq = len(self.check[0].configuration)
         for state in self.check:
-            if not len(state.velocity) == len(state.acceleration) == len(state.force) == dof:
-                raise ValueError(f"a state must have {dof} velocities, accelerations and forces")
-            if len(state.configuration) != len(self.check[0].configuration):
-                raise ValueError("configurations of the states differ in length")
+            if [len(part) for _, part in state] != [nq, dof, dof, dof]:
+                raise ValueError(f"a state must have {nq} coordinates, and {dof} rates and forces")
         if self.estimate is not None and self.covariance is None:
             raise ValueError("an estimate needs a covariance")
         if self.consistency is not None and not np.isfinite(self.standard_values).all():
             raise ValueError("a consistent fit needs the values of all standard parameters")
         _ = self.result  # refused where its columns do not fit together
         return self
-
-    def _require_covariance(self, C: FloatArray, names: Sequence[str]) -> None:
-        if C.shape != (len(names), len(names)):
-            raise ValueError(f"the covariance must have shape {(len(names), len(names))}")
-        for name, variance in zip(names, np.diag(C).tolist(), strict=True):
-            if variance < 0:
-                raise ValueError(f"the variance of {name} must not be negative, but is {variance}")
-        sizes = np.sqrt(np.diag(C))
-        impossible = np.abs(C) > (1 + SAME_ROBOT) * np.outer(sizes, sizes)
-        if impossible.any() or np.abs(C - C.T).max() > SAME_ROBOT * np.abs(C).max():
-            raise ValueError("the covariance must be symmetric, with correlations from -1 to 1")
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -274,18 +260,15 @@ class SavedFit(_Record):
 
     __str__ = __repr__
 
-    def _repr_html_(self) -> str:
-        rows = (
-            (base.expression, f"{base.value:.5g}", f"{base.standard_error:.2g}", base.unit)
-            for base in self.base_parameters
-        )
-        head = ("base parameter", "value", "standard error", "unit")
-        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
-
     @property
     def standard(self) -> ParameterSet:
         """Names of all p standard parameters and joint terms."""
         return _parameter_set(self.standard_parameters)
+
+    @property
+    def standard_values(self) -> FloatArray:
+        """Values (p,) of the standard parameters; NaN where the file gives none."""
+        return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -300,11 +283,11 @@ class SavedFit(_Record):
     @property
     def matrix(self) -> FloatArray:
         """M (r, p) of Φ_base = M Φ."""
-        places = {label: j for j, label in enumerate(self.standard.labels)}
-        M = np.zeros((len(self.base_parameters), len(places)))
-        for row, base in zip(M, self.base_parameters, strict=True):
-            row[[places[label] for label in base.terms]] = list(base.terms.values())
-        return M
+        rows = [
+            [base.terms.get(label, 0.0) for label in self.standard.labels]
+            for base in self.base_parameters
+        ]
+        return np.array(rows)
 
     @property
     def result(self) -> FitResult | ConsistentFit | None:
@@ -325,38 +308,6 @@ class SavedFit(_Record):
             covariance=self.covariance,
             **dict(self.estimate),
         )
-
-    @property
-    def standard_values(self) -> FloatArray:
-        """Values (p,) of the standard parameters; NaN where the file gives none."""
-        return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
-
-    @checked
-    def forces(
-        self,
-        mechanism: Mechanism,
-        configurations: FloatArray,
-        velocities: FloatArray,
-        accelerations: FloatArray,
-    ) -> FloatArray:
-        """Forces (N, dof) of a motion in N or N m, along the rows of the force model.
-
-        Parameters
-        ----------
-        mechanism : Mechanism
-            Whose parameters these are.
-        configurations : FloatArray
-            (N, nq), closed, in m or rad.
-        velocities, accelerations : FloatArray
-            (N, dof) of the independent coordinates, in m/s or rad/s and their rates.
-
-        Raises
-        ------
-        DataError
-            When the mechanism is another one; see ``require``.
-        """
-        self.require(mechanism)
-        return self._forces(mechanism, configurations, velocities, accelerations)
 
     def load_robot(self, file: str | Path | None = None) -> Mechanism:
         """The robot of the fit, loaded as it was then: from a file, or from where it was.
@@ -393,8 +344,14 @@ class SavedFit(_Record):
         DataError
             Naming both robots, and the first thing that differs.
         """
-        for difference in self._differences(mechanism):
+        difference = next(self._differences(mechanism), None)
+        if difference is not None:
             raise self._refusal(mechanism, difference)
+
+    @property
+    def _leading(self) -> list[int]:
+        labels = self.standard.labels
+        return [labels.index(base.name) for base in self.base_parameters]
 
     @checked
     def find_force_model(self, mechanism: Mechanism) -> ForceModel:
@@ -411,13 +368,12 @@ class SavedFit(_Record):
         self.require(mechanism)
         kind, terms = self.force_model.model, self.force_model.joint_terms
         observation = structural_observation(mechanism, kind, joint_terms=terms)
-        structure, M, labels = analyse(observation), self.matrix, self.standard.labels
-        base = np.array([labels.index(name) for name in self.parameters.labels])
+        structure, M, base = analyse(observation), self.matrix, np.array(self._leading)
         R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
         errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
         allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
         if (errors > allowed).any():
-            worst = labels[int(np.argmax(errors / allowed))]
+            worst = self.standard.labels[int(np.argmax(errors / allowed))]
             raise self._refusal(mechanism, f"{worst} has other coefficients there")
         dependent = np.setdiff1d(structure.columns, base)
         chosen = tuple(np.searchsorted(structure.columns, dependent).tolist())
@@ -457,29 +413,26 @@ class SavedFit(_Record):
         """
         if self.consistency is not None:
             return self.standard_values
-        prior, columns = model.standard_prior, self.standard
-        if repair:
-            prior = repaired_prior(columns, prior)
+        columns = self.standard
+        prior = repaired_prior(columns, model.standard_prior) if repair else model.standard_prior
         # The distance that keeps masses near the prior's where nothing is known of them.
-        given = model.base, self.values, prior
-        standard = consistent_parameters(*given, regularisation="euclidean")
+        standard = consistent_parameters(model.base, self.values, prior, regularisation="euclidean")
         masses = [j for j, parameter in enumerate(columns) if parameter.kind == "m"]
         # A body without a mass of its own in the file counts as a light one.
         known = np.maximum(prior[masses], LIGHT * np.abs(prior[masses]).mean())
         ratios = standard[masses] / np.where(known > 0, known, np.inf)
         worst = int(ratios.argmax())
         if ratios[worst] > MOST_MASS and not any_mass:
-            j = masses[worst]
+            name, mass, ratio = columns[masses[worst]].label, standard[masses[worst]], ratios[worst]
             bayes = self.estimate is not None and self.estimate.estimator == "bayes"
             other = "" if bayes else "it as a prior (estimator='bayes'), or "
             raise DataError(
-                f"{columns[j].label} would be {standard[j]:.3g} kg, {ratios[worst]:.3g} times what "
-                f"the robot file says (most {MOST_MASS:g} times): use {other}a consistent fit "
-                "(consistent='entropic', which writes standard_parameters.yaml); if the robot is "
-                "that heavy, any_mass=True",
-                parameter=columns[j].label,
-                mass=float(standard[j]),
-                ratio=float(ratios[worst]),
+                f"{name} would be {mass:.3g} kg, {ratio:.3g} times what the robot file says (most "
+                f"{MOST_MASS:g} times): use {other}a consistent fit (consistent='entropic', which "
+                "writes standard_parameters.yaml); if the robot is that heavy, any_mass=True",
+                parameter=name,
+                mass=float(mass),
+                ratio=float(ratio),
             )
         return standard
 
@@ -490,25 +443,16 @@ class SavedFit(_Record):
 
     def content(self, path: str | Path) -> str:
         """The content of a file of that name."""
-        ending, record = _ending(path), self.record()
-        if ending == ".json":
-            return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        if _ending(path) == ".json":
+            return json.dumps(self.record(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         text = StringIO()
-        yaml_writer().dump(record, text)
+        yaml_writer().dump(self.record(), text)
         return text.getvalue()
 
     def save(self, path: str | Path) -> Path:
         """Write to a file, whole or not at all; see ``save_fit``."""
         write_file(path, self.content(path))
         return Path(path)
-
-    def _forces(
-        self, mechanism: Mechanism, q: FloatArray, v: FloatArray, a: FloatArray
-    ) -> FloatArray:
-        kind, terms = self.force_model.model, self.force_model.joint_terms
-        W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
-        columns = [self.standard.labels.index(name) for name in self.parameters.labels]
-        return np.asarray(W[..., columns] @ self.values, dtype=np.float64)
 
     def _differences(self, mechanism: Mechanism) -> Iterator[str]:
         """What makes a mechanism another robot: only the first counts, the next build on it."""
@@ -530,14 +474,15 @@ class SavedFit(_Record):
             yield f"gravity is {gravity} m/s² there, not {list(self.force_model.gravity)}"
         q, v, a, force = (
             np.array([getattr(state, part) for state in self.check])
-            for part in ("configuration", "velocity", "acceleration", "force")
+            for part in SavedState.model_fields
         )
         residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
         most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
         if residual.max(initial=0.0) > most:
             k = int(residual.argmax())
             yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
-        apart = np.abs(self._forces(mechanism, q, v, a) - force).max(axis=0)
+        W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
+        apart = np.abs(W[..., self._leading] @ self.values - force).max(axis=0)
         k = int(apart.argmax())
         if apart[k] > SAME_ROBOT * np.abs(force).max():
             why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
@@ -570,51 +515,30 @@ def _values_of(model: ForceModel, fit: FitResult | ConsistentFit | FloatArray) -
     return values
 
 
-def _robot_of(mechanism: Mechanism) -> dict[str, Any]:
-    return {
-        "name": mechanism.name,
-        "path": str(mechanism.path),
-        "files": _hashes(mechanism),
-        "options": dict(mechanism.options),
-        "coordinates": mechanism.coordinates,
-    }
-
-
-def _options_of(model: ForceModel) -> dict[str, Any]:
-    return {
-        "model": model.model,
-        "rows": model.mechanism.independent,
-        "gravity": tuple(model.mechanism.model.gravity.linear.tolist()),
-        "joint_terms": model.joint_terms,
-    }
-
-
-def _entries_of(
-    model: ForceModel, fit: FitResult | ConsistentFit | FloatArray, values: FloatArray
+def _entries(
+    model: ForceModel, values: FloatArray, fit: FitResult | None
 ) -> Iterator[dict[str, Any]]:
-    """An entry for each base parameter, with its uncertainty where the fit has one."""
-    known = fit.estimates if isinstance(fit, FitResult) else ()
-    estimates = {estimate.name: estimate for estimate in known}
-    entries = zip(model.parameters, model.base.terms, values.tolist(), strict=True)
-    for parameter, terms, value in entries:
+    """An entry for each base parameter, with its uncertainty where there is a fit."""
+    columns = zip(model.parameters, model.base.terms, values.tolist(), strict=True)
+    estimates = fit.estimates if fit is not None else ()
+    for k, (parameter, terms, value) in enumerate(columns):
         entry = {"name": parameter.label, "unit": parameter.unit, "value": value}
         entry |= {"expression": expression(terms), "terms": dict(terms)}
-        if (estimate := estimates.get(parameter.label)) is not None:
+        for estimate in estimates[k : k + 1]:
             entry["standard_error"] = estimate.standard_error
             entry["relative_std_percent"] = estimate.relative_std
             entry["interval_95_percent"] = estimate.interval
         yield entry
 
 
-def _states_of(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
+def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
     """Random states, the same for the same robot, and the forces there."""
     q = random_configurations(model.mechanism, STATES, seed=0)
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
     force = model.base.regressor(model.standard_regressor(q, v, a)) @ values
-    states = {"configuration": q, "velocity": v, "acceleration": a, "force": force}
-    for k in range(STATES):
-        yield {name: array[k] for name, array in states.items()}
+    for state in zip(q, v, a, force, strict=True):
+        yield dict(zip(SavedState.model_fields, state, strict=True))
 
 
 @checked
@@ -676,9 +600,8 @@ def read_fit(path: str | Path) -> SavedFit:
     ...     saved = loopid.read_fit(path)
     >>> saved
     <SavedFit of five_bar: 6 base parameters, gravity model, values>
-    >>> q = loopid.random_configurations(robot, 4, seed=1)
-    >>> saved.forces(robot, q, 0 * q[:, :2], 0 * q[:, :2]).shape
-    (4, 2)
+    >>> saved.find_force_model(robot).parameters == model.parameters
+    True
     """
     document = _document(Path(path))
     try:
@@ -692,35 +615,14 @@ def read_fit(path: str | Path) -> SavedFit:
         raise DataError(f"{path} is not a saved fit: {error}") from error
 
 
-def _document(path: Path) -> str:
-    """The content of a file as JSON, each key once."""
-    ending, reason = _ending(path), why_no_file(path)
-    if reason == "does not exist":
-        raise FileError(f"there is no file {path}", file=path)
-    if reason:
-        raise DataError(f"{path} {reason}", file=path)
-    try:
-        if ending != ".json":
-            return json.dumps(load_yaml(path, DataError, LARGE))
-        if path.stat().st_size > LARGE:
-            raise ValueError(f"it holds more than the {LARGE:,} bytes of a fit")
-        document = path.read_text(encoding="utf-8")
-        json.loads(document, object_pairs_hook=_each_once)
-        return document
-    except LoopidError:  # which names the file
-        raise
-    except (OSError, RecursionError, TypeError, ValueError) as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise DataError(f"{path} cannot be read: {reason}", file=path) from error
-
-
-def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse keys that are given twice, of which the last one would count."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        ((name, _),) = Counter(name for name, _ in pairs).most_common(1)
-        raise ValueError(f"key {name!r} is given twice")
-    return found
+def _document(path: Path) -> bytes | str:
+    """The content of a file as JSON."""
+    if _ending(path) != ".json":
+        return json.dumps(load_yaml(path, DataError, LARGE), default=str)
+    if reason := why_no_file(path):
+        kind = FileError if reason == "does not exist" else DataError
+        raise kind(f"{path} {reason}", file=path)
+    return path.read_bytes()
 
 
 def _ending(path: str | Path) -> str:

@@ -4,7 +4,13 @@ from .files import (
     find_files as find_files,
     find_motion_file as find_motion_file,
 )
-from .load import load_mechanism as load_mechanism
+from .load import (
+    InertiaDefect as InertiaDefect,
+    inertia_defects as inertia_defects,
+    load_mechanism as load_mechanism,
+    odd_masses as odd_masses,
+    unequal_links as unequal_links,
+)
 from .tree import TreeSource as TreeSource, add_frame as add_frame
 from .urdf import Dialect as Dialect, closure_of as closure_of, linked as linked
 from .urdf_tree import UrdfFile as UrdfFile, read_urdf_file as read_urdf_file

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.description import Description
+from loopid.loading.description import Description, joint_named
 from loopid.robot.mechanism import LeftOut
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -247,18 +247,6 @@ def _angle(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
 
 
 # Values of joints.
-
-
-def joint_named(model: pin.Model, name: str, where: str) -> pin.JointModel:
-    """Joint of a name; where there is none, an error that lists the joints."""
-    names = tuple(model.names)[1:]
-    if name not in names:
-        raise RobotFileError(
-            f"unknown joint {name!r} {where}: choose among {', '.join(names)}",
-            given=name,
-            valid=names,
-        )
-    return model.joints[model.getJointId(name)]
 
 
 def written_reference(model: pin.Model, values: Mapping[str, Reference]) -> FloatArray:

@@ -19,7 +19,6 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.arguments import number
 from loopid.errors import RobotFileError
 from loopid.loading.files import naming
 
@@ -273,7 +272,12 @@ def numbers(
     what, text = f"<{element.tag!s}> {attribute}", element.get(attribute, default)
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
-    values = tuple(map(exact_angle if attribute == "rpy" else number, text.split()))
+    # Python's 1_6 and digits of other scripts are no numbers.
+    words = text.split() if text.isascii() and "_" not in text else []
+    try:
+        values = tuple(map(exact_angle if attribute == "rpy" else float, words))
+    except ValueError:
+        values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
         raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
     # Limits are often the largest number there is.
@@ -288,7 +292,7 @@ def exact_angle(text: str) -> float:
     A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
     each other, and parameters that no motor feels seem to have an effect of 1e-11.
     """
-    value = number(text)
+    value = float(text)
     decimals = len(text.partition(".")[2])
     steps = round(value / STEP) if abs(value) < LARGEST else 0
     if steps == 0 or decimals not in DECIMALS or not text.lstrip("+-").replace(".", "").isdigit():

@@ -36,7 +36,9 @@ from loopid.report.look import (
     GREY,
     ORANGE,
     RED,
+    THIN,
     drawing,
+    force_panels,
     markdown_table,
     plain_table,
     rendered,
@@ -91,6 +93,7 @@ STAND_IN = (
 )
 
 LIGHT_BLUE = "#9ecae1"
+Lines = tuple[tuple[Any, ...], ...]  # forces (N, 4), a label and a style each
 
 
 def _captions(source: str) -> dict[str, str]:
@@ -368,8 +371,11 @@ def draw_shares(shares: ForceShares) -> dict[str, bytes]:
 def draw_gravity_and_friction(shares: ForceShares) -> dict[str, bytes]:
     """Figure 3: gravitational and friction forces of limbs 1 and 4."""
     rows = thinned(len(shares.time))
-    lines = (shares.gravity, BLUE, "gravity"), (shares.friction, ORANGE, "friction")
-    return _draw_limbs("figure_3", shares.time[rows], [(f[rows], *look) for f, *look in lines])
+    lines = (
+        (shares.gravity[rows], "gravity", {"color": BLUE}),
+        (shares.friction[rows], "friction", {"color": ORANGE, "linestyle": "--"}),
+    )
+    return _draw_limbs("figure_3", shares.time[rows], lines)
 
 
 def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
@@ -396,54 +402,42 @@ def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
 def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
     """Figure 5: gravity of limbs 1 and 4, from the log, by the robot file and as fitted."""
     source = "simulated" if actual.is_stand_in else "measured"
-    lines = [
-        (actual.gravity, GREY, f"{source} less friction"),
-        (actual.cad_gravity, BLUE, "robot file"),
-        (actual.informed_gravity, RED, "fit, 95 %"),
-    ]
+    lines = (
+        (actual.gravity, f"{source} less friction", THIN),
+        (actual.cad_gravity, "robot file", {"color": BLUE}),
+        (actual.informed_gravity, "fit, 95 %", {"color": RED}),
+    )
     return _draw_log("figure_5", actual, lines, actual.informed_reach)
 
 
 def draw_action(actual: ActualFit) -> dict[str, bytes]:
     """Figure 6: total force of limbs 1 and 4, from the log, by the robot file and by the eight."""
-    lines = [
-        (actual.force, GREY, "simulated" if actual.is_stand_in else "measured"),
-        (actual.cad_force, BLUE, "robot file"),
-        (actual.eight_force, RED, "eight parameters"),
-    ]
+    lines = (
+        (actual.force, "simulated" if actual.is_stand_in else "measured", THIN),
+        (actual.cad_force, "robot file", {"color": BLUE}),
+        (actual.eight_force, "eight parameters", {"color": RED}),
+    )
     return _draw_log("figure_6", actual, lines)
 
 
 def _draw_log(
-    name: str,
-    actual: ActualFit,
-    lines: list[tuple[FloatArray, str, str]],
-    reach: FloatArray | None = None,
+    name: str, actual: ActualFit, lines: Lines, reach: FloatArray | None = None
 ) -> dict[str, bytes]:
     """Lines along a log, which break where its force was not used."""
     rows = thinned(len(actual.time))
     gaps = ~actual.used[rows]
-    broken = [(np.where(gaps, np.nan, force[rows]), *look) for force, *look in lines]
-    band = None if reach is None else reach[rows]
-    return _draw_limbs(name, actual.time[rows], broken, band)
+    broken = tuple((np.where(gaps, np.nan, force[rows]), *look) for force, *look in lines)
+    return _draw_limbs(name, actual.time[rows], broken, None if reach is None else reach[rows])
 
 
 def _draw_limbs(
-    name: str, time: FloatArray, lines: list[tuple[Any, ...]], reach: FloatArray | None = None
+    name: str, time: FloatArray, lines: Lines, reach: FloatArray | None = None
 ) -> dict[str, bytes]:
-    """A panel a limb with lines of a force (N, 4), a colour and a label; a band about the last."""
+    """A panel a shown limb with lines of forces (N, 4), and a band about the last."""
+    shown = [limb - 1 for limb in LIMBS]
+    of_limbs = [(force[:, shown], *look) for force, *look in lines]
+    panels = {f"({letter}) limb {limb}": "N" for letter, limb in zip("ab", LIMBS, strict=True)}
+    band = None if reach is None else (reach[:, shown], None)
     with drawing(len(LIMBS)) as (figure, axes):
-        for letter, ax, limb in zip("ab", axes[:, 0], LIMBS, strict=True):
-            for force, color, label in lines:
-                style = {"linestyle": "--"} if color == ORANGE else {}
-                width = 0.6 if color == GREY else 1.0
-                line = force[:, limb - 1]
-                ax.plot(time, line, color=color, label=label, linewidth=width, **style)
-            if reach is not None:
-                half = reach[:, limb - 1]
-                ax.fill_between(time, line - half, line + half, color=color, alpha=0.3, linewidth=0)
-            ax.set(title=f"({letter}) limb {limb}", ylabel="force (N)")
-        axes[-1, 0].set_xlabel("time (s)")
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        force_panels(figure, axes, time, of_limbs, panels, band)
         return rendered(figure, name)

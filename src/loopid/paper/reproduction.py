@@ -25,14 +25,13 @@ from loopid.arguments import (
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.diagnosis.truncation import influence, truncated_values
 from loopid.errors import DataWarning, OptionError
-from loopid.identification.bayes import BayesianRidge
-from loopid.identification.candidate import prediction_reach
+from loopid.identification.bayes import BayesianRidge, cad_prior
 from loopid.identification.fitting import fit_in_steps, quiet_fit
 from loopid.identification.force_model import ForceModel, find_force_model
+from loopid.identification.pipeline import split_recordings
+from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, fit_quality
-from loopid.identification.robot_prior import cad_prior
-from loopid.identification.samples import split_recordings
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording

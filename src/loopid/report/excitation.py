@@ -34,9 +34,7 @@ NAME = "excitation"  # of the motion in its file
 MOST_BARS = 40  # parameters whose standard errors are drawn
 CAPTIONS = {
     "motion": "Motors: position (line), its limits (dashed), and force by the robot file.",
-    "singularity": "Distance to singularities over time, and what it must keep.",
     "errors": "Predicted standard errors, of the largest ones, before and after.",
-    "spectrum": "Singular values of the observation, its columns scaled to 1, before and after.",
 }
 
 
@@ -117,9 +115,7 @@ def excitation_files(found: ExcitationDesign) -> dict[str, bytes | str]:
         "report.md": markdown_page(title, excitation_tables(found), CAPTIONS),
         "excitation.json": json_text(excitation_record(found)) + "\n",
         **_draw_motion(found),
-        **_draw_singularity(found),
         **_draw_errors(found),
-        **_draw_spectrum(found),
     }
 
 
@@ -202,21 +198,6 @@ def _draw_motion(found: ExcitationDesign) -> dict[str, bytes]:
         return rendered(figure, "motion")
 
 
-def _draw_singularity(found: ExcitationDesign) -> dict[str, bytes]:
-    """The singularity measure over time, and what it must keep."""
-    motion, rows = found.joint_motion, thinned(len(found.joint_motion))
-    least = [check.lower for check in found.checks if check.name == "singularity measure"]
-    with drawing(height=1.8) as (figure, axes):
-        ax = axes[0, 0]
-        ax.plot(motion.time[rows], motion.singularity[rows], color=BLUE)
-        for end in least:
-            ax.axhline(end, color=RED, linestyle="--", label="what it must keep")
-            ax.legend()
-        ax.set(title="distance to singularities", xlabel="time (s)", ylabel="singularity measure")
-        ax.set_ylim(bottom=0)
-        return rendered(figure, "singularity")
-
-
 def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
     """Standard errors as bars, before and after."""
     count = min(len(found.parameters), MOST_BARS)
@@ -238,21 +219,3 @@ def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
         plain_log_labels(ax.xaxis, (1.0,))
         figure.legend(loc="outside lower center", ncols=2)
         return rendered(figure, "errors")
-
-
-def _draw_spectrum(found: ExcitationDesign) -> dict[str, bytes]:
-    """Singular values of the observation, before and after."""
-    with drawing(height=1.8) as (figure, axes):
-        ax = axes[0, 0]
-        before, after = found.before.spectrum, found.expected.spectrum
-        number = np.arange(1, len(after) + 1)
-        known = before > before.max(initial=0.0) * 1e-12
-        label = "logs" if found.after_logs else "first motion"
-        ax.plot(number[known], before[known], "o-", color=GREY, markersize=2, label=label)
-        ax.plot(number, after, "o-", color=BLUE, markersize=2, label="with this motion")
-        ax.set(yscale="log", xlabel="combination of parameters", ylabel="singular value")
-        ax.set(title="information spectrum")
-        plain_log_labels(ax.yaxis, (1.0,))
-        ax.xaxis.get_major_locator().set_params(integer=True)
-        ax.legend()
-        return rendered(figure, "spectrum")

@@ -14,9 +14,12 @@ from loopid.identification.prediction import Prediction
 from loopid.identification.result import Quality
 from loopid.report.look import (
     BLUE,
-    GREY,
     RED,
+    THIN,
     drawing,
+    drawn,
+    force_panels,
+    force_unit,
     json_fields,
     json_text,
     json_value,
@@ -77,21 +80,19 @@ def prediction_files(
 
 def draw_prediction(mechanism: Mechanism, found: Prediction, name: str) -> dict[str, bytes]:
     """Measured and predicted forces of each motor, and what is left, over one time axis."""
-    recording = found.recording
+    recording, scores = found.recording, found.moving.r_squared
     rows = thinned(len(recording))
-    time = recording.motion.time[rows]
-    with drawing(len(recording.actuators), height=1.3) as (figure, axes):
-        for k, (ax, motor) in enumerate(zip(axes[:, 0], recording.actuators, strict=True)):
-            sliding = mechanism.velocity_indices([motor])[0] in mechanism.prismatic
-            ax.plot(time, recording.force[rows, k], color=GREY, linewidth=0.6)
-            ax.plot(time, found.predicted[rows, k], color=RED)
-            ax.plot(time, found.residual[rows, k], color=BLUE, linewidth=0.6)
-            ax.set_title(f"{motor}: R² {found.moving.r_squared[k]:.3f}", parse_math=False)
-            ax.set_ylabel(f"force ({'N' if sliding else 'N m'})")
-            ax.sharex(axes[0, 0])
-        axes[-1, 0].set_xlabel("time (s)")
-        labels = "measured", "predicted", "measured less predicted"
-        figure.legend(axes[0, 0].lines, labels, loc="outside lower center", ncols=3)
+    lines = (
+        (recording.force[rows], "measured", THIN),
+        (found.predicted[rows], "predicted", {"color": RED}),
+        (found.residual[rows], "measured less predicted", {"color": BLUE, "linewidth": 0.6}),
+    )
+    panels = {
+        f"{drawn(motor)}: R² {score:.3f}": force_unit(mechanism, motor)
+        for motor, score in zip(recording.actuators, scores, strict=True)
+    }
+    with drawing(len(panels), height=1.3) as (figure, axes):
+        force_panels(figure, axes, recording.motion.time[rows], lines, panels)
         return rendered(figure, name)
 
 

@@ -7,17 +7,15 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import BoolArray, FloatArray
 from loopid.diagnosis.bands import BandSweep
 from loopid.diagnosis.comparison import PredictionError
-from loopid.diagnosis.elimination import Reduction
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.identification.candidate import Candidate, prediction_reach
 from loopid.identification.consistent import ConsistentFit
 from loopid.identification.information import Identifiability, WeakDirection
 from loopid.identification.pipeline import Identification
+from loopid.identification.prediction import Candidate, prediction_reach
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
@@ -28,8 +26,11 @@ from loopid.report.look import (
     ORANGE,
     RED,
     RESULTS,
+    THIN,
     drawing,
     drawn,
+    force_panels,
+    force_unit,
     json_fields,
     json_text,
     json_value,
@@ -46,7 +47,6 @@ CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",
-    "reduction": "Validation error by the number of parameters taken from the data.",
 }
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
@@ -429,8 +429,8 @@ def identification_files(study: Study, command: str | None = None) -> dict[str, 
 def identification_figures(study: Study) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
     found = study.identification
-    first = draw_forces(study) | draw_spectrum(found.identifiability) | draw_parameters(found)
-    return first | draw_reduction(study.reduction) | draw_filter(study)
+    spectrum = draw_spectrum(found.identifiability)
+    return draw_forces(study) | spectrum | draw_parameters(found) | draw_filter(study)
 
 
 def draw_filter(study: Study) -> dict[str, bytes]:
@@ -464,38 +464,24 @@ def draw_filter(study: Study) -> dict[str, bytes]:
 
 def draw_forces(study: Study) -> dict[str, bytes]:
     """Forces of each actuator on the first validation recording, measured and predicted."""
-    found = study.identification
-    recording, joints = found.validation[0], found.force_model.mechanism.independent
+    found, essential = study.identification, study.essential
+    recording, mechanism = found.validation[0], found.force_model.mechanism
     rows = thinned(len(recording))
-    time, gaps = recording.motion.time[rows], ~recording.used[rows]
-    W = found.new.regressor[rows]
-    baseline, essential = W @ found.baseline.values, W @ study.essential.values
-    reach = prediction_reach(W, study.essential.covariance)
-    with drawing(len(joints), height=1.3) as (figure, axes):
-        for k, (ax, joint) in enumerate(zip(axes[:, 0], joints, strict=True)):
-            ax.plot(time, _broken(recording.force[rows], gaps, k), color=GREY, linewidth=0.6)
-            ax.plot(time, _broken(baseline, gaps, k), "--", color=BLUE)
-            line = _broken(essential, gaps, k)
-            ends = line - reach[:, k], line + reach[:, k]
-            ax.plot(time, line, color=RED)
-            ax.fill_between(time, *ends, color=RED, alpha=0.3, linewidth=0)
-            ax.set(title=drawn(joint), ylabel=f"force ({force_unit(found, joint)})")
-        axes[-1, 0].set_xlabel("time (s)")
-        labels = ("measured", "robot file, joint terms", "essential", "its 95 % interval")
-        handles = [*axes[0, 0].lines, *axes[0, 0].collections]
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    gaps, W = ~recording.used[rows], found.new.regressor[rows]
+    measured, by_file, fitted = (
+        np.where(gaps, np.nan, force)  # lines break where the force says nothing
+        for force in (recording.force[rows], W @ found.baseline.values, W @ essential.values)
+    )
+    lines = (
+        (measured, "measured", THIN),
+        (by_file, "robot file, joint terms", {"color": BLUE, "linestyle": "--"}),
+        (fitted, "essential", {"color": RED}),
+    )
+    panels = {drawn(joint): force_unit(mechanism, joint) for joint in mechanism.independent}
+    band = prediction_reach(W, essential.covariance), "its 95 % interval"
+    with drawing(len(panels), height=1.3) as (figure, axes):
+        force_panels(figure, axes, recording.motion.time[rows], lines, panels, band)
         return rendered(figure, "forces")
-
-
-def force_unit(found: Identification, joint: str) -> str:
-    """Unit of an actuator's force: N where it slides, N m where it turns."""
-    mechanism = found.force_model.mechanism
-    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
-
-
-def _broken(values: FloatArray, gaps: BoolArray, k: int) -> FloatArray:
-    """One column, with breaks where the force says nothing."""
-    return np.where(gaps[:, k], np.nan, values[:, k])
 
 
 def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
@@ -543,21 +529,3 @@ def draw_parameters(found: Identification) -> dict[str, bytes]:
         figure.suptitle("base parameters against the robot file", fontsize=8)
         figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)
         return rendered(figure, "parameters")
-
-
-def draw_reduction(reduction: Reduction) -> dict[str, bytes]:
-    """Validation error by the number of fitted parameters, and the number that was chosen."""
-    steps = reduction.steps
-    count = np.array([len(step.labels) for step in steps])
-    error = np.array([step.validation_error for step in steps])
-    spread = np.array([step.standard_error for step in steps])
-    with drawing(height=2.0) as (figure, axes):
-        ax = axes[0, 0]
-        ax.errorbar(count, error, yerr=spread, fmt="o-", color=BLUE, markersize=3, label="± 1 std")
-        chosen = len(reduction.chosen.labels)
-        ax.axvline(chosen, color=ORANGE, linestyle="--", label="essential")
-        ax.set(xlabel="parameters taken from the data", ylabel="validation error (weighted)")
-        ax.set(title="how many parameters are essential", yscale="log")
-        plain_log_labels(ax.yaxis)
-        ax.legend()
-        return rendered(figure, "reduction")

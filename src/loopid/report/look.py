@@ -22,7 +22,7 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from loopid.arguments import IntArray, spread_rows
+from loopid.arguments import FloatArray, IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line
 from loopid.files import require_folder, require_other_file
 
@@ -30,10 +30,13 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
+    from loopid.robot.mechanism import Mechanism
+
 # What Markdown or HTML may take for markup: written as entities, which never are.
 MARKUP = re.compile(r"[&<>\[\]|\\`*~$]|(?<![^\W_])_+|_+(?![^\W_])|(?<=\w):(?=//)")
 # From the palette of Okabe and Ito.
 BLUE, ORANGE, RED, GREY = "#0072B2", "#E69F00", "#D55E00", "#666666"
+THIN = {"color": GREY, "linewidth": 0.6}  # of what was measured
 COLUMN = 3.5  # inches: the width of a column of a two-column page
 RESOLUTION = 220  # dots per inch of the PNG
 MOST_POINTS = 1500  # of a line: more than a column can show
@@ -192,6 +195,37 @@ def drawing(rows: int = 1, columns: int = 1, height: float = 1.6) -> Iterator[tu
     with mpl.rc_context(cast(Any, STYLE)):
         figure = Figure(figsize=(COLUMN, height * rows))
         yield figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def force_panels(
+    figure: Figure,
+    axes: Any,
+    time: FloatArray,
+    lines: Iterable[tuple[FloatArray, str, dict[str, Any]]],
+    panels: Mapping[str, str],
+    band: tuple[FloatArray, str | None] | None = None,
+) -> None:
+    """Forces over time, a panel each by its title and unit, with one legend.
+
+    Lines are forces (N, k), a label and a style; a band of half width (N, k) is about the last.
+    """
+    for k, (ax, (title, unit)) in enumerate(zip(axes[:, 0], panels.items(), strict=True)):
+        for force, label, style in lines:
+            ax.plot(time, force[:, k], label=label, **style)
+        if band is not None:
+            ends = force[:, k] - band[0][:, k], force[:, k] + band[0][:, k]
+            look = {"color": ax.lines[-1].get_color(), "alpha": 0.3, "linewidth": 0}
+            ax.fill_between(time, *ends, label=band[1], **look)
+        ax.set(title=title, ylabel=f"force ({unit})")
+    axes[-1, 0].set_xlabel("time (s)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    columns = 2 if len(labels) == 4 else len(labels)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+
+
+def force_unit(mechanism: Mechanism, joint: str) -> str:
+    """Unit of a motor's force: N where it slides, N m where it turns."""
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
 
 
 def rendered(figure: Figure, name: str) -> dict[str, bytes]:

@@ -1,9 +1,3 @@
-from .checks import (
-    InertiaDefect as InertiaDefect,
-    inertia_defects as inertia_defects,
-    odd_masses as odd_masses,
-    unequal_links as unequal_links,
-)
 from .closures import (
     CLOSURE_KINDS as CLOSURE_KINDS,
     FramePair as FramePair,

@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from closure_robots import body, files, joint
 from loopid import load_mechanism
 from loopid.errors import ModelWarning
-from loopid.robot import inertia_defects, odd_masses
+from loopid.loading import inertia_defects, odd_masses
 
 seeds = st.integers(0, 2**32 - 1)
 
