@@ -48,6 +48,8 @@ BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
 Number = Annotated[
     float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)
 ]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 BLOCK_ROWS = 4096  # of long arrays that are worked on at a time
