@@ -102,7 +102,7 @@ def observation(name: str, robot: Mechanism, model: str, count: int) -> dict[str
     def regressor() -> np.ndarray:
         if model == "gravity":
             return gravity_regressor(robot, q)
-        return dynamic_regressor(robot, q, *rates)
+        return dynamic_regressor(robot, q, rates[0], accelerations=rates[1])
 
     columns, parameters = regressor(), robot.parameters(model)
     resting = model == "gravity"

@@ -24,7 +24,7 @@ from loopid.base_parameters import (
     SubgroupSearch,
     analyse,
 )
-from loopid.base_parameters.exhaustive import promising
+from loopid.base_parameters.enumerated import promising
 from loopid.regressors import structural_observation
 from tables import show, write_json
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 from lxml import etree
 
 from loopid import assemble, load_mechanism, random_configurations
-from loopid.kinematics import constraint_residual
+from loopid.kinematics import SamplingOptions, constraint_residual
 
 CONFIGURATIONS = [("3ups_rpu", 1), ("3ups_rpu", 2), ("3ups_rpu", 4), ("3ups_rpu", 8), ("5p", 1)]
 INERTIA = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -58,7 +58,7 @@ def test_every_configuration_closes_at_its_home(robot, configuration, table, wri
     geometry = table[robot]["configurations"][configuration]
     mechanism = load_mechanism(write_robot(geometry, table[robot]))
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-15
-    q = random_configurations(mechanism, 3, margin=0.001)
+    q = random_configurations(mechanism, 3, options=SamplingOptions(margin=0.001))
     assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
 
 

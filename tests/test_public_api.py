@@ -24,8 +24,6 @@ CLASSES = {
 # Functions that still have more than three positional arguments, or more than seven in all.
 TOO_MANY = {
     "consistent_fit",
-    "dynamic_regressor",
-    "structural_observation",
 }
 # Public records that a run of the pipeline yields and that are no values yet.
 NO_VALUES: set[str] = set()

@@ -15,7 +15,7 @@ from loopid.base_parameters import (
     ExhaustiveSearch,
     SearchEffort,
 )
-from loopid.base_parameters.exhaustive import promising
+from loopid.base_parameters.enumerated import promising
 from loopid.errors import OptionError
 
 ONE = ExhaustiveSearch()

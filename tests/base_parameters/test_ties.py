@@ -13,7 +13,7 @@ from loopid.base_parameters import (
     SearchEffort,
 )
 from loopid.base_parameters.blocks import Levels, _representatives
-from loopid.base_parameters.ties import Tied
+from loopid.base_parameters.exact import Tied
 
 
 def coefficients(problem, dependent):

@@ -34,17 +34,14 @@ def design(full):
 def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
     assert design.violations == 0
     motion, model = design.joint_motion, five_bar.model
-    whole = closed_motion(five_bar, motion.configurations, motion.velocities, motion.accelerations)
+    q, v, a = motion.configurations, motion.velocities, motion.accelerations
+    whole = closed_motion(five_bar, q, v, a)
     lower, upper = five_bar.position_limits
     assert (motion.configurations >= lower).all()
     assert (motion.configurations <= upper).all()
     assert (np.abs(whole.velocities) <= model.velocityLimit).all()
-    forces = (
-        loopid.dynamic_regressor(
-            five_bar, motion.configurations, motion.velocities, motion.accelerations
-        )
-        @ five_bar.standard_parameters()
-    )
+    K = loopid.dynamic_regressor(five_bar, q, v, accelerations=a)
+    forces = K @ five_bar.standard_parameters()
     np.testing.assert_allclose(forces, design.forces, atol=1e-9)
     assert (np.abs(forces) <= model.effortLimit[five_bar.velocity_indices(five_bar.actuated)]).all()
     assert motion.singularity.min() >= 0.02

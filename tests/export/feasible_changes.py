@@ -46,10 +46,10 @@ def changed(mechanism, model="full", seed=0):
 def forces(mechanism, parameters, model="full", count=20):
     """Forces (N, dof) of given parameters at seeded states of a robot."""
     q = random_configurations(mechanism, count, seed=3)
-    rates = np.random.default_rng(4).standard_normal((2, count, len(mechanism.independent)))
+    v, a = np.random.default_rng(4).standard_normal((2, count, len(mechanism.independent)))
     if model == "gravity":
         return gravity_regressor(mechanism, q) @ parameters
-    return dynamic_regressor(mechanism, q, *rates) @ parameters
+    return dynamic_regressor(mechanism, q, v, accelerations=a) @ parameters
 
 
 def forces_of_file(mechanism, model="full", count=20):

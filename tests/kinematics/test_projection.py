@@ -12,6 +12,7 @@ from loopid import assemble, load_mechanism, random_configurations
 from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
     NEAR_SINGULARITY,
+    SamplingOptions,
     closed_motion,
     constraint_drift,
     constraint_jacobian,
@@ -69,13 +70,13 @@ def test_the_closures_allow_every_column_of_g(motion):
 
 def test_independent_velocities_are_their_own(motion):
     robot, q, independent, rates = motion
-    projection = project(robot, q, independent)
+    projection = project(robot, q, independent=independent)
     chosen = robot.velocity_indices(independent or robot.actuated)
     np.testing.assert_array_equal(projection.independent, chosen)
     np.testing.assert_array_equal(
         projection.G[:, chosen], np.tile(np.eye(len(chosen)), (len(q), 1, 1))
     )
-    moving = closed_motion(robot, q, rates, np.zeros_like(rates), independent)
+    moving = closed_motion(robot, q, rates, np.zeros_like(rates), independent=independent)
     np.testing.assert_array_equal(moving.gamma[:, chosen], 0)
 
 
@@ -91,7 +92,7 @@ def test_g_is_the_velocity_of_the_assembled_motion(motion, rate):
 
 def test_gamma_is_the_acceleration_of_the_assembled_motion(motion, rate):
     robot, q, independent, rates = motion
-    gamma = closed_motion(robot, q, rates, np.zeros_like(rates), independent).gamma
+    gamma = closed_motion(robot, q, rates, np.zeros_like(rates), independent=independent).gamma
     expected = rate(lambda t: velocities(motion, followed(motion, t)))
     np.testing.assert_allclose(gamma, expected, rtol=1e-6, atol=1e-6)
 
@@ -99,7 +100,7 @@ def test_gamma_is_the_acceleration_of_the_assembled_motion(motion, rate):
 def test_gamma_balances_the_drift(motion):
     robot, q, independent, rates = motion
     A = constraint_jacobian(robot, q)
-    gamma = closed_motion(robot, q, rates, np.zeros_like(rates), independent).gamma
+    gamma = closed_motion(robot, q, rates, np.zeros_like(rates), independent=independent).gamma
     drift = constraint_drift(robot, q, velocities(motion, q))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", A, gamma), -drift, atol=1e-10)
 
@@ -286,7 +287,7 @@ def to_mm(pair):
 
 
 def test_the_singularity_measure_is_the_same(pair, to_mm):
-    q = random_configurations(pair[0], 50, seed=4, margin=0)
+    q = random_configurations(pair[0], 50, seed=4, options=SamplingOptions(margin=0))
     metre, millimetre = (
         singularity_measure(robot, q * scales)
         for robot, scales in zip(pair, (1.0, to_mm), strict=True)

@@ -33,10 +33,10 @@ def motion(load_once):
 
 
 def test_without_noise_forces_are_those_of_the_model(knee, motion):
-    state = (motion.configurations, motion.velocities, motion.accelerations)
+    q, v, a = motion.configurations, motion.velocities, motion.accelerations
     pi = np.random.default_rng(0).normal(size=len(knee.parameters()))
     measured = simulate_measurement(knee, motion, standard_parameters=pi)
-    expected = dynamic_regressor(knee, *state) @ pi
+    expected = dynamic_regressor(knee, q, v, accelerations=a) @ pi
     np.testing.assert_allclose(measured.force, expected, atol=1e-9)
     np.testing.assert_array_equal(measured.force, measured.exact_force)
     read = measured_coordinates(knee).read(motion.configurations.copy())

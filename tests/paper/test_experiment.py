@@ -37,8 +37,8 @@ def test_the_parts_add_up_to_the_forces_of_the_motion(knee, experiment):
     pi = knee.standard_parameters()
     for name in ("3", "9"):
         motion, parts = experiment.motions[name], experiment.parts[name]
-        state = motion.configurations, motion.velocities, motion.accelerations
-        total = dynamic_regressor(knee, *state) @ pi
+        q, v, a = motion.configurations, motion.velocities, motion.accelerations
+        total = dynamic_regressor(knee, q, v, accelerations=a) @ pi
         np.testing.assert_allclose(parts.total, total, atol=1e-9 * np.abs(total).max())
         np.testing.assert_array_equal(experiment.samples[name].force, parts.total)
 

@@ -112,7 +112,7 @@ def test_the_functions_say_the_same(robot, loop, states):
         (loop.gamma(q, v), motion.gamma),
         (loop.residual(q), constraint_residual(robot, q)),
         (loop.gravity_regressor(q), gravity_regressor(robot, q)),
-        (loop.dynamic_regressor(q, v, a), dynamic_regressor(robot, q, v, a)),
+        (loop.dynamic_regressor(q, v, a), dynamic_regressor(robot, q, v, accelerations=a)),
     ]
     for found, expected in pairs:
         np.testing.assert_array_equal(found, expected)

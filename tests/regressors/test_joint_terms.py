@@ -80,9 +80,10 @@ def test_labels_and_units_say_slide_or_turn(knee):
 
 def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee):
     q = random_configurations(knee, 150, seed=5)
-    motion = closed_motion(knee, q, *random_motions(knee, 150, seed=3))
+    v, a = random_motions(knee, 150, seed=3)
+    motion = closed_motion(knee, q, v, a)
     terms = JointTerms(knee.actuated, ("Fc", "Fv", "Fo"))
-    rigid = dynamic_regressor(knee, q, *random_motions(knee, 150, seed=3))
+    rigid = dynamic_regressor(knee, q, v, accelerations=a)
     both = np.concatenate([rigid, terms.columns(knee, motion)], axis=2)
     names = knee.parameters() + terms.parameters(knee)
     of_bodies = Observation.from_matrix(rigid, knee.parameters(), length=knee.length)

@@ -88,9 +88,13 @@ def test_an_unknown_model_is_refused(knee):
         structural_observation(knee, "static")
 
 
+def in_motion(robot, q, v, a):
+    return dynamic_regressor(robot, q, v, accelerations=a)
+
+
 def actuator_forces(moving):
     robot, q, rates, accelerations = moving
-    return dynamic_regressor(robot, q, rates, accelerations) @ robot.standard_parameters()
+    return in_motion(robot, q, rates, accelerations) @ robot.standard_parameters()
 
 
 def followed(robot, q, motion):
@@ -165,7 +169,7 @@ def test_holding_forces_are_the_slopes_of_potential_energy(moving, rate):
 def test_gravity_columns_are_the_full_ones_at_rest(moving):
     robot, q, _, _ = moving
     rest = np.zeros((len(q), len(robot.actuated)))
-    full = dynamic_regressor(robot, q, rest, rest)
+    full = in_motion(robot, q, rest, rest)
     columns = {label: j for j, label in enumerate(robot.parameters().labels)}
     shared_ones = [columns[label] for label in robot.parameters("gravity").labels]
     gravity = gravity_regressor(robot, q)
@@ -182,7 +186,7 @@ def test_forces_do_not_depend_on_where_the_loops_are_cut(loops, names):
     strokes = measured_coordinates(pinned).read(random_configurations(pinned, 10, seed=0))
     motions = random_motions(pinned, 10, seed=0)
     one, other = (
-        dynamic_regressor(robot, assemble(robot, strokes), *motions) for robot in (pinned, welded)
+        in_motion(robot, assemble(robot, strokes), *motions) for robot in (pinned, welded)
     )
     np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(one).max())
 
@@ -193,7 +197,7 @@ def test_without_loops_it_is_the_trees_regressor(knee):
     v, a = random_motions(tree, 4, seed=1)
     Y = torque_regressors(tree, q, v, a)
     scale = np.abs(Y).max()
-    np.testing.assert_allclose(dynamic_regressor(tree, q, v, a), Y, atol=1e-14 * scale)
+    np.testing.assert_allclose(in_motion(tree, q, v, a), Y, atol=1e-14 * scale)
 
 
 def test_rows_follow_the_order_of_the_motors(mechanism, poses):
@@ -207,8 +211,8 @@ def test_rows_follow_the_order_of_the_motors(mechanism, poses):
 
 def test_one_sample_may_come_without_its_axis(mechanism, poses):
     rates = np.array([0.1, -0.2, 0.3, 0.4])
-    alone = dynamic_regressor(mechanism, poses[0], rates, -rates)
-    stacked = dynamic_regressor(mechanism, poses[:1], rates[None], -rates[None])
+    alone = in_motion(mechanism, poses[0], rates, -rates)
+    stacked = in_motion(mechanism, poses[:1], rates[None], -rates[None])
     np.testing.assert_array_equal(alone, stacked)
 
 
@@ -223,7 +227,7 @@ def test_one_sample_may_come_without_its_axis(mechanism, poses):
 )
 def test_motions_of_the_wrong_shape_are_refused(mechanism, poses, name, shapes):
     with pytest.raises(DataError) as error:
-        dynamic_regressor(mechanism, poses, *(np.zeros(shape) for shape in shapes))
+        in_motion(mechanism, poses, *(np.zeros(shape) for shape in shapes))
     assert error.value.facts["argument"] == name
 
 
@@ -231,7 +235,7 @@ def test_motions_that_are_not_finite_are_refused(mechanism, poses):
     good, bad = np.zeros((12, 4)), np.full((12, 4), np.nan)
     for name, rates in (("velocities", (bad, good)), ("accelerations", (good, bad))):
         with pytest.raises(DataError) as error:
-            dynamic_regressor(mechanism, poses, *rates)
+            in_motion(mechanism, poses, *rates)
         assert error.value.facts["argument"] == name
 
 
@@ -244,7 +248,7 @@ def motion(moving):
 
 
 def test_without_joint_terms_it_is_the_dynamic_regressor(moving, motion):
-    np.testing.assert_array_equal(motion_regressor(moving[0], motion), dynamic_regressor(*moving))
+    np.testing.assert_array_equal(motion_regressor(moving[0], motion), in_motion(*moving))
 
 
 def test_the_gravity_model_does_not_see_the_motion(moving, motion):
@@ -332,7 +336,7 @@ def test_parts_add_up_for_any_parameters(moving):
     robot, *state = moving
     pi = np.random.default_rng(0).normal(size=len(robot.parameters()))
     parts = force_parts(robot, *state, standard_parameters=pi)
-    K = dynamic_regressor(robot, *state)
+    K = in_motion(robot, *state)
     close(parts.total, K @ pi, np.abs(K).max() * np.abs(pi).max())
 
 
@@ -389,7 +393,7 @@ def test_both_regressors_are_projections_of_pinocchios(moving):
     still = np.zeros_like(motion.velocities)
     for found, Y in (
         (
-            dynamic_regressor(*moving),
+            in_motion(*moving),
             tree_columns(robot, q, motion.velocities, motion.accelerations),
         ),
         (gravity_regressor(robot, q), tree_columns(robot, q, still, still, "gravity")),
@@ -411,7 +415,7 @@ def test_pinocchio_is_asked_for_one_regressor_a_sample(moving, count, monkeypatc
     monkeypatch.setattr(pin, "computeJointTorqueRegressor", counted)
     gravity_regressor(robot, q)
     assert len(calls) == count
-    dynamic_regressor(robot, q, *rates)
+    in_motion(robot, q, *rates)
     assert len(calls) == 2 * count
 
 
@@ -422,21 +426,21 @@ def test_where_the_robot_stands_costs_few_digits(knee, away):
     for k in range(1, model.njoints):
         if model.parents[k] == 0:
             model.jointPlacements[k].translation += away * np.array([1.0, -2.0, 3.0])
-    expected = dynamic_regressor(knee, q, *rates)
-    found = dynamic_regressor(replace(knee, model=model), q, *rates)
+    expected = in_motion(knee, q, *rates)
+    found = in_motion(replace(knee, model=model), q, *rates)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_samples_do_not_depend_on_their_neighbours(knee):
     q, rates = random_configurations(knee, 60, seed=5), random_motions(knee, 60, seed=1)
-    whole = dynamic_regressor(knee, q, *rates)
+    whole = in_motion(knee, q, *rates)
     for size in (7, 1):
         parts = [slice(first, first + size) for first in range(0, 60, size)]
-        found = [dynamic_regressor(knee, q[k], *(rate[k] for rate in rates)) for k in parts]
+        found = [in_motion(knee, q[k], *(rate[k] for rate in rates)) for k in parts]
         np.testing.assert_allclose(np.concatenate(found), whole, atol=1e-13 * np.abs(whole).max())
 
 
 def test_no_samples_give_no_rows(knee):
     none = np.empty((0, 4))
-    assert dynamic_regressor(knee, np.empty((0, knee.model.nq)), none, none).shape == (0, 4, 90)
+    assert in_motion(knee, np.empty((0, knee.model.nq)), none, none).shape == (0, 4, 90)
     assert gravity_regressor(knee, np.empty((0, knee.model.nq))).shape == (0, 4, 36)

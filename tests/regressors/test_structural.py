@@ -81,7 +81,6 @@ def test_progress_is_told_to_the_end(knee):
     [
         ({"model": "static"}, r"'static'.*gravity, full"),
         ({"samples": 0}, "samples must be"),
-        ({"margin": -1.0}, "margin"),
         ({"seed": -1}, "seed must be"),
     ],
 )

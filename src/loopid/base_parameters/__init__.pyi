@@ -2,7 +2,6 @@ from .base import (
     SEARCHES as SEARCHES,
     BaseParameter as BaseParameter,
     BaseParameters as BaseParameters,
-    FeltParameters as FeltParameters,
     expression as expression,
     find_base_parameters as find_base_parameters,
     find_felt_parameters as find_felt_parameters,
@@ -11,13 +10,13 @@ from .choice import (
     CRITERIA as CRITERIA,
     ChoiceProblem as ChoiceProblem,
     Exclusion as Exclusion,
+    PivotedQR as PivotedQR,
     SearchEffort as SearchEffort,
     SearchResult as SearchResult,
     SearchStrategy as SearchStrategy,
 )
+from .enumerated import ExhaustiveSearch as ExhaustiveSearch, SubgroupSearch as SubgroupSearch
 from .exact import ExactSearch as ExactSearch
-from .exhaustive import ExhaustiveSearch as ExhaustiveSearch
-from .pivoted import PivotedQR as PivotedQR
 from .rank import (
     DoubtfulCombination as DoubtfulCombination,
     RankTolerances as RankTolerances,
@@ -28,4 +27,3 @@ from .structure import (
     analyse as analyse,
     independent_blocks as independent_blocks,
 )
-from .subgroup import SubgroupSearch as SubgroupSearch

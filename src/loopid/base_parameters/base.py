@@ -29,9 +29,9 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
     "search",
     {
         "exact": "loopid.base_parameters.exact:ExactSearch",
-        "subgroup": "loopid.base_parameters.subgroup:SubgroupSearch",
-        "exhaustive": "loopid.base_parameters.exhaustive:ExhaustiveSearch",
-        "qr": "loopid.base_parameters.pivoted:PivotedQR",
+        "subgroup": "loopid.base_parameters.enumerated:SubgroupSearch",
+        "exhaustive": "loopid.base_parameters.enumerated:ExhaustiveSearch",
+        "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
@@ -111,9 +111,8 @@ class BaseParameters:
         if name not in self.names:
             raise OptionError.unknown("base parameter", name, self.names)
         labels, row = self.parameters.labels, self.regrouping[self.names.index(name)]
-        return BaseParameter(
-            name, {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
-        )
+        factors = {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
+        return BaseParameter(name, factors)
 
     def __repr__(self) -> str:
         return (
@@ -149,13 +148,7 @@ class BaseParameters:
     @property
     def terms(self) -> tuple[Mapping[str, float], ...]:
         """For each base parameter its terms, read-only: the leading label, then those folded in."""
-        labels = self.parameters.labels
-        return tuple(
-            MappingProxyType(
-                {labels[leader]: 1.0} | {labels[j]: float(row[j]) for j in np.flatnonzero(row)}
-            )
-            for leader, row in zip(self.base, self.matrix, strict=True)
-        )
+        return tuple(MappingProxyType(self[name].terms) for name in self.names)
 
     @property
     def expressions(self) -> tuple[str, ...]:
@@ -211,22 +204,6 @@ class BaseParameters:
         rebuilt = self.regressor(matrix) @ self.matrix
         size = float(np.linalg.norm(matrix))
         return float(np.linalg.norm(rebuilt - matrix)) / size if size else 0.0
-
-
-@record
-class FeltParameters:
-    """Base parameters of a robot with coordinates that the motors leave free.
-
-    Attributes
-    ----------
-    base : BaseParameters
-        Of all rows: forces of the motors, and "= 0" of free coordinates.
-    motors_alone : BaseParameters or None
-        What the motors alone feel; None without free coordinates, or where they feel nothing.
-    """
-
-    base: BaseParameters
-    motors_alone: BaseParameters | None
 
 
 @checked
@@ -309,13 +286,20 @@ def find_felt_parameters(
     criterion: str = "nullspace",
     tolerances: RankTolerances = RankTolerances(),
     effort: SearchEffort | None = None,
-) -> FeltParameters:
+) -> tuple[BaseParameters, BaseParameters | None]:
     """Find the base parameters, and those that the motors alone feel, within one time limit.
 
     Parameters
     ----------
     observation, search, criterion, tolerances, effort
         As in ``find_base_parameters``. The second search has the time that the first one left.
+
+    Returns
+    -------
+    base : BaseParameters
+        Of all rows: forces of the motors, and "= 0" of coordinates that they leave free.
+    motors_alone : BaseParameters or None
+        What the motors alone feel; None without free coordinates, or where they feel nothing.
 
     Raises
     ------
@@ -326,16 +310,17 @@ def find_felt_parameters(
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> loopid.base_parameters.find_felt_parameters(observation).motors_alone is None
-    True
+    >>> base, alone = loopid.base_parameters.find_felt_parameters(observation)
+    >>> len(base), alone
+    (4, None)
     """
     find = partial(find_base_parameters, criterion=criterion, tolerances=tolerances)
     base, alone = find(observation, search, effort=effort), observation.motors_alone
     if alone is None or without_effect(alone):
-        return FeltParameters(base, None)
+        return base, None
     left = max(base.search.effort.time_limit - base.search.seconds, LEAST_TIME)
     rest = replace(base.search.effort, time_limit=left)
-    return FeltParameters(base, find(alone, search, effort=rest))
+    return base, find(alone, search, effort=rest)
 
 
 @checked

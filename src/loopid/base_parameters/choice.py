@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
-from dataclasses import field, fields, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, fields, replace
 from math import comb, inf
 from time import perf_counter
 from typing import Any, ClassVar
@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
-from loopid.base_parameters.structure import Structure, base_columns
+from loopid.base_parameters.rank import pivots
+from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
 from loopid.errors import OptionError
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -21,6 +22,8 @@ from loopid.workers import one_blas_thread
 CRITERIA = ("nullspace", "regressor")
 # Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
+EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
+BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 
 
 @record(kw_only=True, checked=True)
@@ -281,3 +284,61 @@ class SearchStrategy(ABC):
             effort=self.effort,
             **found,
         )
+
+
+@record
+class PivotedQR(SearchStrategy):
+    """Take the columns of W greedily, each the one farthest from the span of those taken."""
+
+    name: ClassVar[str] = "qr"
+
+    def _search(self, problem: ChoiceProblem) -> SearchResult:
+        base = pivots(problem.structure.row_factor.T, problem.structure.rank)
+        dependent = base_columns(problem.size, base)
+        return self._result(problem, dependent, certified=False, evaluated=1)
+
+
+@dataclass(frozen=True)
+class Readability:
+    """What makes a choice readable: few terms, small coefficients."""
+
+    terms: int
+    coefficients: float
+    dependent: tuple[int, ...]
+
+    def __add__(self, other: Readability) -> Readability:
+        return Readability(
+            self.terms + other.terms,
+            self.coefficients + other.coefficients,
+            tuple(sorted(self.dependent + other.dependent)),
+        )
+
+
+NO_COLUMNS = Readability(0, 0.0, ())
+
+
+def most_readable(choices: Iterable[Readability]) -> Readability:
+    """The first choice in the order of terms, coefficients and columns."""
+    every = list(choices)
+    terms = min(choice.terms for choice in every)
+    every = [choice for choice in every if choice.terms == terms]
+    enough = min(choice.coefficients for choice in every) + EQUAL_COEFFICIENTS
+    every = [choice for choice in every if choice.coefficients <= enough]
+    return min(every, key=lambda choice: choice.dependent)
+
+
+def readabilities(
+    null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
+) -> Iterator[Readability]:
+    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
+
+    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
+    """
+    names = choices if columns is None else columns[choices]
+    size = max(1, BATCH // null_basis.size)
+    for start in range(0, len(choices), size):
+        part = slice(start, start + size)
+        beta = np.abs(regrouping_matrix(null_basis, choices[part]))
+        terms, totals = (beta > 0).sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
+        for count, total, own in zip(terms, totals, names[part].tolist(), strict=True):
+            yield Readability(count, total, tuple(sorted(own)))

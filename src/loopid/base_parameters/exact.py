@@ -11,7 +11,8 @@ listed and the most readable one is returned. Derivation in docs/derivations.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import count
+from dataclasses import dataclass
+from itertools import combinations, count, islice
 from math import sqrt
 from time import perf_counter
 from typing import ClassVar
@@ -19,24 +20,28 @@ from typing import ClassVar
 import numpy as np
 
 from loopid.arguments import IntArray
-from loopid.base_parameters.blocks import Block, Levels, split
+from loopid.base_parameters.blocks import (
+    FRACTIONS,
+    Block,
+    Budget,
+    Levels,
+    OutOfBudgetError,
+    good_selection,
+    split,
+    walked,
+)
 from loopid.base_parameters.choice import (
+    NO_COLUMNS,
     ChoiceProblem,
     Exclusion,
+    Readability,
     SearchEffort,
     SearchResult,
     SearchStrategy,
+    most_readable,
+    readabilities,
 )
-from loopid.base_parameters.guess import FRACTIONS, good_selection, walked
-from loopid.base_parameters.ties import Tied, most_readable_tie
-from loopid.base_parameters.tree import (
-    UNIT_ROUND_OFF,
-    Budget,
-    Leaves,
-    OutOfBudgetError,
-    margin,
-    selections_between,
-)
+from loopid.base_parameters.tree import UNIT_ROUND_OFF, Leaves, margin, selections_between
 from loopid.records import record
 
 MORE_NODES = 4  # times as many, that a box is asked about at every further attempt
@@ -289,3 +294,108 @@ def _joint_dependent(blocks: Sequence[Block], selections: Selections) -> tuple[i
         for block, own in zip(blocks, selections, strict=True)
     ]
     return tuple(np.sort(np.concatenate(parts)).tolist())
+
+
+@dataclass(frozen=True)
+class Tied:
+    """Levels of the best joint selections, and the tolerance of their condition numbers."""
+
+    levels: Sequence[Levels]
+    tolerance: float
+
+    @property
+    def overlap(self) -> bool:
+        """Whether a selection may keep to two of the levels, and would be counted twice.
+
+        Its value is at most the smaller largest over the larger smallest, which is below the least
+        value unless the levels nearly agree.
+        """
+        least = min(one.ratio for one in self.levels) * (1 - 2 * self.tolerance)
+        return any(
+            min(one.largest, other.largest) > least * max(one.smallest, other.smallest)
+            for one, other in combinations(self.levels, 2)
+        )
+
+
+def most_readable_tie(
+    blocks: Sequence[Block], tied: Tied, effort: SearchEffort, budget: Budget
+) -> tuple[Readability, int | None, bool]:
+    """The most readable of the best choices, how many there are, and whether some nearly tie.
+
+    They are not counted where they are too many, or where some nearly tie.
+    """
+    choices, ties, near = [], 0, tied.overlap
+    for levels in tied.levels:
+        choice, ways = NO_COLUMNS, 1
+        for block in blocks:
+            selections, nearly = _listed(block, levels, tied.tolerance, effort, budget)
+            near |= nearly
+            if selections:
+                ways *= sum(block.ways(own) for own in selections)
+            else:
+                ways, selections = 0, [_first(block, levels, tied.tolerance, budget)]
+            dependent = block.dependent(np.array(selections))
+            if len(dependent) * len(tied.levels) == 1:  # nothing to compare
+                choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
+                continue
+            batches = readabilities(block.null_basis, dependent, block.columns)
+            choice += most_readable(budget.checking(batches))
+        choices.append(choice)
+        ties = ties + ways if ways and (ties or len(choices) == 1) else 0
+    return most_readable(choices), None if near else ties or None, near
+
+
+def _listed(
+    block: Block, levels: Levels, tolerance: float, effort: SearchEffort, budget: Budget
+) -> tuple[list[IntArray], bool]:
+    """All selections that keep to the levels, and whether some nearly do; none if too many.
+
+    What is within half of the tolerance keeps to them, what is beyond twice of it does not.
+    Selections between are near ties, which round-off would decide.
+    """
+    if block.size == block.count:
+        return [np.arange(block.size)], False
+    part = budget.part(effort.tie_nodes)
+    found = selections_between(block, *levels.box(2 * tolerance), part)
+    try:
+        listed = list(islice(found, effort.ties + 1))
+    except OutOfBudgetError:
+        budget.check()
+        return [], False
+    finally:
+        budget.add(part)
+    if len(listed) > effort.ties:
+        return [], False
+    kept = [own for own in listed if block.levels(own).inside(*levels.box(tolerance / 2))]
+    return kept, len(kept) < len(listed)
+
+
+def _first(block: Block, levels: Levels, tolerance: float, budget: Budget) -> IntArray:
+    """The selection that keeps to the levels and makes the first columns dependent.
+
+    Column after column is made dependent where some selection allows it: an answer that does not
+    depend on how selections are found.
+    """
+    settled: tuple[list[int], list[int]] = ([], [])
+    dependent, base = settled if block.selects_dependent else settled[::-1]
+
+    def some(row: list[int]) -> IntArray | None:
+        dependent.extend(row)
+        taken, left = (np.array(rows, dtype=np.int64) for rows in settled)
+        box = levels.box(tolerance)
+        found = next(selections_between(block, *box, budget, taken, left), None)
+        del dependent[len(dependent) - len(row) :]
+        return found
+
+    witness = some([])
+    if witness is None:  # a selection with these levels is known
+        raise OutOfBudgetError
+    for row in range(block.size):
+        if (row in witness) != block.selects_dependent:
+            found = some([row])
+            if found is None:
+                base.append(row)
+                continue
+            witness = found
+        dependent.append(row)
+    return witness

@@ -19,18 +19,16 @@ values of every selection that is left have the last word.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
-from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
-from loopid.base_parameters.blocks import Block
+from loopid.base_parameters.blocks import Block, Budget
 
 # The margin: a proven multiple of the unit round-off, and at least this.
 LEAST_MARGIN = 1e-12
@@ -44,49 +42,7 @@ DECIMALS = 6
 # A node with few selections left is settled by looking at them: at most so many times k².
 LOOKED_AT = 4096
 
-Thing = TypeVar("Thing")
 NONE = np.empty(0, dtype=np.int64)
-
-
-class OutOfBudgetError(Exception):
-    """The search used up its nodes or its time."""
-
-
-@dataclass
-class Budget:
-    """Nodes and time that all the searches of one problem may use together."""
-
-    deadline: float
-    nodes: int = 0
-    leaves: int = 0
-    most_nodes: float = np.inf
-
-    def spend(self) -> None:
-        """Count a node; stop where the budget is used up."""
-        self.nodes += 1
-        if self.nodes > self.most_nodes:
-            raise OutOfBudgetError
-        self.check()
-
-    def check(self) -> None:
-        """Stop where the time is used up."""
-        if perf_counter() > self.deadline:
-            raise OutOfBudgetError
-
-    def checking(self, things: Iterable[Thing]) -> Iterator[Thing]:
-        """Each of the things, as long as there is time."""
-        for thing in things:
-            self.check()
-            yield thing
-
-    def part(self, nodes: float) -> Budget:
-        """A budget of so many nodes with the same deadline; ``add`` counts what it used."""
-        return Budget(self.deadline, most_nodes=nodes)
-
-    def add(self, part: Budget) -> None:
-        """Count the nodes and leaves of a part."""
-        self.nodes += part.nodes
-        self.leaves += part.leaves
 
 
 def margin(rows: int, terms: int) -> float:

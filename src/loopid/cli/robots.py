@@ -101,8 +101,7 @@ def base(
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters.base import find_felt_parameters
     from loopid.base_parameters.choice import SearchEffort
-    from loopid.regressors.joint_terms import JointTerms
-    from loopid.regressors.left_out import warn_of_omitted
+    from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_record, base_tables
 
@@ -114,7 +113,7 @@ def base(
         )
     effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
     found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
-    record = base_record(robot, model, found.base, found.motors_alone)
+    record = base_record(robot, model, *found)
     show(record, base_tables(record), as_json)
 
 
@@ -323,8 +322,8 @@ def recordings(
     rows: str | None = None,
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
-    from loopid.logs.options import FilterOptions
     from loopid.logs.preparing import read_recordings
+    from loopid.logs.recording import FilterOptions
 
     options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:

@@ -9,6 +9,7 @@ from loopid.arguments import checked
 from loopid.base_parameters.structure import analyse
 from loopid.errors import LoopidError, ModelWarning, warn
 from loopid.kinematics.freedoms import closed_at
+from loopid.kinematics.sampling import SamplingOptions
 from loopid.records import record
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import AssemblyMode, Mechanism
@@ -81,6 +82,7 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
         count = ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent))
         for spread in SPREADS:
             with suppress(LoopidError):
-                observed = structural_observation(robot, "full", samples=count, spread=spread)
+                options = SamplingOptions(spread=spread)
+                observed = structural_observation(robot, "full", samples=count, options=options)
                 return analyse(observed).rank
     return None

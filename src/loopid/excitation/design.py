@@ -23,7 +23,7 @@ from loopid.excitation.shapes import SHAPES, Shape
 from loopid.excitation.starts import find_poses, random_margin
 from loopid.excitation.unknown import Known, Unknown
 from loopid.identification.force_model import ForceModel
-from loopid.kinematics.sampling import DEFAULT_MARGIN, random_configurations
+from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.motion.trajectories import Motion, Waypoint
@@ -192,7 +192,9 @@ def design_excitation(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         known = Known.of(model, unknown.basis, options.rate, noise=options.noise, after=after)
-        poses = random_configurations(model.mechanism, POSES, options.seed, margin=0.0)
+        poses = random_configurations(
+            model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
+        )
         problem = _problem(model, limits, options, unknown, known, poses, parameters)
         regular = find_poses(problem, poses, options.seed)
         found = search(problem, regular, options, solver, progress)

@@ -11,7 +11,7 @@ from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.excitation.collisions import Collisions
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.platform import platform_coordinates
+from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, partition, project
 from loopid.records import record

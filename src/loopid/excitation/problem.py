@@ -22,7 +22,7 @@ from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import Shape
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
-from loopid.kinematics.platform import platform_motion
+from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.records import record
@@ -81,7 +81,7 @@ class Coordinates:
         """The motion of all joints from rates and accelerations (N, c)."""
         mechanism = self.mechanism
         if not self.on_platform:
-            return closed_motion(mechanism, q, rates, seconds, self.names)
+            return closed_motion(mechanism, q, rates, seconds, independent=self.names)
         v, a = platform_motion(mechanism, q, rates, seconds)
         return closed_motion(mechanism, q, v[:, self.independent], a[:, self.independent])
 

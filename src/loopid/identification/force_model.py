@@ -21,8 +21,7 @@ from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.left_out import warn_of_omitted
+from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map

@@ -6,8 +6,10 @@ from .assembly import (
     try_assemble as try_assemble,
 )
 from .closing import (
+    FOLDED as FOLDED,
     ClosingOptions as ClosingOptions,
-    WalkOptions as WalkOptions,
+    ModeOptions as ModeOptions,
+    assembly_modes as assembly_modes,
     close_by_continuation as close_by_continuation,
     close_loops as close_loops,
     displaced as displaced,
@@ -26,13 +28,9 @@ from .freedoms import (
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
-from .linear import Factorisation as Factorisation, null_space as null_space
 from .measured import (
     JointCoordinates as JointCoordinates,
     measured_coordinates as measured_coordinates,
-)
-from .modes import FOLDED as FOLDED, ModeOptions as ModeOptions, assembly_modes as assembly_modes
-from .platform import (
     platform_coordinates as platform_coordinates,
     platform_motion as platform_motion,
 )
@@ -46,8 +44,10 @@ from .poses import (
 from .projection import (
     NEAR_SINGULARITY as NEAR_SINGULARITY,
     ClosedMotion as ClosedMotion,
+    Factorisation as Factorisation,
     Projection as Projection,
     closed_motion as closed_motion,
+    null_space as null_space,
     partition as partition,
     project as project,
     singularity_measure as singularity_measure,

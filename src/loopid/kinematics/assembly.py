@@ -21,9 +21,9 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, samples
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.linear import Solver
-from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_by
+from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import blocks, integrate
+from loopid.kinematics.projection import Solver
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
@@ -193,7 +193,7 @@ def try_assemble(
     Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
     there may be a start for each sample, (N, nq).
     """
-    measured = measured_by(mechanism, coordinates)
+    measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = mechanism.reference if start is None else start
     one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)

@@ -1,19 +1,40 @@
 """Closing the loops from any configuration by damped Gauss-Newton steps [Nocedal2006, ch. 10].
 
 All starts advance together, each with its own damping; every linear solve is batched.
+
+Assembly modes are the closed poses that the same values of the motors allow. Loops that share no
+dependent coordinate are assembled each on its own: ten parallelograms need as many starts as one.
+Modes meet at singular poses, such as that of a folded parallelogram; there they are told apart a
+step of the motors away.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, islice
+
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, follow_paths
 from loopid.kinematics.constraint import Constraint, largest_residual
-from loopid.kinematics.linear import Factorisation, null_space
-from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import partition, velocity_map
+from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    Factorisation,
+    least_over_largest,
+    null_space,
+    partition,
+    singularity_measure,
+    velocity_map,
+)
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import AssemblyMode, Loop, Mechanism
+
+FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
+DIGITS = 4  # to which distances differ: round-off does not choose
 
 
 @record(checked=True)
@@ -37,17 +58,9 @@ class ClosingOptions:
     continuation_steps: int = 20  # equal parts that the residual shrinks by
 
 
-@record(checked=True)
-class WalkOptions:
-    """Random walks to closed configurations nearby."""
-
-    walks: int = 8
-    steps: int = 3
-    step: float = 0.1  # rad or characteristic lengths
-    closed: float = 1e-7  # the residual that counts as closed, in characteristic lengths
-
-
-CLOSING, WALKS = ClosingOptions(), WalkOptions()
+CLOSING = ClosingOptions()
+WALKS, WALK_STEPS, STEP = 8, 3, 0.1  # to poses nearby, each step in rad or characteristic lengths
+CLOSED = 1e-7  # residual of poses nearby that counts as closed, in characteristic lengths
 
 
 class _Points:
@@ -126,25 +139,23 @@ def displaced(
     return q, residual
 
 
-def nearby_configurations(
-    mechanism: Mechanism, configuration: FloatArray, *, options: WalkOptions = WALKS
-) -> FloatArray:
+def nearby_configurations(mechanism: Mechanism, configuration: FloatArray) -> FloatArray:
     """A closed configuration (nq,), then ends of walks from it that stay closed (n, nq)."""
     if mechanism.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
     nv, generator = mechanism.model.nv, random_generator(0, stream=3)
     places = mechanism.draw_places(np.arange(nv))
-    q = np.repeat(configuration[None], options.walks, axis=0)
-    for _ in range(options.steps):
+    q = np.repeat(configuration[None], WALKS, axis=0)
+    for _ in range(WALK_STEPS):
         _, jacobian = Constraint(mechanism, q).scaled()
-        steps = generator.normal(size=(options.walks, nv))[:, places]
-        for k in range(options.walks):
+        steps = generator.normal(size=(WALKS, nv))[:, places]
+        for k in range(WALKS):
             basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
             direction = basis @ (basis.T @ steps[k])
-            steps[k] = options.step * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
+            steps[k] = STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
         start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
         q, residual = close_loops(mechanism, start)
-    near = max(options.closed * mechanism.length, 2.0 * mechanism.closure_residual)
+    near = max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)
     return np.concatenate([configuration[None], q[residual <= near]])
 
 
@@ -223,3 +234,245 @@ def _moved(
     tangent = np.zeros((len(rows), mechanism.model.nv))
     tangent[:, movable] = step * mechanism.coordinate_scales[movable]
     return integrate(mechanism, at.q[rows], tangent)
+
+
+# Assembly modes.
+
+
+@record(checked=True)
+class ModeOptions:
+    """How assembly modes are searched; lengths are in characteristic ones."""
+
+    # Starts of the passive joints, ever further from the drawn pose; each is one of every loop
+    starts: int = 64
+    starts_of_many: int = 16  # of more loops than these
+    many_loops: int = 8
+    most: int = 8  # modes that are told
+    # Steps of the motors away from a folded pose, in rad or lengths, and how many of them
+    least_step: float = 0.15
+    largest_step: float = 0.35
+    steps: int = 4
+    same: float = 1e-4  # distance of points in the same pose
+    parallel: float = 1e-4  # relative rate at which parallel links may turn against each other
+    # A mode leads to the drawn pose when a part of the step away from it leaves at most a part of
+    # the distance: where two branches fold, it falls with the root
+    back: float = 0.1
+    left: float = 0.5
+
+
+MODES = ModeOptions()
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """One way of assembling one loop: a configuration that has it, and what speaks for it."""
+
+    q: FloatArray
+    points: FloatArray
+    distance: float
+    parallel: int
+    continues: bool = False
+
+    @property
+    def order(self) -> tuple[object, ...]:
+        """The least is chosen; of mirror images any one, but always the same."""
+        last = tuple(np.round(-self.points, DIGITS).ravel())
+        parallel = -self.parallel if self.continues else 0
+        return not self.continues, parallel, round(self.distance, DIGITS), last
+
+
+def assembly_modes(
+    mechanism: Mechanism, drawn: FloatArray, *, options: ModeOptions = MODES
+) -> tuple[AssemblyMode, ...]:
+    """Assembly modes of a mechanism around a drawn pose (nq,), closed or not; the best first.
+
+    The mechanism is closed at its reference: the drawn pose, or one near it. Modes that lead to a
+    singular drawn pose come first, among them those in which most links stay parallel; then those
+    of least motion. There are none where no regular pose inside the limits is found.
+    """
+    motors = JointCoordinates(mechanism, mechanism.measured)
+    home = mechanism.reference[None]
+    folded = bool(singularity_measure(mechanism, home)[0] < FOLDED)
+    loops = [_LoopPoses(motors, loop, drawn) for loop in mechanism.loops]
+    origin = motors.read(home)
+    for step in _motor_steps(motors, origin[0], options) if folded else [np.zeros(motors.width)]:
+        starts = motors.write(
+            np.concatenate([home, _scattered(motors, drawn, options)]), origin + step
+        )
+        q = _unwound(mechanism, close_loops(mechanism, starts, motors.unknown)[0], drawn)
+        found = [loop.solutions(q, options) for loop in loops]
+        if all(found):
+            break
+    else:
+        return ()
+    base = q[0]
+    for loop, solutions in zip(loops, found, strict=True):
+        base = loop.put(base, solutions[0].q)
+    if folded:
+        found = _told_apart(motors, loops, found, base, origin + options.back * step, options.left)
+    ranked = [sorted(solutions, key=lambda solution: solution.order) for solutions in found]
+    modes = []
+    for choice in islice(_choices([len(solutions) for solutions in ranked]), options.most):
+        parts = [solutions[k] for solutions, k in zip(ranked, choice, strict=True)]
+        for loop, part in zip(loops, parts, strict=True):
+            base = loop.put(base, part.q)
+        (q,), _ = close_loops(mechanism, base[None], motors.unknown)
+        distance = float(np.linalg.norm([part.distance for part in parts]))
+        continues, parallel = all(p.continues for p in parts), sum(p.parallel for p in parts)
+        modes.append(AssemblyMode(q, distance, continues, parallel))
+    return tuple(modes)
+
+
+def _choices(counts: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Which solution to take of each loop: the first ones, then one, two, ... others."""
+    others = [(loop, k) for loop, count in enumerate(counts) for k in range(1, count)]
+    for size in range(len(counts) + 1):
+        for changes in combinations(others, size):
+            choice = dict(changes)
+            if len(choice) == size:
+                yield tuple(choice.get(loop, 0) for loop in range(len(counts)))
+
+
+def _motor_steps(
+    motors: JointCoordinates, origin: FloatArray, options: ModeOptions
+) -> Iterator[FloatArray]:
+    """Steps (m,) of the motors: first towards the farther limits, then in any direction."""
+    mechanism, generator = motors.mechanism, random_generator(0, stream=4)
+    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
+    down, up = origin - limits[:, 0], limits[:, 1] - origin
+    places = mechanism.draw_places(motors.known)
+    for attempt in range(options.steps):
+        size = generator.uniform(options.least_step, options.largest_step, motors.width)[places]
+        upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
+        size = np.minimum(
+            size * mechanism.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
+        )
+        yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
+
+
+def _scattered(motors: JointCoordinates, drawn: FloatArray, options: ModeOptions) -> FloatArray:
+    """The drawn pose (N, nq) with passive joints ever further away, up to half a turn."""
+    many = len(motors.mechanism.loops) > options.many_loops
+    count = options.starts_of_many if many else options.starts
+    radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
+    steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
+    steps = steps[:, motors.mechanism.draw_places(motors.unknown)]
+    starts = np.repeat(drawn[None], count, axis=0)
+    return integrate(motors.mechanism, starts, motors.tangent(radius * steps))
+
+
+def _unwound(mechanism: Mechanism, q: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Configurations (N, nq) without whole turns of joints away from a drawn one (nq,)."""
+    coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
+    joints = [mechanism.joint(name) for name in mechanism.joints if name not in coupled]
+    turning = [
+        joint.idx_q
+        for joint in joints
+        if joint.nq == joint.nv == 1 and joint.idx_v not in mechanism.prismatic
+    ]
+    nearest = q.copy()
+    turns = np.round((q[:, turning] - drawn[turning]) / (2 * np.pi))
+    nearest[:, turning] -= 2 * np.pi * turns
+    return np.where(mechanism.outside(nearest), q, nearest)
+
+
+def _told_apart(
+    motors: JointCoordinates,
+    loops: Sequence[_LoopPoses],
+    found: Sequence[Sequence[_Solution]],
+    base: FloatArray,
+    back: FloatArray,
+    left_at_most: float,
+) -> list[list[_Solution]]:
+    """The solutions, with whether they lead back to the singular pose that is the reference."""
+    own = [(loop, one) for loop, solutions in zip(loops, found, strict=True) for one in solutions]
+    away = np.stack([loop.put(base, one.q) for loop, one in own])
+    path = follow_paths(motors, away, np.repeat(back, len(away), axis=0))
+    near = np.where(path.assembled[:, None], path.configurations, away)
+    marked: list[list[_Solution]] = [[] for _ in loops]
+    for k, (loop, one) in enumerate(own):
+        points = loop.points(np.stack([motors.mechanism.reference, away[k], near[k]]))
+        first, left = (float(np.abs(points[i] - points[0]).max(initial=0.0)) for i in (1, 2))
+        # Where the first ones do not lead back, the others were not tried on their own.
+        continues = left <= left_at_most * first or not path.assembled[0]
+        marked[loops.index(loop)].append(replace(one, continues=continues))
+    return marked
+
+
+class _LoopPoses:
+    """One loop at configurations: whether it is closed, where its links are, how they turn."""
+
+    def __init__(self, motors: JointCoordinates, loop: Loop, drawn: FloatArray) -> None:
+        mechanism = self.mechanism = motors.mechanism
+        self.rows, self.drawn = loop.rows, drawn
+        self.passive = np.intersect1d(loop.columns, motors.unknown)
+        self.driving = np.setdiff1d(loop.columns, motors.unknown)
+        joints = {mechanism.joint_ids[k] for k in loop.columns}
+        # Links are seen from the one that carries the loop: the last that is not part of it.
+        paths = [set(mechanism.model.supports[joint]) - joints for joint in joints]
+        root = max(set.intersection(*paths), default=0) if paths else 0
+        # Of each link the frame at its joint, which does not show how a rod spins.
+        frames = sorted(
+            enumerate(mechanism.model.frames),
+            key=lambda pair: -float(np.linalg.norm(pair[1].placement.translation)),
+        )
+        on = {frame.parentJoint: k for k, frame in frames}
+        ranked = sorted(joints, key=lambda k: mechanism.joint_ranks[mechanism.joints[k - 1]])
+        links = [on[joint] for joint in (root, *ranked) if joint in on]
+        ends = [frame for closure in loop.closures for frame in closure.frame_ids]
+        self.frames = links + ends
+        self.own = np.zeros(mechanism.model.nq, dtype=bool)  # positions of its passive joints
+        for joint in (mechanism.model.joints[mechanism.joint_ids[k]] for k in self.passive):
+            self.own[joint.idx_q : joint.idx_q + joint.nq] = True
+
+    def put(self, q: FloatArray, other: FloatArray) -> FloatArray:
+        """A configuration (nq,) with the passive joints of this loop from another one."""
+        return np.where(self.own, other, q)
+
+    def points(self, q: FloatArray) -> FloatArray:
+        """Origins of the links and ends (N, F, 3) in characteristic lengths, from the first."""
+        return self._points(frame_poses(self.mechanism, q, self.frames, jacobians=False))
+
+    def _points(self, frames: FramePoses) -> FloatArray:
+        away = frames.origin - frames.origin[:, :1]
+        return np.asarray(away @ frames.rotation[:, 0] / self.mechanism.length)
+
+    def solutions(self, q: FloatArray, options: ModeOptions) -> list[_Solution]:
+        """Different poses among those (N, nq) that close the loop, regular and inside limits."""
+        mechanism = self.mechanism
+        residual, jacobian = Constraint(mechanism, q).scaled()
+        jacobian = jacobian[:, self.rows]
+        open_by = np.abs(residual[:, self.rows]).max(axis=1, initial=0.0)
+        good = open_by <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+        good &= least_over_largest(jacobian[:, :, self.passive]) >= NEAR_SINGULARITY
+        good &= ~mechanism.outside(q)[:, self.own].any(axis=1)
+        frames = frame_poses(mechanism, q, self.frames)
+        points, found = self._points(frames), list[_Solution]()
+        for k in np.flatnonzero(good):
+            if all(np.abs(points[k] - other.points).max() > options.same for other in found):
+                turning = self._turning(jacobian[k], frames.angular[k])
+                parallel = _pairs(turning, options.parallel)
+                found.append(_Solution(q[k], points[k], self._distance(q[k]), parallel))
+        return found
+
+    def _distance(self, q: FloatArray) -> float:
+        """How far the passive joints are from where they are drawn."""
+        steps = difference(self.mechanism, self.drawn[None], q[None])[0]
+        steps /= self.mechanism.coordinate_scales
+        return float(np.linalg.norm(steps[self.passive]))
+
+    def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:
+        """Rates (F, 3 k) of turning against the first link, per unit of what drives the loop."""
+        driven = Factorisation.of(jacobian[None][:, :, self.passive])
+        rates = -driven.solve(jacobian[None][:, :, self.driving])[0]
+        scales, relative = self.mechanism.coordinate_scales, angular - angular[:1]
+        turning = relative[:, :, self.driving] * scales[self.driving]
+        turning = turning + (relative[:, :, self.passive] * scales[self.passive]) @ rates
+        return np.asarray(turning.reshape(len(turning), -1))
+
+
+def _pairs(turning: FloatArray, tolerance: float) -> int:
+    """Pairs of links that turn alike."""
+    apart = np.abs(turning[:, None] - turning[None]).max(axis=2, initial=0.0)
+    alike = apart <= tolerance * np.abs(turning).max(initial=1e-300)
+    return int(np.triu(alike, 1).sum())

@@ -15,7 +15,7 @@ from loopid.errors import DataError, MobilityError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import nearby_configurations
 from loopid.kinematics.constraint import Constraint, largest_residual
-from loopid.kinematics.linear import Factorisation, null_space
+from loopid.kinematics.projection import Factorisation, null_space
 from loopid.kinematics.rounding import rounding_that_closes
 from loopid.records import record
 from loopid.robot.mechanism import RANK_TOLERANCE, Mechanism

@@ -17,9 +17,8 @@ import pinocchio as pin
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.linear import Solver
 from loopid.kinematics.poses import blocks, tree_reactions
-from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, partition
+from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
 from loopid.parameters import KINDS
 from loopid.robot.mechanism import Mechanism
 

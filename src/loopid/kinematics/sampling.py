@@ -11,7 +11,7 @@ from loopid.arguments import FloatArray, checked, frozen, random_generator, requ
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, follow_paths
 from loopid.kinematics.closing import displaced, nearby_configurations
-from loopid.kinematics.measured import MeasuredCoordinates, measured_by
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import prepared
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.records import record
@@ -30,8 +30,8 @@ class SamplingOptions:
     Attributes
     ----------
     margin : float, optional
-        Least singularity measure of a pose; by default that of the robot's file, else the usual
-        one, or less where the geometry hardly allows it.
+        Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
+        robot's file, else the usual one, or less where the geometry hardly allows it.
     usual_margin, least_margin : float
         The margin without a choice, and how far it may fall where few draws keep it.
     spread : float
@@ -80,7 +80,6 @@ def random_configurations(
     count: int,
     seed: int = 0,
     *,
-    margin: float | None = None,
     options: SamplingOptions | None = None,
 ) -> FloatArray:
     """Draw closed configurations on the reference's branch.
@@ -95,8 +94,6 @@ def random_configurations(
     count : int
     seed : int
         Same seed, same configurations; a larger count only adds more.
-    margin : float, optional
-        Least singularity measure, see ``Projection.singularity``: that of the options.
     options : SamplingOptions, optional
 
     Returns
@@ -117,9 +114,7 @@ def random_configurations(
     (10, 4)
     """
     require_count(count, "count")
-    own = SamplingOptions() if options is None else options
-    own = own if margin is None else replace(own, margin=margin)
-    return np.concatenate(list(configuration_batches(mechanism, count, seed, options=own)))
+    return np.concatenate(list(configuration_batches(mechanism, count, seed, options=options)))
 
 
 def configuration_batches(
@@ -148,7 +143,7 @@ def configuration_batches(
 def _drawn(mechanism: Mechanism, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:
     """Yield closed configurations without end."""
     generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    measured = measured_by(mechanism, None)
+    measured = measured_coordinates(mechanism, None)
     home, lower, upper = _ranges(measured)
     places = mechanism.draw_places(mechanism.velocity_indices(mechanism.measured))
     steps = max(options.paths.most_steps * options.spread, options.least_steps)

@@ -11,13 +11,17 @@ from loopid.arguments import FloatArray, random_generator
 from loopid.errors import AccuracyWarning, MobilityError, ModelWarning, RobotFileError, warn
 from loopid.kinematics import mobility
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
-from loopid.kinematics.closing import close_by_continuation, close_loops, nearby_configurations
+from loopid.kinematics.closing import (
+    FOLDED,
+    assembly_modes,
+    close_by_continuation,
+    close_loops,
+    nearby_configurations,
+)
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.freedoms import closed_at
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.modes import FOLDED, assembly_modes
 from loopid.kinematics.poses import difference, integrate
-from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.kinematics.rounding import (
     SIX_DIGITS,
     changes,

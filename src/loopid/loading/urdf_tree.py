@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
 from loopid.loading.files import naming
 
@@ -194,10 +195,27 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
             raise RobotFileError(f"{what}: rename it")
     base = [pin.JointModelFreeFlyer()] if floating_base else []
     try:
-        return pin.buildModelFromXML(urdf.tree, *base)
+        model = pin.buildModelFromXML(urdf.tree, *base)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
+    for joint in urdf.robot.joints:
+        if joint.type == "planar" and (joint.axis != [0, 0, 1]).any():
+            _turn_plane(model, model.getJointId(joint.name), joint.axis)
+    return model
+
+
+def _turn_plane(model: pin.Model, index: int, axis: FloatArray) -> None:
+    """Turn the frame of a planar joint, whose xy plane Pinocchio takes, across its axis."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+    there = pin.SE3(turn, np.zeros(3))
+    model.jointPlacements[index] = model.jointPlacements[index] * there
+    model.inertias[index] = there.actInv(model.inertias[index])
+    for child in np.flatnonzero(np.array(model.parents) == index):
+        model.jointPlacements[int(child)] = there.actInv(model.jointPlacements[int(child)])
+    for frame in model.frames:
+        if frame.parentJoint == index:
+            frame.placement = there.actInv(frame.placement)
 
 
 # XML: tags, names and numbers that are refused by name where they are not sound.

@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
-from loopid.kinematics.platform import platform_motion
+from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.motion.files import MotionProgram
@@ -108,7 +108,9 @@ def joint_motion(
                 f"which the motors leave free: lock them ({lock_options(mechanism)})"
             )
         q = assemble(mechanism, motion.position, motion.names, start=start, trajectory=True)
-        whole = closed_motion(mechanism, q, motion.velocity, motion.acceleration, motion.names)
+        whole = closed_motion(
+            mechanism, q, motion.velocity, motion.acceleration, independent=motion.names
+        )
         v, a = whole.velocities, whole.accelerations
     else:
         of_platform = () if platform is None else platform.names

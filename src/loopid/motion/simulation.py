@@ -25,9 +25,8 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, OptionError, SingularityError
 from loopid.files import csv_text
-from loopid.kinematics.linear import Factorisation
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.projection import ClosedMotion, Factorisation, closed_motion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS

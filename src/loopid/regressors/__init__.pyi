@@ -14,9 +14,11 @@ from .joint_laws import (
     JointTerm as JointTerm,
     joint_term as joint_term,
 )
-from .joint_terms import NO_TERMS as NO_TERMS, OF_FILE as OF_FILE, JointTerms as JointTerms
-from .left_out import (
+from .joint_terms import (
+    NO_TERMS as NO_TERMS,
+    OF_FILE as OF_FILE,
     FileForce as FileForce,
+    JointTerms as JointTerms,
     file_forces as file_forces,
     warn_of_omitted as warn_of_omitted,
 )

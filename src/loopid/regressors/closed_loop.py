@@ -25,8 +25,7 @@ from loopid.kinematics.assembly import (
     required,
 )
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.measured import measured_by
-from loopid.kinematics.platform import coordinates_at, platform_jacobian
+from loopid.kinematics.measured import coordinates_at, measured_coordinates, platform_jacobian
 from loopid.kinematics.poses import blocks, torque_regressors
 from loopid.kinematics.projection import ClosedMotion, completed, partition, velocity_maps
 from loopid.parameters import ParameterSet, model_kinds
@@ -121,7 +120,7 @@ class ClosedLoop:
         AssemblyError
             When a sample cannot be reached from the start without meeting a singularity.
         """
-        measured = measured_by(self.mechanism, coordinates)
+        measured = measured_coordinates(self.mechanism, coordinates)
         targets, answer = _one_or_many(values, measured.width, "measured coordinates")
         q = self.mechanism.reference if start is None else start
         q = samples(q, self.mechanism.model.nq, "start", 1)
@@ -232,15 +231,7 @@ class ClosedLoop:
 def _one_or_many(array: FloatArray, width: int, name: str) -> tuple[FloatArray, Answer]:
     """Samples (N, width), and how to answer."""
     rows = samples(array, width, name)
-    return rows, _first if np.ndim(array) == 1 else _all
-
-
-def _first(rows: FloatArray) -> FloatArray:
-    return np.asarray(rows[0])
-
-
-def _all(rows: FloatArray) -> FloatArray:
-    return rows
+    return rows, (lambda found: found[0]) if np.ndim(array) == 1 else lambda found: found
 
 
 def _full(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
@@ -257,19 +248,11 @@ def closed_inertia(
     a = np.concatenate([np.zeros((count, 1, nv)), G.transpose(0, 2, 1)], axis=1)
     M = np.empty((count, dof, dof))
     for k in blocks(count):
-        forces = _forces_at(mechanism, q[k], a[k], G[k], pi)
+        states, maps = np.repeat(q[k], 1 + dof, axis=0), np.repeat(G[k], 1 + dof, axis=0)
+        K = torque_regressors(mechanism, states, None, a[k].reshape(-1, nv), G=maps)
+        forces = (K @ pi).reshape(-1, 1 + dof, dof)
         M[k] = (forces[:, 1:] - forces[:, :1]).transpose(0, 2, 1)
     return M
-
-
-def _forces_at(
-    mechanism: Mechanism, q: FloatArray, a: FloatArray, G: FloatArray, pi: FloatArray
-) -> FloatArray:
-    """Forces (N, k, dof) at rest with k accelerations (N, k, nv) each."""
-    count, many, nv = a.shape
-    states, maps = np.repeat(q, many, axis=0), np.repeat(G, many, axis=0)
-    K = torque_regressors(mechanism, states, None, a.reshape(-1, nv), G=maps)
-    return np.asarray((K @ pi).reshape(count, many, -1))
 
 
 @checked
@@ -310,6 +293,7 @@ def dynamic_regressor(
     mechanism: Mechanism,
     configurations: FloatArray,
     velocities: FloatArray,
+    *,
     accelerations: FloatArray,
 ) -> FloatArray:
     """Actuator forces in motion per unit of all ten parameters a body.
@@ -335,7 +319,8 @@ def dynamic_regressor(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.dynamic_regressor(robot, robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]).shape
+    >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
+    >>> loopid.dynamic_regressor(robot, q, still, accelerations=pushed).shape
     (1, 4, 90)
     """
     q = samples(configurations, mechanism.model.nq, "configurations")

@@ -35,10 +35,9 @@ def structural_observation(
     *,
     samples: int | None = None,
     seed: int = 0,
-    margin: float | None = None,
-    progress: Progress | None = None,
     joint_terms: JointTerms | None = None,
-    spread: float = 1.0,
+    options: SamplingOptions | None = None,
+    progress: Progress | None = None,
 ) -> Observation:
     """Observe a mechanism at seeded random closed poses, in motion where the columns ask for it.
 
@@ -49,14 +48,12 @@ def structural_observation(
     samples : int, optional
         Number of poses; by default enough for four rows a column.
     seed : int
-    margin : float, optional
-        Least singularity measure of a pose, as in ``random_configurations``.
-    progress : callable, optional
-        Called with the numbers of poses done and in all.
     joint_terms : JointTerms, optional
         Drives, friction and offsets as further columns.
-    spread : float
-        Part of the limits around the reference that poses are drawn from.
+    options : SamplingOptions, optional
+        How poses are drawn, as in ``random_configurations``.
+    progress : callable, optional
+        Called with the numbers of poses done and in all.
 
     Returns
     -------
@@ -81,12 +78,11 @@ def structural_observation(
     enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
     if samples is None:
         samples = enough
-    draws = SamplingOptions(margin=margin, spread=spread)
     generator, kept = random_generator(seed, stream=1), list[Motions]()
 
     def regressors() -> Iterator[FloatArray]:
         done = 0
-        for q in configuration_batches(mechanism, samples, seed, options=draws):
+        for q in configuration_batches(mechanism, samples, seed, options=options):
             rates = np.zeros((2, len(q), len(mechanism.independent)))
             if model == "gravity" and joint_terms is None:
                 columns = gravity_regressor(mechanism, q)

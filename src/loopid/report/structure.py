@@ -14,11 +14,9 @@ from loopid.base_parameters.base import BaseParameters, expression
 from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.linear import Factorisation
-from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
+from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.load import inertia_defects, odd_masses, unequal_links
-from loopid.regressors.joint_terms import OF_FILE
-from loopid.regressors.left_out import FileForce, file_forces
+from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.mechanism import Mechanism

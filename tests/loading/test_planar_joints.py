@@ -1,0 +1,30 @@
+"""Planar joints of URDFs move across their axes: as two slides and a hinge do."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from closure_robots import body, joint, unit, urdf
+from loopid import ClosedLoop, load_mechanism
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 0, 1), (0, 0, -1), (1, 2, -1)])
+def test_a_planar_joint_moves_across_its_axis(tmp_path, axis):
+    plane = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(unit(axis))).matrix()
+    carts = body("cart", mass=2), body("tip"), joint("hinge", "cart", "tip", (0.2, 0, 0.1))
+    mount = {"xyz": (0, 0, 0.4), "rpy": (0.1, 0.2, 0)}
+    same = {
+        "planar": joint("table", "ground", "cart", axis=axis, kind="planar", **mount),
+        "parts": '<link name="one"/><link name="two"/>'
+        + joint("x", "ground", "one", axis=plane[:, 0], kind="prismatic", **mount)
+        + joint("y", "one", "two", axis=plane[:, 1], kind="prismatic")
+        + joint("turn", "two", "cart", axis=axis),
+    }
+    motors = {"planar": "[table, hinge]", "parts": "[x, y, turn, hinge]"}
+    poses, found = {"planar": [0.1, -0.2, 1, 0, 0.3], "parts": [0.1, -0.2, 0, 0.3]}, []
+    for name, joints in same.items():
+        (tmp_path / f"{name}.urdf").write_text(urdf(*carts, joints))
+        (tmp_path / f"{name}.yaml").write_text(f"urdf: {name}.urdf\nname_mot: {motors[name]}\n")
+        robot = ClosedLoop(load_mechanism(tmp_path / f"{name}.yaml"))
+        found.append([robot.forces(poses[name]), *robot.mass_matrix(poses[name])])
+    np.testing.assert_allclose(*found, atol=1e-12)
