@@ -200,7 +200,7 @@ def test_a_recording_keeps_its_options(knee, arrays):
     log = Log.from_arrays(*arrays, knee.actuated)
     recording = prepare_recording(knee, log, filter=options[0], masks=options[1])
     assert (recording.filter, recording.masks) == options
-    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"reach": -1.0}):
+    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"oversampling": -1.0}):
         with pytest.raises(OptionError):
             FilterOptions(**wrong)
     with pytest.raises(OptionError):

@@ -181,7 +181,7 @@ def test_a_column_called_alike_in_two_streams_needs_its_stream(
     folder = write_folder(a=(stamps, truth.position), force=(stamps, truth.force))
     (folder / "b.txt").write_text((folder / "a.txt").read_text())
     mapping = write_mapping("position: {columns: [a_0, a_1, a_2, a_3]}\n")
-    with pytest.raises(LogError, match="several columns 'a_0': write a:a_0, b:a_0"):
+    with pytest.raises(LogError, match="several columns 'a_0': write a:a_0 or b:a_0"):
         read_log(folder, knee, mapping=mapping)
 
 
@@ -232,8 +232,8 @@ def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
         ("1.5]]", "1.5], [1, 2]]", "joint_maps.0: 2 joints take as many motors"),
         ("1.5]]", ".inf]]", "joint_maps.0.matrix.1.1: Input should be a finite number"),
         ("right]", "left]", "joint_maps.0: 2 joints take as many motors"),
-        ("leg1_stroke]", "leg5_stroke]", "joint_maps of the mapping name 'leg5_stroke': the jo"),
-        ("right]", "leg2_stroke]", "joint_maps of the mapping call a motor like a joint"),
+        ("leg1_stroke]", "leg5_stroke]", "joint_maps of the mapping must name joints among"),
+        ("right]", "leg2_stroke]", "joint_maps of the mapping must name joints among"),
         ("right]", "middle]", "no position of middle"),
         ("joint_maps:", "joint_maps:\n  - {joints: [a], motors: [left], matrix: [[1]]}", "in two"),
         ("joint_maps:", "saturation: 9\njoint_maps:", "saturation is of single joints"),
@@ -252,7 +252,7 @@ def test_motors_that_move_joints_together_share_their_stamps(
     positions = {f"enc{k}": (stamps, truth.position[:, [k]]) for k in range(4)}
     folder = write_folder(force=(stamps, truth.force), **positions)
     given = "position: {columns: [enc0_0, enc1_0, enc2_0, enc3_0]}"
-    with pytest.raises(LogError, match="of right, but not of all motors that move leg3_stroke, le"):
+    with pytest.raises(LogError, match="does not have the position of all motors that move leg"):
         read_log(folder, knee, mapping=write_mapping(COUPLED.split("position_scale")[0] + given))
 
 

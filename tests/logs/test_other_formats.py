@@ -24,8 +24,8 @@ class JsonLines(LogFormat):
     def columns(self):
         return {"run": tuple(polars.read_ndjson(self.path).columns)}
 
-    def tables(self, stream, names):
-        cells = polars.read_ndjson(self.path).select(names)
+    def tables(self, stream, times, values):
+        cells = polars.read_ndjson(self.path).select(*times, *values)
         return [Table(cells, np.arange(1, len(cells) + 1))]
 """
 
@@ -40,9 +40,9 @@ class Binary(LogFormat):
     def columns(self):
         return {"run": ("time", "position_0", "force_0")}
 
-    def tables(self, stream, names):
+    def tables(self, stream, times, values):
         rows = np.frombuffer(self.path.read_bytes()[4:]).reshape(-1, 3)
-        cells = polars.DataFrame(rows, self.columns()["run"]).select(names)
+        cells = polars.DataFrame(rows, self.columns()["run"]).select(*times, *values)
         return [Table(cells, np.arange(1, len(rows) + 1))]
 
 
@@ -99,4 +99,4 @@ def test_no_format_is_imported_before_a_log_is_read():
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     loaded = set(done.stdout.split())
     assert "loopid.formats" in loaded
-    assert not {"loopid.formats.bags", "loopid.formats.hdf5", "loopid.logs.text"} & loaded
+    assert not {"loopid.formats.bags", "loopid.formats.hdf5", "loopid.logs.formats"} & loaded

@@ -322,8 +322,8 @@ def recordings(
     rows: str | None = None,
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
-    from loopid.logs.options import FilterOptions
     from loopid.logs.preparing import read_recordings
+    from loopid.logs.recording import FilterOptions
 
     options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:

@@ -26,8 +26,7 @@ from loopid.identification.pipeline import Identification
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
-from loopid.logs.options import MaskOptions
-from loopid.logs.recording import Recording
+from loopid.logs.recording import MaskOptions, Recording
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms

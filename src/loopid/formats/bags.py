@@ -140,12 +140,10 @@ class BagFormat(LogFormat):
     def source(self, stream: str) -> str:
         return self._topics[stream].source
 
-    def tables(self, stream: str, names: Sequence[str]) -> Sequence[Table]:
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         topic, groups = self._topics[stream], dict[bytes, list[str]]()
-        times = [name for name in names if name in (STAMP, RECEIVED)]
-        for name in names:  # those in the same messages
-            if name not in times:
-                groups.setdefault(topic.columns[name][0].tobytes(), []).append(name)
+        for name in values:  # those in the same messages
+            groups.setdefault(topic.columns[name][0].tobytes(), []).append(name)
         return [self._table(topic, times, group) for group in groups.values()]
 
     def _table(self, topic: Topic, times: Sequence[str], names: Sequence[str]) -> Table:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from loopid.errors import LogError
 from loopid.files import require_plausible
-from loopid.logs.arrays import ArrayFormat, Column, columns_of
-from loopid.logs.formats import MOST_LISTED, optional, refusals
+from loopid.logs.formats import MOST_LISTED, ArrayFormat, Column, columns_of, optional, refusals
 
 if TYPE_CHECKING:
     import h5py

@@ -1,23 +1,29 @@
-"""What a format of logs is: named streams, each a table of cells, and what cells say.
+"""Formats of logs: named streams, each a table of cells; text, NumPy and Parquet.
 
-A format is a file with a class, registered by its name in ``loopid.registry.log_formats``. Those of
-this room are text, NumPy and Parquet.
+A format is a class, registered by its name in ``loopid.registry.log_formats``.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from decimal import Decimal
+from functools import cached_property
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
+from loopid.files import require_plausible, text_blocks, why_no_file
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -31,7 +37,12 @@ UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
 NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
-LONGEST_REASON = 200  # characters that a library says of a file
+WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
+ENDINGS = (".csv", ".txt", ".tsv")
+COMMENT = "#"
+# Of separators that split a header into equally many cells, the first is taken; None is any space.
+SEPARATORS = ("\t", ";", ",", None)
+NO_NUMBERS = ("", "nan", "+nan", "-nan")
 
 
 class Table(NamedTuple):
@@ -72,8 +83,11 @@ class LogFormat(ABC):
         """Names of the columns of each stream; a LogError when the file is not of this format."""
 
     @abstractmethod
-    def tables(self, stream: str, names: Sequence[str]) -> Sequence[Table]:
-        """Some columns of a stream, the times in each table; by default all share their rows."""
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        """Columns of values of a stream, each in one table with the columns of the times.
+
+        Times are exact: text, whole numbers, dates or durations, or as they are in the file.
+        """
 
     def source(self, stream: str) -> str:
         """What a stream is called in messages."""
@@ -82,14 +96,15 @@ class LogFormat(ABC):
 
 def format_of(path: Path, name: str | None = None) -> tuple[str, type[LogFormat]]:
     """The format of a log by its name, or that of those registered which accepts the path."""
-    for known in [name] if name is not None else reversed([*log_formats]):
-        kind: type[LogFormat] = log_formats[known]
-        if name is not None or kind.accepts(path):
-            return known, kind
+    if name is not None:
+        return name, log_formats[name]
+    for known in reversed([*log_formats]):
+        if log_formats[known].accepts(path):
+            return known, log_formats[known]
     endings = dict.fromkeys(end for known in log_formats for end in log_formats[known].endings)
     raise LogError(
-        f"{path} is of no known format: its name must end in {', '.join(endings)}, or it must be a "
-        f"folder; otherwise give the format in a mapping ({', '.join(sorted(log_formats))})",
+        f"{path} is of no known format: its name must end in {', '.join(endings)}; otherwise give "
+        f"the format in a mapping ({', '.join(sorted(log_formats))})",
         file=path,
         valid=tuple(endings),
     )
@@ -110,12 +125,19 @@ def numbers_in(source: str, column: polars.Series) -> FloatArray:
     """A column as floats (R,), NaN for cells that are no finite number of sensible size."""
     import polars
 
-    if column.dtype == polars.String:
-        column = column.str.strip_chars(AROUND_CELLS)
-    elif not column.dtype.is_numeric():
+    if column.dtype != polars.String and not column.dtype.is_numeric():
         raise _other_kind(source, column.name, column.dtype, "numbers")
-    values = column.cast(polars.Float64, strict=False).fill_null(np.nan).to_numpy()
+    values = _floats(column).fill_null(np.nan).to_numpy()
     return np.where(np.abs(values) <= LARGEST_NUMBER, values, np.nan)
+
+
+def _floats(column: polars.Series) -> polars.Series:
+    import polars
+
+    text = column.dtype == polars.String
+    return (column.str.strip_chars(AROUND_CELLS) if text else column).cast(
+        polars.Float64, strict=False
+    )
 
 
 def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
@@ -159,7 +181,7 @@ def array_table(
     """Columns (R,) of numbers or times as a table; their rows are counted from 1 by default."""
     import polars
 
-    cells, count = {}, common_length(source, {name: len(c) for name, c in columns.items()})
+    cells, count = {}, _common_length(source, {name: len(c) for name, c in columns.items()})
     for name, column in columns.items():
         if column.dtype.kind not in "biufUmM":
             raise _other_kind(source, name, column.dtype, "numbers")
@@ -172,7 +194,7 @@ def array_table(
     return Table(polars.DataFrame(cells), np.arange(1, count + 1) if rows is None else rows)
 
 
-def common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
+def _common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
     """How many rows columns have; a LogError when they differ, or there are none."""
     short, long = (pick(lengths, key=lambda name: lengths[name]) for pick in (min, max))
     if not lengths[long]:
@@ -191,15 +213,9 @@ def _other_kind(source: str | Path, name: str, kind: object, wanted: str) -> Log
     return LogError(said, file=source, column=name, given=str(kind))
 
 
-# ---- errors of libraries ----------------------------------------------------------------------
-
-
 @contextmanager
 def refusals(path: Path, kind: str) -> Iterator[None]:
-    """Turn errors of reading a file, which should be of a kind, into a sentence that names it.
-
-    Damaged bytes make libraries fail in any way: assertions, lookups, sizes beyond the memory.
-    """
+    """Turn errors of reading a file, which should be of a kind, into a sentence that names it."""
     from polars.exceptions import PanicException  # of its compiled part: no Exception
 
     try:
@@ -213,8 +229,7 @@ def refusals(path: Path, kind: str) -> Iterator[None]:
         elif isinstance(error, KeyError) and error.args:
             name = error.args[0]
             said = f"{name.decode() if isinstance(name, bytes) else name!r} is missing"
-        said = said if len(said) <= LONGEST_REASON else f"{said[:LONGEST_REASON]} ..."
-        raise LogError(f"{path} is no {kind}, or is damaged: {said}", file=path) from error
+        raise LogError(f"{path} is no {kind}, or is damaged: {said:.200}", file=path) from error
 
 
 @contextmanager
@@ -224,3 +239,274 @@ def optional(package: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise MissingExtraError.of(package, "logs") from error
+
+
+# ---- text --------------------------------------------------------------------------------------
+
+
+class TextFormat(LogFormat):
+    """One table of text: a header if any, then one sample a line."""
+
+    endings = (*ENDINGS, *(f"{ending}{PACKED}" for ending in ENDINGS))
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        return {stream_name(self.path): self.path}
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {stream: read_header(file).names for stream, file in self._files.items()}
+
+    def source(self, stream: str) -> str:
+        return str(self._files[stream])
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        return [_read_table(self._files[stream], times, values)]
+
+
+class FolderFormat(TextFormat):
+    """A folder with one table of text a stream, each with time stamps of its own."""
+
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
+        return path.is_dir()
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        files = [file for file in sorted(self.path.glob("*")) if TextFormat.accepts(file)]
+        for file in files:
+            if reason := why_no_file(file):
+                raise LogError(f"{file} {reason}", file=file)
+        if not files:
+            raise LogError(
+                f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz",
+                file=self.path,
+                valid=self.endings,
+            )
+        return {stream_name(file): file for file in files}
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
+        for stream, file in self._files.items():
+            with suppress(LogError):  # matters only if its columns are needed
+                found[stream] = read_header(file).names
+        return found
+
+
+def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
+    """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
+    import polars
+
+    header, read, cut_off = read_header(path), 0, None
+    separator, width = header.separator, len(header.names)
+    tables, rows, garbled = [], [], []
+    with closing(text_blocks(path)) as blocks:
+        for block in blocks:
+            text, whole = block.decode("utf-8", "replace"), block.endswith(b"\n")
+            lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
+            row = np.arange(read + 1, read + len(lines) + 1)
+            read += len(lines)
+            if separator != ",":
+                lines = lines.str.replace_all(",", ".", literal=True)  # decimal commas
+            filled = lines.str.contains(r"\S").to_numpy() & (row > header.lines)
+            cut_off = None if whole or not filled[-1] else int(row[-1])
+            filled[-1] &= whole
+            if separator is None:
+                cells = lines.str.extract_all(r"\S+")
+            else:
+                cells = lines.str.split(separator)
+            fine = filled & (cells.list.len() == width).to_numpy()
+            cells = cells.filter(fine).list
+            columns = {name: cells.get(header.names.index(name)) for name in (*times, *values)}
+            numbers = {name: _floats(columns[name]) for name in values}
+            tables.append(polars.DataFrame(columns | numbers))
+            rows.append(row[fine])
+            garbled.append(row[filled & ~fine])
+    table = Table(polars.concat(tables), np.concatenate(rows), np.concatenate(garbled), cut_off)
+    if not len(table.rows):
+        raise LogError(f"{path} has no rows of {width} cells below its header", file=path)
+    return table
+
+
+class Header(NamedTuple):
+    """Names of the columns, what separates cells, and lines before the first sample."""
+
+    names: tuple[str, ...]
+    separator: str | None
+    lines: int
+
+
+def read_header(path: Path) -> Header:
+    """The first line that is no comment or, above bare numbers, the last comment.
+
+    A comment with another number of cells names no columns: then they are called 1, 2, 3.
+    """
+    row, text, comment = _first_line(path)
+    separator = _separator(text)
+    names = text.split(separator)
+    if _are_numbers(text, separator):
+        row, named = row - 1, comment.split(_separator(comment))
+        names = named if len(named) == len(names) else [str(k + 1) for k in range(len(names))]
+    names = [name.strip(AROUND_CELLS) for name in names]
+    repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
+    if repeated:
+        raise LogError(
+            f"{path}: its header names column {repeated[0]!r} more than once",
+            file=path,
+            column=repeated[0],
+        )
+    return Header(tuple(names), separator, row)
+
+
+def _first_line(path: Path) -> tuple[int, str, str]:
+    """Number and text of the first line that is no comment, and the last comment above it."""
+    comment = ""
+    with closing(text_blocks(path)) as blocks:
+        for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
+            line = data.decode("utf-8", "replace").rstrip("\r\n")
+            line = line.removeprefix("\ufeff") if row == 1 else line
+            if not line.replace("\t", " ").isprintable():
+                raise LogError(f"{path} is no text: row {row} is {line!r:.60}", file=path, row=row)
+            if line.startswith(COMMENT):
+                comment = line.lstrip(COMMENT).strip()
+            elif line.strip():
+                return row, line, comment
+    raise LogError(f"{path} is empty{', but for comments' if comment else ''}", file=path)
+
+
+def _separator(line: str) -> str | None:
+    """What splits a line into most cells; into numbers, where one does."""
+    line = line.strip()
+    numbers = [one for one in SEPARATORS if _are_numbers(line, one)]
+    return max(numbers or SEPARATORS, key=lambda separator: len(line.split(separator)))
+
+
+def _are_numbers(line: str, separator: str | None) -> bool:
+    """Whether all cells of a line are numbers or empty."""
+    line = line if separator == "," else line.replace(",", ".")
+    cells = [cell.strip(AROUND_CELLS) for cell in line.split(separator)]
+    return any(cells) and all(
+        cell.casefold() in NO_NUMBERS or not np.isnan(number(cell)) for cell in cells
+    )
+
+
+# ---- NumPy and Parquet -------------------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """A column in a file of arrays: all of one, a column of a matrix, or a field of a table."""
+
+    array: str
+    place: Any = ...  # index behind that of the rows, or name of the field
+
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The column (R,) of the array's values."""
+        return values[self.place] if isinstance(self.place, str) else values[:, self.place]
+
+
+class ArrayFormat(LogFormat):
+    """Streams of arrays by name: one (R,) is a column, a matrix ``x`` the columns x_0, x_1, ..."""
+
+    kind: ClassVar[str]  # for messages
+
+    @property
+    @abstractmethod
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        """Columns by name, for each stream that has any."""
+
+    @abstractmethod
+    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
+        """Arrays (R,) or (R, k) by name."""
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {stream: tuple(columns) for stream, columns in self._streams.items()}
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        places = {name: self._streams[stream][name] for name in (*times, *values)}
+        with refusals(self.path, self.kind):
+            arrays = self._read(dict.fromkeys(place.array for place in places.values()))
+            columns = {name: place.of(arrays[place.array]) for name, place in places.items()}
+            return [array_table(self.path, columns)]
+
+    def collect(self, columns: dict[str, Column], array: str, places: Mapping[str, Any]) -> None:
+        """Add the columns of an array, of other names than those there."""
+        for name, place in places.items():
+            if name in columns:
+                raise LogError(
+                    f"{self.path} has column {name!r} in {columns[name].array} and {array}",
+                    file=self.path,
+                    column=name,
+                )
+            columns[name] = Column(array, place)
+
+
+def columns_of(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Names and places of the columns of an array; none of one with other than one or two axes."""
+    if len(shape) == 1:
+        return {name: ...}
+    fits = len(shape) == 2 and shape[1] <= WIDEST
+    return {f"{name}_{k}": k for k in range(shape[1])} if fits else {}
+
+
+class NpzFormat(ArrayFormat):
+    """Arrays of NumPy."""
+
+    endings = (".npz",)
+    kind = ".npz of numbers"
+
+    @cached_property
+    def _streams(self) -> dict[str, dict[str, Column]]:
+        columns: dict[str, Column] = {}
+        with refusals(self.path, self.kind), ZipFile(self.path) as archive:
+            for member in archive.namelist():
+                array, (shape, _) = member.removesuffix(".npy"), _npy_header(archive, member)
+                self.collect(columns, array, columns_of(array, shape))
+        if not columns:
+            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
+        return {stream_name(self.path): columns}
+
+    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
+        with ZipFile(self.path) as archive, np.load(self.path, allow_pickle=False) as content:
+            for member in (n for n in archive.namelist() if n.removesuffix(".npy") in arrays):
+                shape, dtype = _npy_header(archive, member)
+                stored = archive.getinfo(member).compress_size
+                require_plausible(self.path, math.prod(shape) * dtype.itemsize, stored)
+            return {array: content[array] for array in arrays}
+
+
+def _npy_header(archive: ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array, which is not read."""
+    with archive.open(name) as file:
+        old = np.lib.format.read_magic(file) == (1, 0)
+        read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(file)
+        return shape, dtype
+
+
+class ParquetFormat(LogFormat):
+    """One table."""
+
+    endings = (".parquet", ".pq")
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        with refusals(self.path, "Parquet file"):
+            return {stream_name(self.path): tuple(self._scan().collect_schema())}
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        import polars
+
+        with refusals(self.path, "Parquet file"):
+            names = (*times, *values)
+            frame = self._scan().select(names)
+            for name, kind in frame.collect_schema().items():
+                if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
+                    raise _other_kind(self.path, name, kind, "numbers")
+            count = frame.select(polars.len()).collect().item()
+            _common_length(self.path, dict.fromkeys(names, count))
+            require_plausible(self.path, 8 * count * len(names), self.path.stat().st_size)
+            return [Table(frame.collect(), np.arange(1, count + 1))]
+
+    def _scan(self) -> polars.LazyFrame:
+        import polars
+
+        # Names of files may hold what else would stand for several files.
+        return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)

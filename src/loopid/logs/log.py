@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
 from loopid.errors import DataError, OptionError
-from loopid.logs.columns import Channel, ColumnFinder
 from loopid.logs.formats import array_table
-from loopid.logs.mapping import QUANTITIES, LogMapping
-from loopid.logs.options import LogTolerances
-from loopid.logs.streams import Dropped, Stream, align, make_stream, on_joints
+from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping
+from loopid.logs.streams import Dropped, LogTolerances, Stream, align, make_stream, on_joints
 from loopid.records import record
 
 # Units of each quantity, in s, m or rad, N or N m.
@@ -79,16 +77,15 @@ class Log:
     velocity: FloatArray | None = None
     acceleration: FloatArray | None = None
     saturation: FloatArray | None = None
-    idle_speed: float | None = None
+    idle_speed: NotNegative | None = None
     dropped: tuple[Dropped, ...] = ()
 
     def __post_init__(self) -> None:
         time = _increasing(self.time)
         numbers: Any = np.asarray(self.stretches)
-        if numbers.shape != time.shape or numbers.dtype.kind not in "iu":
-            raise DataError(f"stretches must be {len(time)} whole numbers, one a sample")
-        if (np.diff(numbers) < 0).any():
-            raise DataError("stretches must ascend")
+        whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
+        if not whole or (np.diff(numbers) < 0).any():
+            raise DataError(f"stretches must be {len(time)} whole numbers that ascend")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "stretches", numbers.astype(np.int64, copy=False))
         for name in QUANTITIES:
@@ -103,11 +100,6 @@ class Log:
                     argument="saturation",
                 )
             object.__setattr__(self, "saturation", limits)
-        if self.idle_speed is not None and not 0 <= self.idle_speed < np.inf:
-            raise DataError(
-                f"idle_speed must be a number from 0 on, not {self.idle_speed}",
-                argument="idle_speed",
-            )
 
     @classmethod
     def from_arrays(

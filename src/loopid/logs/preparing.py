@@ -18,10 +18,15 @@ from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.log import Log, renumbered
 from loopid.logs.mapping import LogMapping
-from loopid.logs.options import FilterOptions, MaskOptions
 from loopid.logs.reading import read_log, require_known_motion
-from loopid.logs.recording import RateHistory, Recording
-from loopid.logs.spectrum import motion_spectrum
+from loopid.logs.recording import (
+    FilterOptions,
+    MaskOptions,
+    MotionSpectrum,
+    RateHistory,
+    Recording,
+    reach_of,
+)
 from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
@@ -34,6 +39,9 @@ BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more 
 # up where less than this part of the way between two can be gone at a time.
 MANY_OPEN, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act there
+# A frozen motor goes on by so many times its fastest way in a sample; or it stops so many times as
+# fast as it ever changes its speed, while another goes through this part of its range.
+JUMP, ABRUPT, MOVED = 2.0, 3.0, 0.05
 ENCODER_STEPS = 20  # tell a speed
 # Clipped forces are equal, to this relative accuracy, so many times as often as any other size from
 # this part of the largest on: a coarse converter has few sizes.
@@ -93,7 +101,14 @@ def prepare_recording(
     >>> loopid.prepare_recording(robot, log)
     <Recording 'run': 389 samples, filtered at 17.5 Hz, forces used: crank_joint 85%>
     """
-    require_motors(robot, log)
+    require_known_motion(robot)
+    if log.joints != robot.actuated:
+        raise OptionError(
+            f"log {log.name} is of {', '.join(log.joints)}, but the motors of {robot.name} are "
+            f"{', '.join(robot.actuated)}",
+            given=log.joints,
+            valid=robot.actuated,
+        )
     log = without_frozen(log, masks)
     spectrum = motion_spectrum(log)
     lowpass = filter.lowpass(spectrum.cutoff)
@@ -103,8 +118,8 @@ def prepare_recording(
     rows, ends = kept_rows(log, lowpass, filter)
     found = assemble_samples(robot, log, signals.position, rows, masks, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
-    saturated = near_saturation(log, limits, lowpass, filter, masks)[rows]
-    idle = standing(robot, log, signals.velocity, rows, lowpass, filter, masks)
+    saturated = near_saturation(log, limits, lowpass, masks)[rows]
+    idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said, source=log.name)
@@ -128,11 +143,11 @@ def prepare_recording(
             *log.dropped,
             *ends,
             *found.dropped,
-            *_flagged([f"{joint} stands still" for joint in log.joints], idle, motion.time),
-            *_flagged([f"{joint} is saturated" for joint in log.joints], saturated, motion.time),
+            *_flagged(log, "stands still", idle, motion.time),
+            *_flagged(log, "is saturated", saturated, motion.time),
         ),
         cutoff=None if lowpass is None else lowpass.cutoff,
-        history=rate_history(log, signals.velocity, lowpass, motion, rows),
+        history=_rate_history(log, signals.velocity, lowpass, motion, rows),
         spectrum=spectrum,
         filter=filter,
         masks=masks,
@@ -154,18 +169,6 @@ def read_recordings(
     logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
     options: dict[str, Any] = {"filter": filter, "masks": masks, "progress": progress}
     return tuple(prepare_recording(robot, log, **options) for log in logs)
-
-
-def require_motors(robot: Mechanism, log: Log) -> None:
-    """Refuse a log of other motors than the robot's, or of motors that do not tell where it is."""
-    require_known_motion(robot)
-    if log.joints != robot.actuated:
-        raise OptionError(
-            f"log {log.name} is of {', '.join(log.joints)}, but the motors of {robot.name} are "
-            f"{', '.join(robot.actuated)}",
-            given=log.joints,
-            valid=robot.actuated,
-        )
 
 
 # ---- encoders that freeze ----------------------------------------------------------------------
@@ -202,12 +205,12 @@ def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
     ahead, behind = position[2 * count :], position[: -2 * count]
     change[2 * count : -2 * count] = np.abs(ahead + behind - 2 * position[count:-count])
     before, after = np.maximum.accumulate(change), np.maximum.accumulate(change[::-1])[::-1]
-    far = max(masks.jump * fastest, ENCODER_STEPS * least)
-    much = masks.moved * np.ptp(positions, axis=0)
+    far = max(JUMP * fastest, ENCODER_STEPS * least)
+    much = MOVED * np.ptp(positions, axis=0)
     for a, b in runs:
         jumps = max(steps[max(a - 1, 0)], steps[min(b, len(steps) - 1)]) > far
         usual = max(before[max(a - 1, 0)], after[min(b + 2 * count + 1, len(after) - 1)], least)
-        if jumps or change[a + count] > masks.abrupt * usual:
+        if jumps or change[a + count] > ABRUPT * usual:
             flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
     return flags
 
@@ -245,26 +248,19 @@ def long_enough(log: Log, lowpass: LowPass | None) -> Log:
 
 def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
     """Filter each stretch without delay, and differentiate what was not measured."""
-    position, velocity, acceleration, force = np.empty((4, *log.position.shape))
+    found = Signals(*np.empty((4, *log.position.shape)))
     for part in log.parts():
-        rate = log.rate(part)
-
-        def smooth(signal: FloatArray, rate: float = rate) -> FloatArray:
-            return signal if lowpass is None else lowpass.apply(signal, rate)
-
-        force[part] = smooth(log.force[part])
-        position[part] = smooth(log.position[part])
-        velocity[part] = (
-            differentiate(position[part], rate)
-            if log.velocity is None
-            else smooth(log.velocity[part])
-        )
-        acceleration[part] = (
-            differentiate(velocity[part], rate)
-            if log.acceleration is None
-            else smooth(log.acceleration[part])
-        )
-    return Signals(position, velocity, acceleration, force)
+        rate, below = log.rate(part), found.position[part]
+        for measured, signal in zip(
+            (log.position, log.velocity, log.acceleration, log.force), found, strict=True
+        ):
+            if measured is None:
+                signal[part] = differentiate(below, rate)
+            else:
+                own = measured[part]
+                signal[part] = own if lowpass is None else lowpass.apply(own, rate)
+            below = signal[part]
+    return found
 
 
 def kept_rows(
@@ -277,7 +273,7 @@ def kept_rows(
     rows, ends = [], []
     for part in log.parts():
         rate, time = log.rate(part), log.time[part]
-        reach, step = options.reach_of(lowpass, rate), options.step_of(lowpass, rate)
+        reach, step = reach_of(lowpass, rate), options.step_of(lowpass, rate)
         if reach:
             end = np.append(time[:reach], time[-reach:])
             ends.append(Dropped.at("end of a stretch", end))
@@ -285,7 +281,7 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-def rate_history(
+def _rate_history(
     log: Log, velocity: FloatArray, lowpass: LowPass | None, motion: JointMotion, rows: IntArray
 ) -> RateHistory | None:
     """Filtered rates at the rate of the log, and which of its rows have a motion."""
@@ -343,7 +339,18 @@ def assemble_samples(
             f"{log.name}: the loops do not close in {_where(time, ~good)} (they stay open by up to "
             f"{left_open:.1e} m)"
         )
-        _refuse_open(robot, log.name, said, measured, 1 - float(good.mean()), masks)
+        part = 1 - float(good.mean())
+        if part > MANY_OPEN:
+            said += _with_exchanged(robot, measured)
+        if part > masks.unassembled or part == 1:
+            raise AssemblyError(
+                f"{said}: is the robot on another branch than the start, or are these not its "
+                "positions?",
+                source=log.name,
+                part=part,
+                tolerance=masks.unassembled,
+            )
+        warn(f"{said}: left out", DataWarning)
     regular = measure >= masks.singularity
     if not regular.all():
         near = good.copy()
@@ -358,23 +365,6 @@ def assemble_samples(
             raise LogError(said, source=log.name, tolerance=masks.singularity)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
-
-
-def _refuse_open(
-    robot: Mechanism, name: str, said: str, position: FloatArray, part: float, masks: MaskOptions
-) -> None:
-    """Warn of a part of the samples whose loops stay open; refuse a log with too large a part."""
-    if part > MANY_OPEN:
-        said += _with_exchanged(robot, position)
-    if part > masks.unassembled or part == 1:
-        raise AssemblyError(
-            f"{said}: is the robot on another branch than the start, or are these not its "
-            "positions?",
-            source=name,
-            part=part,
-            tolerance=masks.unassembled,
-        )
-    warn(f"{said}: left out", DataWarning)
 
 
 def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
@@ -409,7 +399,6 @@ def standing(
     velocity: FloatArray,
     rows: IntArray,
     lowpass: LowPass | None,
-    options: FilterOptions,
     masks: MaskOptions,
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
@@ -428,7 +417,7 @@ def standing(
     for part in log.parts():
         rate = log.rate(part)
         length = 1 + 2 * int(masks.standstill * rate / (2 * lowpass.cutoff))
-        width = length + 2 * options.reach_of(lowpass, rate)
+        width = length + 2 * reach_of(lowpass, rate)
         slow = idle[part].view(np.uint8)
         long = minimum_filter1d(slow, length, axis=0, mode="nearest")
         idle[part] |= maximum_filter1d(long, width, axis=0, mode="nearest").view(bool)
@@ -483,26 +472,25 @@ def clipped_from(log: Log, masks: MaskOptions) -> FloatArray:
 
 
 def near_saturation(
-    log: Log,
-    limits: FloatArray,
-    lowpass: LowPass | None,
-    options: FilterOptions,
-    masks: MaskOptions,
+    log: Log, limits: FloatArray, lowpass: LowPass | None, masks: MaskOptions
 ) -> BoolArray:
     """Where each force (N, m) is at its limit (m,), or within the filter's reach of that."""
     from scipy.ndimage import maximum_filter1d  # slow to import
 
     flags = np.abs(log.force) >= limits * (1.0 - masks.near_saturation)
     for part in log.parts():
-        width = 2 * options.reach_of(lowpass, log.rate(part)) + 1
+        width = 2 * reach_of(lowpass, log.rate(part)) + 1
         flags[part] = maximum_filter1d(flags[part].view(np.uint8), width, axis=0).view(bool)
     return flags
 
 
-def _flagged(reasons: Sequence[str], flags: BoolArray, time: FloatArray) -> list[Dropped]:
-    """For each column of flags (N, k) that is set anywhere, what is left out at times (N,)."""
-    columns = zip(reasons, flags.T, strict=True)
-    return [Dropped.at(reason, time[column]) for reason, column in columns if column.any()]
+def _flagged(log: Log, how: str, flags: BoolArray, time: FloatArray) -> list[Dropped]:
+    """For each motor with flags (N, m), what is left out at times (N,)."""
+    return [
+        Dropped.at(f"{joint} {how}", time[column])
+        for joint, column in zip(log.joints, flags.T, strict=True)
+        if column.any()
+    ]
 
 
 def on_independent(
@@ -519,3 +507,72 @@ def on_independent(
     acting = np.abs(shares) > NO_SHARE * np.abs(shares).max(axis=(0, 2), initial=0.0)[:, None]
     spoilt = (acting & ~used[:, :, None]).any(axis=1)
     return np.einsum("nmi,nm->ni", shares, force), ~spoilt
+
+
+# ---- spectrum and cut-off ----------------------------------------------------------------------
+
+# Part of the power of the velocities that is within the band of a motion.
+BAND_POWER = 0.999
+# The cut-off, in bands: it changes what is within the band by less than 1e-5, ...
+WIDTH = 20.0
+# ... or lower, where noise would be more than this part of the power of the filtered accelerations,
+# but not below so many bands.
+NOISE_POWER, LEAST_WIDTH = 1e-5, 5.0
+# Samples a period of the cut-off, at the rate of the log.
+LEAST_PERIOD = 5.0
+# Frequencies are averaged, so many of them or so wide a part; where the average exceeds the noise
+# so many times, the robot moves.
+AVERAGED, RELATIVE_WIDTH, ABOVE_NOISE = 8, 0.1, 3.0
+# Samples that tell a spectrum; of fewer, the cut-off is this part of the rate.
+LEAST_COUNT, SHORT_CUTOFF = 62, 0.05
+# ∫ x^4 / (1 + x^4)² dx from 0 on: what a filter of second order, run twice, leaves of noise.
+PASSED = np.pi / (8 * np.sqrt(2))
+
+
+def motion_spectrum(log: Log) -> MotionSpectrum:
+    """Spectrum of the longest stretch of a log, and the cut-off that it asks for.
+
+    That is 20 times the band of the motion; less, down to five times, where noise would exceed
+    1e-5 of the power of the filtered accelerations; and no more than a fifth of the rate. Fewer
+    than 64 samples tell none: the cut-off is a twentieth of the rate.
+    """
+    part = max(log.parts(), key=lambda part: part.stop - part.start)
+    rate, count = log.rate(part), part.stop - part.start - 2
+    if count < LEAST_COUNT:
+        nothing = np.zeros(0)
+        return MotionSpectrum(nothing, nothing, nothing, 0.0, SHORT_CUTOFF * rate or 1.0)
+    frequencies = np.fft.rfftfreq(count, 1 / rate).astype(np.float64)
+    edges = [0]
+    while edges[-1] < len(frequencies):
+        edges.append(edges[-1] + max(AVERAGED, int(RELATIVE_WIDTH * edges[-1])))
+    sizes = np.diff([*edges[:-1], len(frequencies)])
+
+    def averaged(values: FloatArray) -> FloatArray:
+        return np.asarray(np.add.reduceat(values, edges[:-1]) / sizes)
+
+    # How second differences amplify white noise of positions.
+    shape = averaged((2 * rate * np.sin(np.pi * frequencies / rate)) ** 4)
+    frequency, widths = averaged(frequencies), sizes * rate / count
+    window = np.hanning(count + 2)[1:-1]
+    power = rate * float((window**2).sum())
+    total, level, limit = np.zeros(len(frequency)), 0.0, rate / LEAST_PERIOD
+    for k in range(len(log.joints)):
+        acceleration = np.diff(log.position[part, k], 2)
+        acceleration *= rate**2 * window
+        amplitude = np.fft.rfft(acceleration)
+        density = averaged(amplitude.real**2 + amplitude.imag**2) * 2 / power
+        floor = float(np.median((density / shape)[frequency >= rate / 4]))
+        motion = np.where(density > ABOVE_NOISE * floor * shape, density - floor * shape, 0.0)
+        size = float(motion @ widths)
+        if size > 0:
+            total, level = total + density / size, level + floor / size
+    noise = level * shape
+    motion = np.where(total > ABOVE_NOISE * noise, total - noise, 0.0)
+    velocity = np.cumsum(motion * widths / frequency**2)
+    if not velocity[-1] > 0:
+        return MotionSpectrum(frequency, total, noise, 0.0, limit)
+    band = float(frequency[np.searchsorted(velocity, BAND_POWER * velocity[-1])])
+    passed = PASSED * (2 * np.pi) ** 4 * level / (motion @ widths)
+    quiet = (NOISE_POWER / passed) ** 0.2 if passed > 0 else np.inf
+    cutoff = min(max(min(WIDTH * band, quiet), LEAST_WIDTH * band), limit)
+    return MotionSpectrum(frequency, total, noise, band, float(cutoff))

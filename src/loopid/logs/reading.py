@@ -1,19 +1,20 @@
-"""From a file of any registered format to a log: read, map columns, check."""
+"""From a file of any registered format to a log: read, map columns, and check for its robot."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from loopid.arguments import checked
-from loopid.errors import FileError, LogError, OptionError
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
-from loopid.logs.checks import check_moving, check_rates, check_stream
-from loopid.logs.columns import ColumnFinder
 from loopid.logs.formats import LogFormat, format_of, stream_name
 from loopid.logs.log import Log
-from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.options import LogTolerances
-from loopid.logs.streams import Stream, make_stream, on_joints
+from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
+from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
 from loopid.robot.mechanism import Mechanism, lock_options
 
 
@@ -105,10 +106,7 @@ def read_streams(
     rows: tuple[int, int | None] | None = None,
     tolerances: LogTolerances = LogTolerances(),
 ) -> list[Stream]:
-    """The streams that hold quantities of the motors, that of the first position first.
-
-    Of that one, only ``rows`` are read, from first to last.
-    """
+    """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
         raise OptionError(
             f"rows must be counted from 1, the first before the last, not {rows}", given=rows
@@ -120,7 +118,7 @@ def read_streams(
     for name, channels in finder.channels(mapping.measured(source, joints)).items():
         time = finder.time(name)
         columns = [channel.column for channel in channels]
-        for table in log.tables(name, [*time.names, *columns]):
+        for table in log.tables(name, time.names, columns):
             source = log.source(name)
             if rows is not None and not streams:
                 table = table.between(*rows)
@@ -170,3 +168,197 @@ def require_known_motion(robot: Mechanism) -> None:
             "about several axes: name the motors in 'name_mot'",
             joints=tuple(several),
         )
+
+
+# ---- what a robot lets expect ------------------------------------------------------------------
+
+# Factors that would make a unit of another one.
+OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
+OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1e-6 (um to m)": 1e-6}
+OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
+FITTING = 0.9  # part of the values that a change of unit must bring inside
+EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
+COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
+
+
+def check_stream(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
+    _require_usual_step(stream, allowed)
+    stream = _inside_limits(robot, stream, allowed)
+    stream = _unwrapped(robot, _without_glitches(stream, allowed))
+    seconds, model = np.diff(stream.stamps) / 1e9, robot.model
+    for joint, values in stream.signals("position"):
+        limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
+        speeds = np.append(0.0, np.abs(np.diff(values)) / seconds)
+        _warn_of_excess(stream, f"the speed of {joint}", limit, speeds)
+    for joint, values in stream.signals("force"):
+        limit = model.upperEffortLimit[robot.velocity_indices([joint])[0]]
+        _warn_of_excess(stream, f"the force of {joint}", limit, np.abs(values))
+    return stream
+
+
+def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
+    """Refuse steps between stamps that are too short or long for a log."""
+    shortest, longest = allowed.shortest_step, allowed.longest_step
+    step = float(np.median(np.diff(stream.stamps))) / 1e9
+    if not shortest <= step <= longest:
+        fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
+        factors = " or ".join(f"{factor:g}" for factor in fitting)
+        raise LogError(
+            f"{stream.source}: the median step between time stamps is {step:.3g} s, but must be "
+            f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping"
+            f"{f'; times {factors} it would fit' if factors else ''}",
+            source=stream.source,
+            step=step,
+            fitting=tuple(fitting),
+        )
+
+
+def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows where a position is far outside the limits of its joint."""
+    lost = np.zeros(len(stream.rows), dtype=bool)
+    for joint, values in stream.signals("position"):
+        lower, upper = robot.limits(joint)
+        if not lower < upper:  # limits that leave no room are none
+            continue
+        distance = np.maximum(lower - values, values - upper)
+        outside = distance > allowed.outside * (upper - lower)
+        far = distance > allowed.far_outside * (upper - lower)
+        refused = far.sum() > allowed.bad_rows * len(values)
+        told = far if refused else outside & ~far
+        if told.any():
+            worst = float(values[told][np.argmax(distance[told])])
+            said = (
+                f"{stream.source}: {joint} is outside its limits [{lower:g}, {upper:g}] in "
+                f"{rows_text(stream.rows[told])} of {len(values)}, at worst {worst:g}"
+            )
+            if refused:
+                straight = robot.velocity_indices([joint])[0] in robot.prismatic
+                raise LogError(
+                    f"{said}; {_advice(straight, lower, upper, values)}",
+                    source=stream.source,
+                    joint=joint,
+                    limits=(lower, upper),
+                    given=worst,
+                )
+            warn(f"{said}: kept", DataWarning)
+        lost |= far
+    return stream.without(
+        lost, "positions far outside the limits of their joints", allowed.bad_rows
+    )
+
+
+def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
+    """What change of unit or origin would bring values (R,) inside limits."""
+    for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
+        scaled = values * factor
+        if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
+            return f"times {name} they would fit: give position_scale in a mapping"
+    if np.ptp(values) <= upper - lower:
+        return "with position_offset in a mapping they would fit"
+    return "no change of unit brings them inside: are they those of another joint?"
+
+
+def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows where a force is out of all proportion."""
+    bad = np.zeros(len(stream.rows), dtype=bool)
+    for _, values in stream.signals("force"):
+        sizes = np.abs(values)
+        usual = np.percentile(sizes, 99)
+        if usual > 0:
+            bad |= sizes > allowed.glitch * usual
+    reason = f"forces more than {allowed.glitch:g} times their 99th percentile"
+    return stream.without(bad, reason, allowed.bad_rows)
+
+
+def _unwrapped(robot: Mechanism, stream: Stream) -> Stream:
+    """The stream with joints that turn without end counted on, not reset after each turn."""
+    values = tuple(
+        np.unwrap(signal)
+        if what.quantity == "position" and robot.joint(what.joint).nq == 2
+        else signal
+        for what, signal in zip(stream.channels, stream.values, strict=True)
+    )
+    return replace(stream, values=values)
+
+
+def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:
+    """Warn of sizes (R,) beyond a limit; zero stands for none, as exporters write it."""
+    beyond = sizes > (limit * (1 + EXCESS) if limit > 0 else np.inf)
+    if beyond.any():
+        warn(
+            f"{stream.source}: {what} exceeds its limit of {limit:g} in "
+            f"{rows_text(stream.rows[beyond])}, at worst {sizes.max():.4g}",
+            DataWarning,
+        )
+
+
+def check_moving(streams: Sequence[Stream]) -> None:
+    """Warn of joints whose position or force never changes; refuse when no position does."""
+    source = streams[0].source
+    for quantity in ("position", "force"):
+        signals = (signal for stream in streams for signal in stream.signals(quantity))
+        moves = {joint: bool(np.ptp(values)) for joint, values in signals}
+        dead = [joint for joint, moved in moves.items() if not moved]
+        if quantity == "position" and len(dead) == len(moves):
+            said = f"{source}: no position ever changes, so nothing moves"
+            raise LogError(said, source=source, joints=tuple(dead))
+        if dead:
+            warn(
+                f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
+                DataWarning,
+            )
+
+
+def check_rates(log: Log, allowed: LogTolerances) -> None:
+    """Refuse measured rates that are not those of the positions.
+
+    Integrals are compared with differences over the same time, where noise and delays of drives do
+    not matter.
+    """
+    for order, quantity in enumerate(("velocity", "acceleration"), 1):
+        measured: FloatArray | None = getattr(log, quantity)
+        if measured is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            integrals, changes = _both_changes(log, k, measured[:, k], order)
+            size = float(changes @ changes)
+            if size == 0:  # it stands
+                continue
+            gain, off = float(integrals @ changes) / size, integrals - changes
+            apart = float(np.sqrt(off @ off / size))
+            said = (
+                f"{log.name}: the {quantity} of {joint} is {gain:.3g} times what its position "
+                f"says, and differs from it by {apart:.0%} (root mean square)"
+            )
+            if not 1 / allowed.gain < gain < allowed.gain:
+                raise LogError(
+                    f"{said}: is it in another unit ({quantity}_scale), or of another?",
+                    source=log.name,
+                    quantity=quantity,
+                    joint=joint,
+                    gain=gain,
+                    tolerance=allowed.gain,
+                )
+            if apart > allowed.apart:
+                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", DataWarning)
+
+
+def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Changes over some time, integrated from rates (N,) and of the position of motor k.
+
+    Accelerations are integrated twice, and compared with changes of the changes.
+    """
+    found = []
+    for part in log.parts():
+        rate, count, integral = log.rate(part), part.stop - part.start, rates[part]
+        lag = max(1, min(round(COMPARED_OVER * rate), (count - 1) // (2 * order)))
+        for _ in range(order):
+            steps = (integral[1:] + integral[:-1]) / (2 * rate)
+            integral = np.append(0.0, np.cumsum(steps))
+        both = np.stack([integral, log.position[part, k]])
+        for _ in range(order):
+            both = both[:, lag:] - both[:, :-lag]
+        found.append(both)
+    integrals, changes = np.concatenate(found, axis=1)
+    return integrals, changes

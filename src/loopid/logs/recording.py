@@ -1,25 +1,128 @@
-"""Recordings: a motion of the whole robot, with the motor forces that went with it."""
+"""Recordings: a motion of the whole robot with its motor forces, and how it is prepared."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, row_blocks, samples
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.projection import ClosedMotion, closed_motion
-from loopid.logs.options import FilterOptions, MaskOptions
-from loopid.logs.spectrum import MotionSpectrum
 from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
+
+# A low-pass filter of second order leaves 1 % of what a single sample or the end of a stretch does
+# to a signal after so many periods of its cut-off.
+REACH = 1.0
+RATE_ROUNDING = 1e-3  # relative error of measured rates
+
+
+@record(kw_only=True, checked=True)
+class FilterOptions:
+    """How signals are filtered, and how many of the filtered samples are kept.
+
+    Attributes
+    ----------
+    cutoff : float, "auto" or None
+        Of the low-pass filter in Hz; "auto" as ``motion_spectrum`` says, None for no filter.
+    order : int
+        Of each of the filter's two passes.
+    decimate : bool
+        Whether to keep only as many samples as the cut-off calls for:
+    oversampling : float
+        at least so many a period of the cut-off.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.FilterOptions(cutoff=5.0).lowpass(suggested=20.0)
+    LowPass(cutoff=5.0, order=2)
+    """
+
+    cutoff: float | Literal["auto"] | None = "auto"
+    order: int = 2
+    decimate: bool = True
+    oversampling: NotNegative = 5.0
+
+    def __post_init__(self) -> None:
+        self.lowpass(1.0)  # a LowPass checks itself
+
+    def lowpass(self, suggested: float) -> LowPass | None:
+        """The filter, with the suggested cut-off in Hz for "auto"."""
+        if self.cutoff is None:
+            return None
+        return LowPass(suggested if isinstance(self.cutoff, str) else self.cutoff, self.order)
+
+    def step_of(self, lowpass: LowPass | None, rate: float) -> int:
+        """Which samples at a rate are kept: one of so many."""
+        if lowpass is None or not self.decimate:
+            return 1
+        # A rate a little short of a whole number of times is meant to be it.
+        most = (1 + RATE_ROUNDING) * rate / (self.oversampling * lowpass.cutoff)
+        return max(int(most), 1)
+
+
+def reach_of(lowpass: LowPass | None, rate: float) -> int:
+    """Samples at a rate over which a filter spreads what happens in one, or at an end."""
+    if lowpass is None:
+        return 0
+    return int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
+
+
+@record(kw_only=True, checked=True)
+class MaskOptions:
+    """Which samples say nothing about the model.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.MaskOptions(singularity=0.02).singularity
+    0.02
+    """
+
+    singularity: NotNegative = 5e-3  # samples with a smaller singularity measure are left out
+    unassembled: NotNegative = 0.5  # part of the samples whose loops may stay open
+    # A motor stands at or below this part of the 99th percentile of its own speed, ...
+    idle: NotNegative = 0.05
+    # ... or of that of the fastest motor of its kind: its encoder only dithers.
+    dither: NotNegative = 0.01
+    # Periods of the cut-off that it must be slow for to stand, not to pass through zero.
+    standstill: NotNegative = 0.5
+    near_saturation: NotNegative = 0.01  # forces within this part of the saturation are saturated
+    other_limit: NotNegative = 0.1  # a limit that more than this part of the forces exceeds is none
+    clipped: int = 20  # samples in motion in which a clipped force has its largest size
+    frozen: int = 20  # equal positions in a row that may be a frozen encoder
+
+
+@record
+class MotionSpectrum:
+    """Spectrum of accelerations, each motor's in units of its power, on average of those that move.
+
+    Attributes
+    ----------
+    frequency : FloatArray
+        (F,) in Hz, ascending.
+    density, noise : FloatArray
+        (F,) in 1/Hz, of motion with noise, and of noise alone.
+    band : float
+        In Hz, below which nearly all of the motion is; 0 without motion.
+    cutoff : float
+        In Hz, of the filter that suits.
+    """
+
+    frequency: FloatArray
+    density: FloatArray
+    noise: FloatArray
+    band: float
+    cutoff: float
 
 
 @record
@@ -37,7 +140,7 @@ class RateHistory:
     lowpass: LowPass
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
-    whole: tuple[IntArray, JointMotion] | None = None
+    whole: tuple[IntArray, JointMotion]
 
     def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
         """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
@@ -50,7 +153,6 @@ class RateHistory:
         self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
     ) -> FloatArray:
         """A signal (M,) of the whole motion, between assembled samples on a line."""
-        assert self.whole is not None
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):

@@ -13,15 +13,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative
 from loopid.errors import DataWarning, LogError, warn
-from loopid.logs.columns import Channel, TimeColumn
 from loopid.logs.formats import NO_STAMP, Table, numbers_in
-from loopid.logs.mapping import QUANTITIES, JointMap
+from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
 from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
 MOST_NAMED = 5  # rows in a message
+
+
+@record(kw_only=True, checked=True)
+class LogTolerances:
+    """How far a log may be from a perfect one, and still be one."""
+
+    bad_rows: NotNegative = 0.1  # part of the rows that may be left out
+    gap: NotNegative = 5.0  # median steps: a longer one between time stamps is a gap
+    # Seconds between stamps, at the median: others mean another unit of the time.
+    shortest_step: NotNegative = 1e-5
+    longest_step: NotNegative = 0.2
+    # Parts of a joint's range that positions may be outside its limits: without a word, and at all.
+    outside: NotNegative = 1e-3
+    far_outside: NotNegative = 1.0
+    glitch: NotNegative = 100.0  # forces so many times their 99th percentile are none
+    # Measured rates and changes of the position: relative difference (root mean square) that passes
+    # without a word, and ratio, or its inverse, from which on the rates are something else.
+    apart: NotNegative = 0.1
+    gain: NotNegative = 1.25
 
 
 @record
@@ -109,25 +127,16 @@ def make_stream(
             source=source,
             rows=int(fine.sum()),
         )
-    signals = tuple(column[fine] for column in values)
-    stream = Stream(source, channels, table.rows[fine], stamps[fine], signals, tuple(left_out))
-    require_increasing(stream)
-    return stream
-
-
-def require_increasing(stream: Stream) -> None:
-    """Refuse stamps that do not increase."""
-    steps = np.diff(stream.stamps)
-    wrong = np.flatnonzero(steps <= 0)
+    numbers, stamps, signals = table.rows[fine], stamps[fine], tuple(c[fine] for c in values)
+    wrong = np.flatnonzero(np.diff(stamps) <= 0) + 1
     if len(wrong):
-        same = int((steps[wrong] == 0).sum())
-        rows = stream.rows[wrong + 1]
         raise LogError(
-            f"{stream.source}: time must increase from row to row, but goes back "
-            f"{len(wrong) - same} times and stands still {same} times, in {rows_text(rows)}",
-            source=stream.source,
-            rows=rows.tolist(),
+            f"{source}: time must increase from row to row, but goes back or stands still "
+            f"{len(wrong)} times, in {rows_text(numbers[wrong])}",
+            source=source,
+            rows=numbers[wrong].tolist(),
         )
+    return Stream(source, channels, numbers, stamps, signals, tuple(left_out))
 
 
 def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
@@ -141,19 +150,16 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
             here = [places[motor] for motor in one.motors if motor in places]
             if here and len(here) < len(one.motors):
                 raise LogError(
-                    f"{stream.source} has the {quantity} of {stream.channels[here[0]].joint}, but "
-                    f"not of all motors that move {', '.join(one.joints)}: they must have the same "
-                    "time stamps",
+                    f"{stream.source} does not have the {quantity} of all motors that move "
+                    f"{', '.join(one.joints)}: they must have the same time stamps",
                     source=stream.source,
                     quantity=quantity,
                     joints=tuple(one.joints),
                 )
-            for place, joint, row in zip(here, one.joints, factors, strict=bool(here)):
+            moved = factors @ np.array([stream.values[k] for k in here]) if here else ()
+            for place, joint, values in zip(here, one.joints, moved, strict=bool(here)):
                 channels[place] = channels[place]._replace(joint=joint)
-                signals[place] = sum(
-                    (factor * stream.values[k] for factor, k in zip(row, here, strict=True)),
-                    np.zeros(len(stream.rows)),
-                )
+                signals[place] = values
     return replace(stream, channels=tuple(channels), values=tuple(signals))
 
 

@@ -34,10 +34,9 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, fit_quality
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
-from loopid.logs.options import FilterOptions
 from loopid.logs.preparing import prepare_recording
 from loopid.logs.reading import read_log
-from loopid.logs.recording import Recording
+from loopid.logs.recording import FilterOptions, Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, MotionReview, review_motion
