@@ -161,7 +161,7 @@ def predict(
     as_json: bool = JSON,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
-    from loopid.diagnosis.log_mistakes import suspicions_by_log
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
     from loopid.report.forces import prediction_files, prediction_record, prediction_tables
@@ -171,8 +171,7 @@ def predict(
     saved = read_fit(fit)
     robot = saved.load_robot(file)
     runs = recordings(robot, logs, mapping, cutoff, rows)
-    for each in suspicions_by_log(robot, runs, saved.force_model.joint_terms):
-        each.warn()
+    warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
     save(out, partial(prediction_files, robot, found))
     show(prediction_record(found), prediction_tables(found), as_json)
@@ -199,7 +198,7 @@ def payload(
     as_json: bool = JSON,
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
-    from loopid.diagnosis.log_mistakes import suspicions_by_log
+    from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
@@ -208,8 +207,7 @@ def payload(
     force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
-    for each in suspicions_by_log(robot, light, force_model.joint_terms):
-        each.warn()
+    warn_of_suspicions(robot, light, force_model.joint_terms)
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
         found = identify_payload(force_model, link, **runs)

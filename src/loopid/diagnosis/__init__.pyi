@@ -5,7 +5,7 @@ from .log_mistakes import (
     Suspicions as Suspicions,
     diagnose as diagnose,
     suspicions as suspicions,
-    suspicions_by_log as suspicions_by_log,
+    warn_of_suspicions as warn_of_suspicions,
 )
 from .modes import ModeComparison as ModeComparison, compare_modes as compare_modes
 from .payload import (

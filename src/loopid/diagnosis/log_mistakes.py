@@ -209,11 +209,19 @@ def diagnose(found: Identification) -> tuple[Suspicions, ...]:
     """
     runs = (*found.training, *found.validation, *found.friction)
     model = found.force_model
-    return suspicions_by_log(model.mechanism, runs, model.joint_terms)
+    return _by_log(model.mechanism, runs, model.joint_terms)
 
 
 @checked
-def suspicions_by_log(
+def warn_of_suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> None:
+    """Warn of each mistake in each log, its parts, which have one name, taken together."""
+    for one in _by_log(mechanism, recordings, joint_terms):
+        one.warn()
+
+
+def _by_log(
     mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[Suspicions, ...]:
     """``suspicions`` of each log, its parts, which have one name, taken together."""
