@@ -66,7 +66,7 @@ def test_a_wrong_entry_is_named():
     def function(several: Sequence[Thing] = (), table: Mapping[str, float] | None = None) -> None:
         pass
 
-    with pytest.raises(OptionError, match=r"^several\[1\] must be an instance of Thing, not 3"):
+    with pytest.raises(OptionError, match=r"^several\[1\] must be of type Thing, not 3"):
         function([Thing(np.zeros(1)), 3])
     with pytest.raises(OptionError, match=r"^table must be a valid number"):
         function(table={"a": "x"})

@@ -227,6 +227,10 @@ def _instances(hint: Any) -> Any:
     return kind[tuple(map(_instances, parts))]
 
 
+# By the type of error, where pydantic's words do not fit in a sentence.
+UNCLEAR = {"missing": "longer", "sequence_str": "a sequence"}
+
+
 def _refusal(error: ValidationError, names: list[str]) -> OptionError:
     """What pydantic says of the first wrong argument."""
     detail = error.errors(include_url=False)[0]
@@ -234,6 +238,8 @@ def _refusal(error: ValidationError, names: list[str]) -> OptionError:
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
     must = detail["msg"].partition(",")[0].removeprefix("Input should be ")
+    must = UNCLEAR.get(detail["type"], must).replace("an instance of", "of type")
+    must = must.replace(" _", " ")
     given = detail["input"]
     shown = repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
     return OptionError(f"{at} must be {must}, not {shown:.60}", argument=name, given=given)
