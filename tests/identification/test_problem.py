@@ -92,10 +92,10 @@ W, FORCE = np.ones((8, 2, 3)), np.ones((8, 2))
         ({"regressor": W * np.nan}, "finite"),
         ({"force": FORCE[1:]}, r"force must have shape \(8, 2\)"),
         ({"regressor": W[:0], "force": FORCE[:0]}, "no samples"),
-        ({"used": np.ones((7, 2), dtype=bool)}, "used must be booleans"),
+        ({"used": np.ones((7, 2), dtype=bool)}, "used must have shape"),
         ({"used": FORCE}, "used must be booleans"),
-        ({"stretches": np.ones(8)}, "stretches must be whole numbers"),
-        ({"stretches": [0, 1]}, "stretches must be whole numbers"),
+        ({"stretches": np.ones(8)}, "stretches whole numbers"),
+        ({"stretches": [0, 1]}, "stretches must have shape"),
         *(({"least_errors": least}, "least errors") for least in ([0, -1], [0.0], [0, np.nan])),
     ],
 )
@@ -116,7 +116,7 @@ def test_parts_that_do_not_go_together_are_refused():
     plain = FitSamples.of(samples.parameters, samples.actuators, samples.regressor, samples.force)
     with pytest.raises(DataError, match="all have instruments"):
         FitSamples.combined([samples, plain])
-    with pytest.raises(DataError, match="the regressor's shape"):
+    with pytest.raises(DataError, match="instruments must have shape"):
         samples.with_instruments(samples.instruments[1:])
     with pytest.raises(DataError, match="finite"):
         samples.with_instruments(np.nan * samples.instruments)

@@ -19,7 +19,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite, rectangular
 from loopid.errors import DataError, OptionError
-from loopid.identification.correlation import with_correlated_errors
+from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
@@ -288,7 +288,7 @@ class BayesianRidge(Estimator):
         """
         rows = self._rows(samples.problem)
         plain = WorkingFit(self.fit(samples.problem), samples, rows)
-        noise = with_correlated_errors(plain).result.noise
+        noise = within_runs(plain).result.noise
         assert noise is not None
         if (noise.effective_samples == noise.samples).all():
             return plain

@@ -243,21 +243,12 @@ DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
 MOST_SHARE = 1.0 - 1e-6
 
 
-def with_correlated_errors(
-    fit: WorkingFit, options: CorrelationOptions = CorrelationOptions()
-) -> WorkingFit:
-    """The same estimates, their covariance under autoregressive errors of each actuator.
+def with_scatter(found: WorkingFit, options: CorrelationOptions) -> WorkingFit:
+    """Of a fit ``within_runs``, what its estimates scatter between recordings included.
 
     Variances of estimates that scatter more between recordings are those of the scatter, with as
     many degrees of freedom as there are recordings, less one.
     """
-    return with_scatter(within_runs(fit, options), options)
-
-
-def with_scatter(
-    found: WorkingFit, options: CorrelationOptions = CorrelationOptions()
-) -> WorkingFit:
-    """Of a fit ``within_runs``, what its estimates scatter between recordings included."""
     with one_blas_thread():
         scatter, runs = _between_runs(found, options.least_runs)
     result, within = found.result, np.diag(found.result.covariance)

@@ -13,7 +13,6 @@ from loopid.identification.correlation import (
     CorrelationOptions,
     warn_of_correlation,
     warn_of_scatter,
-    with_correlated_errors,
     with_scatter,
     within_runs,
 )
@@ -78,7 +77,7 @@ def fit(
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    return _warned(samples, estimator, correlation).result
+    return working_fit(samples, estimator, correlation=correlation, quiet=False).result
 
 
 @checked
@@ -98,23 +97,16 @@ def working_fit(
     estimator: str | Estimator = "wls",
     *,
     correlation: CorrelationOptions = CorrelationOptions(),
+    quiet: bool = True,
 ) -> WorkingFit:
-    """As ``quiet_fit``, with the least squares that the fit amounts to."""
-    return with_correlated_errors(chosen_estimator(estimator).fit_samples(samples), correlation)
-
-
-def _warned(
-    samples: FitSamples,
-    estimator: str | Estimator,
-    correlation: CorrelationOptions = CorrelationOptions(),
-) -> WorkingFit:
-    """As ``working_fit``, with warnings."""
+    """As ``fit``, with the least squares that the fit amounts to; without warnings where quiet."""
     independent = chosen_estimator(estimator).fit_samples(samples)
     within = within_runs(independent, correlation)
     found = with_scatter(within, correlation)
-    warn_of_correlation(within.result, independent.result, correlation)
-    warn_of_scatter(found.result, within.result, correlation)
-    warn_of_insignificant(found.result)
+    if not quiet:
+        warn_of_correlation(within.result, independent.result, correlation)
+        warn_of_scatter(found.result, within.result, correlation)
+        warn_of_insignificant(found.result)
     return found
 
 
@@ -182,7 +174,7 @@ def fit_in_steps(
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))
     values[held] = start.values[taken]
-    fitted = _warned(second.reduced(free, values), estimator)
+    fitted = working_fit(second.reduced(free, values), estimator, quiet=False)
     rest = fitted.result
     values[free] = rest.values
     # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.

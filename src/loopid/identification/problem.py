@@ -11,8 +11,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from loopid.arguments import (
     BoolArray,
@@ -184,27 +186,30 @@ class FitSamples:
         W, dof, n = finite(regressor, "regressor"), len(actuators), len(parameters)
         if W.ndim != 3 or W.shape[1:] != (dof, n):
             raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
-        tau = _force(force, W)
-        if len(tau) == 0:
+        if len(W) == 0:
             raise DataError("there are no samples to fit")
+        tau = _shaped(finite(force, "force"), "force", W.shape[:2])
         mask = rectangular(np.ones(tau.shape, dtype=bool) if used is None else used, "used")
-        if mask.shape != tau.shape or mask.dtype != bool:
-            raise DataError(
-                f"used must be booleans of shape {tau.shape}, not {mask.dtype} of {mask.shape}"
-            )
         numbers = np.zeros(len(tau), dtype=np.int64) if stretches is None else stretches
         parts = rectangular(numbers, "stretches")
-        if parts.shape != tau.shape[:1] or parts.dtype.kind not in "iu":
-            raise DataError(
-                f"stretches must be whole numbers of shape {tau.shape[:1]}, not {parts.dtype} of "
-                f"{parts.shape}"
-            )
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
-        if least.shape != (dof,) or (least < 0).any():
-            raise DataError(f"least errors must be {dof} numbers from 0 on, not {least}")
-        runs = np.zeros(len(tau), dtype=np.int64)
-        places = parts.astype(np.int64, copy=False), runs
-        return cls(parameters, tuple(actuators), W, tau, mask, *places, least)
+        if mask.dtype != bool or parts.dtype.kind not in "iu":
+            raise DataError(
+                "used must be booleans and stretches whole numbers, not "
+                f"{mask.dtype} and {parts.dtype}"
+            )
+        if (least < 0).any():
+            raise DataError(f"least errors must be from 0 on, not {least.min()}")
+        return cls(
+            parameters,
+            tuple(actuators),
+            W,
+            tau,
+            _shaped(mask, "used", tau.shape),
+            _shaped(parts, "stretches", tau.shape[:1]).astype(np.int64, copy=False),
+            runs=np.zeros(len(tau), dtype=np.int64),
+            least_errors=_shaped(least, "least errors", (dof,)),
+        )
 
     def __len__(self) -> int:
         return len(self.force)
@@ -258,7 +263,8 @@ class FitSamples:
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
-        return replace(self, force=_force(force, self.regressor))
+        tau = _shaped(finite(force, "force"), "force", self.force.shape)
+        return replace(self, force=tau)
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
@@ -272,11 +278,7 @@ class FitSamples:
         DataError
             When they are not of the regressor's shape, or not finite.
         """
-        Z = finite(instruments, "instruments")
-        if Z.shape != self.regressor.shape:
-            raise DataError(
-                f"instruments must have the regressor's shape {self.regressor.shape}, not {Z.shape}"
-            )
+        Z = _shaped(finite(instruments, "instruments"), "instruments", self.regressor.shape)
         return replace(self, instruments=Z)
 
     @classmethod
@@ -310,9 +312,7 @@ class FitSamples:
         )
 
 
-def _force(force: FloatArray, regressor: FloatArray) -> FloatArray:
-    """Forces (N, dof) that go with a regressor (N, dof, n)."""
-    tau = finite(force, "force")
-    if tau.shape != regressor.shape[:2]:
-        raise DataError(f"force must have shape {regressor.shape[:2]}, not {tau.shape}")
-    return tau
+def _shaped(array: NDArray[Any], name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    if array.shape != shape:
+        raise DataError(f"{name} must have shape {shape}, not {array.shape}", argument=name)
+    return array
