@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import DataError
+from loopid.errors import DataError, OptionError
 from loopid.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
 
 NAMES = ("x_m", "z_m", "theta")
@@ -101,11 +101,8 @@ def test_the_mean_of_a_period_is_the_offset():
         (lambda: point_to_point(NAMES, START, []), "waypoint"),
         (lambda: point_to_point(NAMES, START[:2], [Waypoint(START, 1.0)]), "shape"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START * np.nan, 1.0)]), "finite"),
-        (lambda: point_to_point(NAMES, START, [Waypoint(START, 0.0)]), "positive"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START, 1.0)], rate=-1.0), "positive"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START, 1, (Arc("psi", 1),))]), "psi"),
-        (lambda: Arc("z_m", 0.1, 1.0), "flatness"),
-        (lambda: FourierSeries(NAMES, 0.0, START, np.ones((3, 2)), np.ones((3, 2))), "frequency"),
         (lambda: FourierSeries(NAMES, 1.0, START, np.ones((3, 2)), np.ones((3, 1))), "shapes"),
         (lambda: FourierSeries(NAMES, 1.0, START, np.ones(3), np.ones(3)), "shapes"),
         (lambda: Motion(NAMES, np.array([0.0, 0.0]), *np.zeros((3, 2, 3))), "increase"),
@@ -115,3 +112,17 @@ def test_the_mean_of_a_period_is_the_offset():
 def test_wrong_input_is_refused(make, word):
     with pytest.raises(DataError, match=word):
         make()
+
+
+@pytest.mark.parametrize(
+    ("make", "argument"),
+    [
+        (lambda: Waypoint(START, 0.0), "seconds"),
+        (lambda: Arc("z_m", 0.1, 1.0), "flatness"),
+        (lambda: FourierSeries(NAMES, 0.0, START, np.ones((3, 2)), np.ones((3, 2))), "frequency"),
+    ],
+)
+def test_wrong_numbers_are_refused(make, argument):
+    with pytest.raises(OptionError) as refusal:
+        make()
+    assert refusal.value.facts["argument"] == argument

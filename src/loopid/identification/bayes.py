@@ -104,8 +104,6 @@ class Prior:
     ) -> Prior:
         """Uncorrelated parameters with standard deviations (n,)."""
         spread = _without_nan(deviations, "deviations")
-        if spread.shape != (len(parameters),):
-            raise DataError(f"deviations must have shape ({len(parameters)},), not {spread.shape}")
         if (spread <= 0).any():
             raise DataError(f"deviations must be above 0, not {spread.min()}")
         return cls(parameters, values, np.diag(spread**2))

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import FloatArray, checked, number
+from loopid.arguments import FloatArray, Positive, checked, number
 from loopid.errors import DataError, FileError, LogError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading.files import find_motion_file
@@ -36,7 +36,6 @@ SMOOTHING = LowPass(2.0)
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
 
-Positive = Annotated[float, Field(gt=0)]
 Pose = Annotated[dict[str, float], Field(min_length=1)]
 
 
@@ -401,7 +400,7 @@ def read_reference(
     path: str | Path,
     names: Sequence[str],
     *,
-    rate: float = 100.0,
+    rate: Positive = 100.0,
     lowpass: LowPass = SMOOTHING,
 ) -> Motion:
     """Read an evenly sampled motion, smoothed without delay so that it has accelerations.
@@ -440,10 +439,7 @@ def read_reference(
     """
     if not names or len(set(names)) < len(names):
         raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
-    if not 0 < rate < np.inf:
-        raise OptionError(f"the rate must be positive, not {rate} Hz")
-    file = Path(path)
-    rows: list[list[float]] = []
+    file, rows = Path(path), list[list[float]]()
     if why_no_file(file) == "does not exist":
         raise FileError(f"{file} does not exist", file=file)
     with closing(text_blocks(file)) as blocks:
@@ -459,14 +455,12 @@ def read_reference(
                     row=line,
                 )
             rows += [values] if words else []
-    least = lowpass.least_samples(rate)
-    if len(rows) < least:
+    if len(rows) < lowpass.least_samples(rate):
         raise LogError(
             f"{file}: {len(rows)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
-            f"takes {least} at {rate:g} Hz",
+            f"takes {lowpass.least_samples(rate)} at {rate:g} Hz",
             file=file,
             rows=len(rows),
-            least=least,
         )
     position = lowpass.apply(np.array(rows), rate)
     velocity = differentiate(position, rate)

@@ -7,9 +7,12 @@ equations lose the same frequencies [Gautier1997].
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Annotated
 
-from loopid.arguments import FloatArray, checked, finite
+import numpy as np
+from pydantic import Field
+
+from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.records import record
 
@@ -40,14 +43,8 @@ class LowPass:
     True
     """
 
-    cutoff: float
-    order: int = 2
-
-    def __post_init__(self) -> None:
-        if not 0 < self.cutoff < np.inf:
-            raise OptionError(f"the cut-off frequency must be positive, not {self.cutoff} Hz")
-        if self.order < 1:
-            raise OptionError(f"the order of a filter must be at least 1, not {self.order}")
+    cutoff: Positive
+    order: Annotated[int, Field(ge=1)] = 2
 
     def least_samples(self, rate: float) -> int:
         """Fewest samples at a rate (Hz) that can be filtered."""

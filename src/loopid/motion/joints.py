@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
@@ -179,7 +179,7 @@ class MotionReview:
 
 @checked
 def review_motion(
-    mechanism: Mechanism, motion: JointMotion, margin: float = DEFAULT_MARGIN
+    mechanism: Mechanism, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
 ) -> MotionReview:
     """Check a motion against joint limits and a singularity margin.
 
@@ -197,8 +197,6 @@ def review_motion(
     >>> review.problems
     ()
     """
-    if not margin >= 0:
-        raise OptionError(f"margin must be >= 0, not {margin}")
     ranges = []
     for name in mechanism.joints:
         joint = mechanism.joint(name)

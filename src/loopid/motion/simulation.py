@@ -16,6 +16,7 @@ import numpy as np
 
 from loopid.arguments import (
     FloatArray,
+    NotNegative,
     checked,
     finite,
     frozen,
@@ -63,14 +64,9 @@ class Noise:
     Noise(uniform=0.0, gaussian=2.0, encoder_step=2e-05)
     """
 
-    uniform: float = 0.0
-    gaussian: float = 0.0
-    encoder_step: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("uniform", "gaussian", "encoder_step"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise OptionError(f"{name} must be a number from 0 on, not {getattr(self, name)}")
+    uniform: NotNegative = 0.0
+    gaussian: NotNegative = 0.0
+    encoder_step: NotNegative = 0.0
 
 
 @record
@@ -166,7 +162,7 @@ def simulate_measurement(
 
 
 @checked
-def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> FloatArray:
+def scaled_bodies(mechanism: Mechanism, deviation: NotNegative, seed: int = 0) -> FloatArray:
     """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
 
     All ten parameters of a body are multiplied by one factor, log-normal, so that it stays
@@ -182,10 +178,6 @@ def scaled_bodies(mechanism: Mechanism, deviation: float, seed: int = 0) -> Floa
     OptionError
         When the deviation is negative or not finite.
     """
-    if not 0 <= deviation < np.inf:
-        raise OptionError(
-            f"the deviation of the bodies must be a number from 0 on, not {deviation}"
-        )
     values = mechanism.standard_parameters("full")
     factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
     return frozen(values * np.repeat(factors, len(KINDS)))
@@ -210,17 +202,13 @@ def simulate_log(
     cad_error : float
         How far its bodies are off the robot file's; see ``scaled_bodies``.
     """
-    bodies = scaled_bodies(mechanism, cad_error, seed)
-    followed, (chosen, values) = (
-        joint_motion(mechanism, motion),
-        JointTerms.with_values(mechanism, terms),
-    )
+    chosen, values = JointTerms.with_values(mechanism, terms)
     measured = simulate_measurement(
         mechanism,
-        followed,
+        joint_motion(mechanism, motion),
         noise,
         seed=seed,
-        standard_parameters=bodies,
+        standard_parameters=scaled_bodies(mechanism, cad_error, seed),
         joint_terms=chosen,
         joint_values=values,
     )

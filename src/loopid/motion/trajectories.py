@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import FloatArray, checked, finite
+from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError
 from loopid.records import record
 
@@ -90,7 +92,7 @@ class Curve(ABC):
         """Position off the start, rate and acceleration (3, N, c) at times (N,) of so many s."""
         return self.functions(len(self.shape), time, seconds) @ self.shape
 
-    def _check(self) -> None:
+    def __post_init__(self) -> None:
         shape = finite(self.shape, "shape of a curve")
         if shape.ndim != 2 or not shape.size:
             raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
@@ -106,7 +108,7 @@ class FourierCurve(Curve):
     shape: FloatArray
 
     def __post_init__(self) -> None:
-        self._check()
+        super().__post_init__()
         if len(self.shape) % 2:
             raise DataError("a Fourier curve has as many sines as cosines")
         terms = self.at_rest(len(self.shape) // 2)
@@ -144,9 +146,6 @@ class SplineCurve(Curve):
     # (P, c), waypoints less the start, from which it goes and to which it comes back
     shape: FloatArray
 
-    def __post_init__(self) -> None:
-        self._check()
-
     def backwards(self) -> SplineCurve:
         return SplineCurve(self.shape[::-1])
 
@@ -170,11 +169,7 @@ class Arc:
     height: float  # value half-way, in m or rad
     # 0 for a parabola h (1 - u²) with u from -1 to 1 along the way; towards 1 the part of an
     # ellipse that ends ever steeper, h (sqrt(1 - (f u)²) - sqrt(1 - f²)) / (1 - sqrt(1 - f²))
-    flatness: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.flatness < 1:
-            raise DataError(f"flatness must be in [0, 1), not {self.flatness}")
+    flatness: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     def detour(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Value and derivatives by the path parameter s in [0, 1]; each (N,)."""
@@ -208,7 +203,7 @@ class Waypoint:
     """
 
     position: FloatArray
-    seconds: float
+    seconds: Positive
     arcs: tuple[Arc, ...] = ()
     curve: Curve | None = None
 
@@ -286,10 +281,6 @@ def _stops(
         if point.shape != (len(names),):
             raise DataError(f"a waypoint must have shape ({len(names)},), not {point.shape}")
     for waypoint in waypoints:
-        if not 0 < waypoint.seconds < np.inf:
-            raise DataError(
-                f"a way must take a positive time, not {waypoint.seconds} s", given=waypoint.seconds
-            )
         if waypoint.curve is not None and waypoint.curve.shape.shape[1] != len(names):
             raise DataError(f"a curve must have a shape (functions, {len(names)})")
         for arc in waypoint.arcs:
@@ -348,14 +339,12 @@ class FourierSeries:
     """
 
     names: tuple[str, ...]
-    frequency: float
+    frequency: Positive
     offset: FloatArray
     sine: FloatArray
     cosine: FloatArray
 
     def __post_init__(self) -> None:
-        if not 0 < self.frequency < np.inf:
-            raise DataError(f"frequency must be positive, not {self.frequency} Hz")
         for name in ("offset", "sine", "cosine"):
             object.__setattr__(self, name, finite(getattr(self, name), name))
         expected = (len(self.names), *self.sine.shape[1:2])
