@@ -17,11 +17,7 @@ from .choice import (
 )
 from .enumerated import ExhaustiveSearch as ExhaustiveSearch, SubgroupSearch as SubgroupSearch
 from .exact import ExactSearch as ExactSearch
-from .rank import (
-    DoubtfulCombination as DoubtfulCombination,
-    RankTolerances as RankTolerances,
-    without_effect as without_effect,
-)
+from .rank import DoubtfulCombination as DoubtfulCombination, RankTolerances as RankTolerances
 from .structure import (
     Structure as Structure,
     analyse as analyse,

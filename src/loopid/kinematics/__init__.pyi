@@ -1,12 +1,10 @@
 from .assembly import (
-    CLOSURE_TOLERANCE as CLOSURE_TOLERANCE,
     Assembly as Assembly,
     AssemblyOptions as AssemblyOptions,
     assemble as assemble,
     try_assemble as try_assemble,
 )
 from .closing import (
-    FOLDED as FOLDED,
     ClosingOptions as ClosingOptions,
     ModeOptions as ModeOptions,
     assembly_modes as assembly_modes,
@@ -16,7 +14,6 @@ from .closing import (
     nearby_configurations as nearby_configurations,
 )
 from .constraint import (
-    Constraint as Constraint,
     constraint_drift as constraint_drift,
     constraint_jacobian as constraint_jacobian,
     constraint_residual as constraint_residual,
@@ -24,7 +21,6 @@ from .constraint import (
 )
 from .freedoms import (
     Mobility as Mobility,
-    closed_at as closed_at,
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
@@ -54,20 +50,13 @@ from .projection import (
 )
 from .reactions import bearing_forces as bearing_forces
 from .rounding import (
-    SIX_DIGITS as SIX_DIGITS,
     Accuracy as Accuracy,
-    changes as changes,
-    exact_geometry as exact_geometry,
     geometry_accuracy as geometry_accuracy,
-    largest_gap as largest_gap,
-    rounding_that_closes as rounding_that_closes,
     same_motion as same_motion,
     within_accuracy as within_accuracy,
 )
 from .sampling import (
-    DEFAULT_MARGIN as DEFAULT_MARGIN,
     SamplingOptions as SamplingOptions,
-    configuration_batches as configuration_batches,
     random_configurations as random_configurations,
     random_motions as random_motions,
 )

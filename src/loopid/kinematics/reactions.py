@@ -20,7 +20,7 @@ from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
 from loopid.parameters import KINDS
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, motion_subspace
 
 UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
 
@@ -66,7 +66,9 @@ def bearing_forces(
     units = mechanism.coordinate_scales[dependent]
     supports = mechanism.closure_frames[1]
     moved = supports[:, [tree.joints[j].idx_v for j in joints]]
-    slides = [_slides(tree, j) for j in joints]
+    # Directions (3, k) along which each slides, in its own frame.
+    subspaces = [motion_subspace(tree, j) for j in joints]
+    slides = [S[:3, ~S[3:].any(axis=0)] for S in subspaces]
     forces = np.empty((len(motion.configurations), len(joints)))
     undetermined = np.zeros(len(joints), dtype=bool)
     for rows in blocks(len(forces)):
@@ -86,14 +88,6 @@ def bearing_forces(
             force[:, k] -= np.einsum("nia,nja,nj->ni", along, along, force[:, k])
         forces[rows] = np.linalg.norm(force, axis=2)
     return forces, undetermined
-
-
-def _slides(tree: pin.Model, joint: int) -> FloatArray:
-    """Directions (3, k) along which a joint slides, in its own frame."""
-    own, data = tree.joints[joint], tree.joints[joint].createData()
-    own.calc(data, pin.neutral(tree)[own.idx_q : own.idx_q + own.nq])
-    S = np.asarray(data.S).reshape(6, -1)
-    return S[:3, ~S[3:].any(axis=0)]
 
 
 def _with_bodies(mechanism: Mechanism, standard_parameters: FloatArray) -> pin.Model:

@@ -30,7 +30,7 @@ from loopid.kinematics.projection import (
 )
 from loopid.records import record
 from loopid.robot.closures import CLOSURE_KINDS, FramePair, LoopClosure, PairRates
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, motion_subspace
 
 # Numbers with fewer decimals are round by design; those with more have all the digits there are.
 LEAST_DECIMALS, MOST_DECIMALS = 5, 12
@@ -249,16 +249,6 @@ def _closed(mechanism: Mechanism, closure: LoopClosure, a: pin.SE3, b: pin.SE3) 
 # Directions.
 
 
-def _axis(joint: pin.JointModel, neutral: FloatArray) -> FloatArray | None:
-    """Direction (3,) of a hinge or slide in its child's frame; None of other joints."""
-    if joint.nv != 1:
-        return None
-    data = joint.createData()
-    joint.calc(data, neutral)
-    twist = np.asarray(data.S, dtype=np.float64).reshape(6)
-    return twist[3:] if twist[3:].any() else twist[:3]
-
-
 @dataclass(frozen=True)
 class _Direction:
     """An axis in the world, the place that it turns with, and the bodies that hold it."""
@@ -271,8 +261,7 @@ class _Direction:
 
 def _directions(mechanism: Mechanism, world: _World) -> list[_Direction]:
     """Axes of hinges, slides and closures; bodies that do not turn against each other are one."""
-    model, neutral = mechanism.model, pin.neutral(mechanism.model)
-    body = list(range(model.njoints))
+    model, body = mechanism.model, list(range(mechanism.model.njoints))
     found = []
 
     def unite(one: int, other: int) -> None:
@@ -287,10 +276,11 @@ def _directions(mechanism: Mechanism, world: _World) -> list[_Direction]:
         if any(part.count == 3 and part.angular for part in closure.equations):
             unite(one, other)
     for k in range(1, model.njoints):
-        axis = _axis(model.joints[k], neutral)
-        if axis is not None:
+        if model.joints[k].nv == 1:
+            slide, turn = motion_subspace(model, k).reshape(2, 3)
+            axis = world.joints[k].rotation @ (turn if turn.any() else slide)
             held = frozenset((body[model.parents[k]], body[k]))
-            found.append(_Direction(world.joints[k].rotation @ axis, world.joints, k, held))
+            found.append(_Direction(axis, world.joints, k, held))
     for k, closure in enumerate(mechanism.closures):
         kind, apart = CLOSURE_KINDS[closure.kind], closure.kind in ("universal", "2d")
         for side, along in enumerate(closure.axes if kind.axes else ()):

@@ -1,15 +1,9 @@
-from .files import (
-    bundled_directory as bundled_directory,
-    bundled_robots as bundled_robots,
-    find_files as find_files,
-    find_motion_file as find_motion_file,
-)
+from .files import bundled_directory as bundled_directory, bundled_robots as bundled_robots
 from .load import (
     InertiaDefect as InertiaDefect,
     inertia_defects as inertia_defects,
     load_mechanism as load_mechanism,
     odd_masses as odd_masses,
-    unequal_links as unequal_links,
 )
 from .tree import TreeSource as TreeSource, add_frame as add_frame
 from .urdf import Dialect as Dialect, closure_of as closure_of, linked as linked

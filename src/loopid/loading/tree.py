@@ -12,7 +12,7 @@ import pinocchio as pin
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description, joint_named
-from loopid.robot.mechanism import LeftOut
+from loopid.robot.mechanism import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF
@@ -146,9 +146,7 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
         if name not in chains and model.existJointName(name):
             joint = model.joints[model.getJointId(name)]
             if joint.nv == 1 and joint.nq == 2:
-                data = joint.createData()
-                joint.calc(data, pin.neutral(model))
-                axis = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
+                axis = motion_subspace(model, model.getJointId(name))[3:, 0]
                 chains[name] = (("", pin.JointModelRevoluteUnaligned(axis)),)
     return chains
 

@@ -80,7 +80,9 @@ def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False
     with naming(path):
         model = build_model(urdf, floating_base)
         mimics = {} if free_mimics else _mimics(joints)
-        closures, notes = _second_parents(urdf, model), _second_notes(urdf)
+        closures = _second_parents(urdf, model)
+        what = "gives its link a second parent: it closes a loop"
+        notes = [f"{label(element)} {what}" for element in urdf.second]
         signs = [sign for sign in urdf_dialects if urdf.root.xpath(sign)]
         dialects = [urdf_dialects[sign](urdf, model) for sign in signs]
         closures += [closure for dialect in dialects for closure in dialect.closures]
@@ -156,11 +158,6 @@ def _second_parents(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription
             places = placement(element.find("origin")), pin.SE3.Identity()
             found.append(closure_of(model, element, linked(urdf, element), places))
     return found
-
-
-def _second_notes(urdf: UrdfFile) -> list[str]:
-    what = "gives its link a second parent: it closes a loop"
-    return [f"{label(element)} {what}" for element in urdf.second]
 
 
 def linked(

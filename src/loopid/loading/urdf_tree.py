@@ -48,7 +48,6 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
     "mimic": {"multiplier": (1, "1"), "offset": (1, "0")},
 }
 LEAST_AXIS = 1e-9
-MOST_LINKS = 2000  # far more than robots have
 ROOT_JOINT = "root_joint"
 WORDS = {1: "a finite number", 3: "three finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
@@ -83,8 +82,6 @@ def read_urdf_file(path: Path) -> UrdfFile:
         if not name.isprintable():
             raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
         copy = etree.Element("robot", {"name": name})
-        if len(root.findall("link")) > MOST_LINKS:
-            raise RobotFileError(f"it has more than the {MOST_LINKS} links that are read")
         second, carried = list[Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
             with naming(f"{element.tag!s} {required(element, 'name')}"):

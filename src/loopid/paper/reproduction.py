@@ -411,7 +411,6 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
     with warnings.catch_warnings():
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
         warnings.simplefilter("ignore", DataWarning)
-        warnings.simplefilter("ignore", DataWarning)
         in_steps = fit_in_steps(warm_up, main, friction, estimator="ols")
     return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
 

@@ -6,20 +6,11 @@ from .closed_loop import (
     gravity_regressor as gravity_regressor,
     motion_parameters as motion_parameters,
     motion_regressor as motion_regressor,
-    standard_values as standard_values,
 )
-from .joint_laws import (
-    JOINT_TERMS as JOINT_TERMS,
-    JointState as JointState,
-    JointTerm as JointTerm,
-    joint_term as joint_term,
-)
+from .joint_laws import JOINT_TERMS as JOINT_TERMS, JointState as JointState, JointTerm as JointTerm
 from .joint_terms import (
-    NO_TERMS as NO_TERMS,
-    OF_FILE as OF_FILE,
     FileForce as FileForce,
     JointTerms as JointTerms,
     file_forces as file_forces,
-    warn_of_omitted as warn_of_omitted,
 )
 from .structural import structural_observation as structural_observation

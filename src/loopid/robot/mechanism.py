@@ -467,14 +467,13 @@ class Mechanism:
         Joints follow their parents, and siblings one another by where and how they move, and what
         they carry.
         """
-        own, neutral = list[tuple[float, ...]]([()]), pin.neutral(self.model)
+        own = list[tuple[float, ...]]([()])
         for k in range(1, self.model.njoints):
             joint, place = self.model.joints[k], self.model.jointPlacements[k]
-            data, q = joint.createData(), slice(joint.idx_q, joint.idx_q + joint.nq)
-            joint.calc(data, neutral[q])
+            q, S = slice(joint.idx_q, joint.idx_q + joint.nq), motion_subspace(self.model, k)
             inertia = self.model.inertias[k].toDynamicParameters()
             values = [values[q] for values in (*self.position_limits, self.reference)]
-            parts = (place.translation, place.rotation, data.S, inertia, *values)
+            parts = (place.translation, place.rotation, S, inertia, *values)
             own.append(tuple(round(float(x), 9) + 0.0 for p in parts for x in np.ravel(p)))
         paths: list[tuple[Any, ...]] = [()]
         for k in range(1, self.model.njoints):
@@ -517,6 +516,14 @@ class Mechanism:
 
 
 _thread = threading.local()
+
+
+def motion_subspace(model: pin.Model, joint: int) -> FloatArray:
+    """Velocity (6, nv) of a joint at its neutral position, in its own frame, linear first."""
+    own = model.joints[joint]
+    data = own.createData()
+    own.calc(data, pin.neutral(model))
+    return np.asarray(data.S, dtype=np.float64).reshape(6, -1)
 
 
 def scratch_data(model: pin.Model) -> pin.Data:
