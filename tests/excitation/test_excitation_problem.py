@@ -1,5 +1,3 @@
-import os
-
 import coal
 import numpy as np
 import pytest
@@ -7,7 +5,7 @@ import pytest
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, MotionLimits, find_force_model, load_mechanism
 from loopid.errors import ModelWarning
-from loopid.excitation import CRITERIA
+from loopid.excitation import CRITERIA, DesignOptions
 from loopid.excitation.collisions import Collisions, convex_hull
 from loopid.excitation.limits import Bounds
 from loopid.excitation.problem import Coordinates, Problem, evaluate
@@ -18,25 +16,25 @@ from loopid.kinematics import measured_coordinates
 def problem(mechanism, model, terms=None, platform=False):
     force_model = find_force_model(mechanism, model, terms)
     n = len(force_model.parameters)
-    limits = MotionLimits(accelerations={"all": 5.0})
+    limits = MotionLimits(accelerations={"all": 5.0}, singularity=0.02)
     return Problem(
         force_model=force_model,
-        coordinates=Coordinates(force_model, mechanism.platform.names if platform else None),
+        coordinates=Coordinates(mechanism, platform),
         shape=FourierShape(8.0, 3),
-        bounds=Bounds(mechanism, limits, 0.02, model == "gravity", mechanism.reference[None]),
+        bounds=Bounds(mechanism, limits, mechanism.reference[None], model == "gravity"),
         criterion=CRITERIA["D"],
         noise=np.linspace(1.0, 2.0, len(mechanism.actuated)),
         basis=np.eye(n),
         prior=np.zeros((n, n)),
-        samples=800,
-        inset=0.01,
+        options=DesignOptions(),
     )
 
 
 def point(given, size):
-    names = "platform" if given.coordinates.on_platform else given.coordinates.names
     mechanism = given.force_model.mechanism
-    home = measured_coordinates(mechanism, names).read(mechanism.reference[None])[0]
+    home = measured_coordinates(mechanism, given.coordinates.measured).read(
+        mechanism.reference[None]
+    )[0]
     shape = given.shape
     around = size * shape.draw(np.random.default_rng(3), len(home)) * given.coordinates.units
     return given.of_variables(np.outer(shape.still(), home) + around)
@@ -86,11 +84,10 @@ def test_collisions_are_distances_between_links(tmp_path):
     found = Collisions(robot, q)
     assert found.pairs == 1
     np.testing.assert_allclose(found.least(q), np.abs(1 + np.exp(1j * q[:, 1])) - 0.3, atol=1e-6)
-    # A mesh that is no file is not waited for.
-    os.mkfifo(tmp_path / "fore.stl")
+    # Without a mesh, no link touches another.
     mesh = f'<mesh filename="file://{tmp_path}/fore.stl"/>'
     file.write_text(file.read_text().replace("<sphere radius='0.1'/>", mesh))
-    with pytest.warns(ModelWarning, match=r"there is no mesh .*fore\.stl"):
+    with pytest.warns(ModelWarning, match=r"fore\.stl"):
         assert Collisions(robot, q).pairs == 0
 
 

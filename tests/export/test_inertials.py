@@ -4,7 +4,7 @@ import numpy as np
 from feasible_changes import pseudo, solid, standard
 from hypothesis import given, strategies as st
 
-from loopid.export.sharing import shared, shared_at_rest
+from loopid.export.robot_file import shared, shared_at_rest
 from loopid.inertia import body_defect
 
 SEEDS = st.integers(0, 10_000)

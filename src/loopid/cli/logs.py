@@ -244,7 +244,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.everything import export_fit
+    from loopid.export.everything import ExportOptions, export_fit
     from loopid.identification.saved import read_fit
 
     saved = read_fit(fit)
@@ -257,9 +257,7 @@ def export(
         yaml=yaml,
         c=c,
         name=name,
-        repair=repair,
-        any_mass=any_mass,
-        overwrite=overwrite,
+        options=ExportOptions(repair=repair, any_mass=any_mass, overwrite=overwrite),
     )
     places = [str(place) for place in written]
     if as_json:

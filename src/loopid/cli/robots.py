@@ -222,7 +222,7 @@ def excite(
     """
     from loopid.excitation.design import design_excitation
     from loopid.excitation.limits import MotionLimits
-    from loopid.excitation.options import DesignOptions
+    from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_files, excitation_record, excitation_tables

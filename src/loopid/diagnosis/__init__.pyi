@@ -1,14 +1,7 @@
 from .bands import BandSweep as BandSweep, sweep_bands as sweep_bands
-from .comparison import PredictionError as PredictionError, prediction_errors as prediction_errors
-from .elimination import (
-    Reduction as Reduction,
-    ReductionStep as ReductionStep,
-    eliminate as eliminate,
-    eliminate_parameters as eliminate_parameters,
-    judge_essential as judge_essential,
-)
 from .log_mistakes import (
     MotorGain as MotorGain,
+    SuspicionOptions as SuspicionOptions,
     Suspicions as Suspicions,
     diagnose as diagnose,
     suspicions as suspicions,
@@ -22,6 +15,17 @@ from .payload import (
     drive_gains as drive_gains,
     identify_payload as identify_payload,
 )
+from .selection import (
+    PredictionError as PredictionError,
+    Reduction as Reduction,
+    ReductionStep as ReductionStep,
+    eliminate as eliminate,
+    eliminate_parameters as eliminate_parameters,
+    influence as influence,
+    judge_essential as judge_essential,
+    prediction_errors as prediction_errors,
+    truncated_values as truncated_values,
+)
 from .study import (
     Study as Study,
     StudyOptions as StudyOptions,
@@ -33,4 +37,3 @@ from .term_sets import (
     TermSet as TermSet,
     compare_terms as compare_terms,
 )
-from .truncation import influence as influence, truncated_values as truncated_values

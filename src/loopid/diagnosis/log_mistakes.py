@@ -33,32 +33,65 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
-# Samples that are looked at, evenly spread; fewest of a motor, and that count as independent.
-MOST_SAMPLES, LEAST_SAMPLES, LEAST_INDEPENDENT = 120, 30, 10
-# Standard deviation of the robot file's parameters, in sizes of the bodies, of joint terms, in
-# forces by the robot file, and of the offset of any drive, or of friction that differs with the
-# direction, in its forces.
-PRIOR, FLAT, OFFSET = 0.5, 10.0, 0.1
-# Errors count as at least this part of the force: no model is exact.
-MODEL_ERROR = 0.003
-# Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
-# from which a mistake is suspected.
-EVIDENCE = 3.0
-ROUNDS, ITERATIONS = 3, 8  # mistakes one after the other, and steps to the weights of a fit
+# Gains, and shifts as parts of the range of the positions, that are tried first.
+GAINS, SHIFTS = np.logspace(-4, 4, 17), np.array([0.06, 0.2, 0.5, 1.0])
+# Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or
+# of friction that differs with the direction, in its forces.
+FLAT, OFFSET = 10.0, 0.1
 STEP = 5e-4  # for derivatives, of the sizes that are tried
 COARSE = 0.1  # least part of the way to other positions that is gone at a time
-CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
 LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
-# Gains that are tried first, and the least of one motor and of all that is worth a sentence.
-GAINS, LEAST_GAIN, LEAST_COMMON_GAIN = np.logspace(-4, 4, 17), 1.25, 4.0
-# The same of a shift, as a part of the range of the positions, up to three times the usual.
-SHIFTS, LEAST_SHIFT = np.array([0.06, 0.2, 0.5, 1.0]), 0.02
-# From these errors, as a part of the force, or squares of deviations from the robot file on, a log
-# is strange; errors of motors that were exchanged, over those before.
-STRANGE_ERROR, STRANGE_BODIES, BETTER = 0.05, 12.0, 0.8
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
-SILENT = 1e-6  # relative, squared, of combinations of parameters that hardly change a force
+LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
 INTERVAL, TINY, HOPELESS = 1.96, 1e-300, 1e9  # the first in standard deviations
+
+
+@record(kw_only=True)
+class SuspicionOptions:
+    """What counts as a mistake in a log.
+
+    Attributes
+    ----------
+    samples : int
+        That are looked at, evenly spread: more hardly add what is independent.
+    least_samples : int
+        Fewest of a motor.
+    prior : float
+        Standard deviation of the robot file's parameters, in sizes of the bodies.
+    model_error : float
+        Part of the force that errors have at least: no model is exact.
+    evidence : float
+        Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may
+        be, from which a mistake is suspected: 3 is one in twenty.
+    rounds : int
+        Mistakes one after the other.
+    gain, common_gain : float
+        Least of one motor, and of all, that is worth a sentence: bodies that are off by half, or
+        made of another material, are none.
+    shift : float
+        The same, as a part of the range of the positions.
+    closing : float
+        Part of the samples whose loops must close once a mistake is undone.
+    error, deviation : float
+        A log is strange from these errors, as a part of the force, or this sum of squared
+        deviations from the robot file on.
+    better : float
+        Errors of motors that were exchanged, over those before, at most.
+    """
+
+    samples: int = 120
+    least_samples: int = 30
+    prior: float = 0.5
+    model_error: float = 0.003
+    evidence: float = 3.0
+    rounds: int = 3
+    gain: float = 1.25
+    common_gain: float = 4.0
+    shift: float = 0.02
+    closing: float = 0.9
+    error: float = 0.05
+    deviation: float = 12.0
+    better: float = 0.8
 
 
 @record
@@ -96,10 +129,19 @@ class Suspicions:
     gains: tuple[MotorGain, ...] = ()
     sentences: tuple[str, ...] = ()
 
+    def warn(self) -> None:
+        """Tell of each mistake."""
+        for sentence in self.sentences:
+            warn(f"{self.recording}: {sentence}", DataWarning)
+
 
 @checked
 def suspicions(
-    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+    mechanism: Mechanism,
+    recordings: Sequence[Recording],
+    joint_terms: JointTerms | None = None,
+    *,
+    options: SuspicionOptions = SuspicionOptions(),
 ) -> Suspicions:
     """Look for mistakes in a log that would explain its forces clearly better.
 
@@ -110,22 +152,23 @@ def suspicions(
         Parts of one log, at least one.
     joint_terms : JointTerms, optional
         Explanations, too, beside friction and drive inertia of the motors.
+    options : SuspicionOptions, optional
 
     Returns
     -------
     Suspicions
-        Empty where fewer than 30 samples of each motor can be used.
+        Empty where too few samples of each motor can be used.
     """
     nothing = Suspicions(recordings[0].name)
     if mechanism.free or not mechanism.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
-        model = _Model(mechanism, recordings, joint_terms)
+        model = _Model(mechanism, recordings, joint_terms, options)
         if not model.present:
             return nothing
         found, sentences = model.weighed(model.signals), []
         undone: list[_Mistake] = []
-        for _ in range(ROUNDS):
+        for _ in range(options.rounds):
             finds = [
                 find
                 for mistake in _mistakes(model, found)
@@ -133,12 +176,12 @@ def suspicions(
                 and (find := _found(model, mistake, found))
             ]
             finds.sort(key=lambda find: find.evidence, reverse=True)
-            if not finds or finds[0].evidence - found.evidence < EVIDENCE:
+            if not finds or finds[0].evidence - found.evidence < options.evidence:
                 break
             best, *others = finds
             rivals = [one for one in others if not one.mistake.repeats(best.mistake)]
-            close = [one.sentence for one in rivals if best.evidence - one.evidence < EVIDENCE]
-            sentences.append("; or, nearly as likely, ".join([best.sentence, *close[:1]]))
+            close = [one for one in rivals if best.evidence - one.evidence < options.evidence][:1]
+            sentences.append("; or, nearly as likely, ".join(e.sentence for e in [best, *close]))
             found = model.weighed(best.signals)
             undone.append(best.mistake)
         gains = tuple(_gains(model, found))
@@ -166,38 +209,26 @@ def diagnose(found: Identification) -> tuple[Suspicions, ...]:
     """
     runs = (*found.training, *found.validation, *found.friction)
     model = found.force_model
-    return tuple(
-        suspicions(model.mechanism, parts, model.joint_terms) for parts in _by_log(runs).values()
-    )
+    return _by_log(model.mechanism, runs, model.joint_terms)
 
 
-def _by_log(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Parts of one log, which have one name, together."""
+@checked
+def warn_of_suspicions(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> None:
+    """Warn of each mistake in each log, its parts, which have one name, taken together."""
+    for one in _by_log(mechanism, recordings, joint_terms):
+        one.warn()
+
+
+def _by_log(
+    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+) -> tuple[Suspicions, ...]:
+    """``suspicions`` of each log, its parts, which have one name, taken together."""
     logs: dict[str, list[Recording]] = {}
     for recording in recordings:
         logs.setdefault(recording.name, []).append(recording)
-    return logs
-
-
-def warn_of_suspicions(
-    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
-) -> tuple[Suspicions, ...]:
-    """``suspicions`` of each log, its parts, which have one name, taken together.
-
-    Warns
-    -----
-    DataWarning
-        Of each mistake.
-    """
-    logs = _by_log(recordings).values()
-    found = tuple(suspicions(mechanism, parts, joint_terms) for parts in logs)
-    for one in found:
-        for sentence in one.sentences:
-            warn(f"{one.recording}: {sentence}", DataWarning)
-    return found
-
-
-# ---- what is suspected --------------------------------------------------------------------------
+    return tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,28 +288,25 @@ class _Mistake:
 
 def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
     """Those that there may be."""
-    size, everyone = found.signals.size, tuple(model.present)
+    size, everyone, options = found.signals.size, tuple(model.present), model.options
     one_each = [(k,) for k in everyone]
     possible = found.columns.known**2 + (found.columns.terms**2).sum(axis=2)
     # Larger gains would have all bodies weigh nothing.
     largest = LARGEST * np.maximum(size / np.sqrt(possible.mean(axis=0) + TINY), 1.0)
     for motors in [*one_each, *([everyone] if len(everyone) > 1 else [])]:
         gains = GAINS[: np.searchsorted(GAINS, largest[list(motors)].max())]
-        least = LEAST_GAIN if len(motors) == 1 else LEAST_COMMON_GAIN
+        least = options.gain if len(motors) == 1 else options.common_gain
         yield _Mistake("gain", motors, np.concatenate([-gains[::-1], gains]), (1 / least, least))
     moving = [k for k in everyone if model.range[k] > 0]
     straight = np.isin(model.mechanism.velocity_indices(model.names), model.mechanism.prismatic)
     alike = [tuple(k for k in moving if straight[k] == flag) for flag in (True, False)]
     for motors in [*((k,) for k in moving), *(group for group in alike if len(group) > 1)]:
         unit = model.range[list(motors)].max()
-        sizes, least = unit * np.concatenate([-SHIFTS[::-1], [0.0], SHIFTS]), unit * LEAST_SHIFT
+        sizes, least = unit * np.concatenate([-SHIFTS[::-1], [0.0], SHIFTS]), unit * options.shift
         yield _Mistake("shift", motors, sizes, (-least, least))
     for pair in combinations(everyone, 2):
         for kind in ("forces", "positions", "positions and forces"):
             yield _Mistake(kind, pair)
-
-
-# ---- evidence -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,21 +329,20 @@ class _Explanation:
     error: FloatArray  # (d,), in the root mean square
     errors: tuple[FloatArray, ...]  # (R,) of each motor
 
-    def strange(self, motors: Sequence[int]) -> bool:
-        """Whether errors of motors are large, or bodies are far from the robot file's."""
-        large = (self.error > STRANGE_ERROR * self.signals.size)[list(motors)].any()
-        return bool(large or self.values @ self.values > STRANGE_BODIES)
-
 
 class _Model:
     """Explains the samples of a log."""
 
     def __init__(
-        self, mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None
+        self,
+        mechanism: Mechanism,
+        recordings: Sequence[Recording],
+        joint_terms: JointTerms | None,
+        options: SuspicionOptions,
     ) -> None:
-        self.mechanism, self.joint_terms = mechanism, joint_terms
+        self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
         self.names: tuple[str, ...] = recordings[0].actuators
-        parts = [self._samples(one, MOST_SAMPLES // len(recordings)) for one in recordings]
+        parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
         q, rates, force, used = map(np.concatenate, zip(*parts, strict=True))
         # Of joints that turn without end, too.
         position = np.unwrap(JointCoordinates(mechanism, self.names).read(q.copy()), axis=0)
@@ -323,7 +350,7 @@ class _Model:
         counts = np.maximum(used.sum(axis=0), 1)
         size = np.sqrt(np.where(used, force**2, 0.0).sum(axis=0) / counts)
         signals = _Signals(q, position, rates, force, used, size, np.ones(len(size)))
-        counted = np.isin(self.names, mechanism.actuated) & (counts >= LEAST_SAMPLES)
+        counted = np.isin(self.names, mechanism.actuated) & (counts >= options.least_samples)
         self.present = np.flatnonzero(counted & (size > 0)).tolist()
         self.independent = np.full(len(self.names), float(LEAST_INDEPENDENT))  # samples of each
         self.bodies = mechanism.standard_parameters("full")
@@ -335,10 +362,10 @@ class _Model:
         per_force = 1 / np.where(self.expected > 0, self.expected, inf)
         joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
         flat = FLAT / np.where(joints > 0, joints, inf)
-        sizes = PRIOR * body_sizes(mechanism, "full")
+        sizes = options.prior * body_sizes(mechanism, "full")
         table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
         squares, bodies = np.linalg.eigh(table.T @ table)
-        felt = bodies[:, squares > SILENT * squares[-1]]
+        felt = bodies[:, squares > 1e-6 * squares[-1]]
         self.unknowns = block_diag(sizes[:, None] * felt, np.diag(flat))  # by standard deviation
         self.signals = replace(signals, columns=self._columns(signals, q, np.ones(len(q), bool)))
 
@@ -376,7 +403,7 @@ class _Model:
         q[found.assembled] = found.configurations[found.assembled]
         closed = found.assembled & (singularity_measure(mechanism, q) >= MaskOptions().singularity)
         q[~closed] = signals.start[~closed]
-        return self._columns(signals, q, closed) if closed.mean() >= CLOSING else None
+        return self._columns(signals, q, closed) if closed.mean() >= self.options.closing else None
 
     def explained(self, signals: _Signals) -> _Explanation | None:
         """Fit what explains the forces; None where the loops do not close."""
@@ -393,7 +420,7 @@ class _Model:
             tables.append(np.column_stack([one - own @ (own.T @ one) for one in table]))
         grams = np.stack([table.T @ table / len(table) for table in tables])
         independent = self.independent[present]
-        least = MODEL_ERROR * signals.size[present]
+        least = self.options.model_error * signals.size[present]
         n, sigma = grams.shape[1] - 2, np.maximum(np.sqrt(grams[:, -1, -1]), least)
         for _ in range(ITERATIONS):
             total = np.tensordot(independent / sigma**2, grams, 1)
@@ -416,6 +443,11 @@ class _Model:
         explained = self.explained(signals)
         return -HOPELESS if explained is None else explained.evidence
 
+    def strange(self, found: _Explanation, motors: Sequence[int]) -> bool:
+        """Whether errors of motors are large, or bodies are far from the robot file's."""
+        large = (found.error > self.options.error * found.signals.size)[list(motors)].any()
+        return bool(large or found.values @ found.values > self.options.deviation)
+
     def weighed(self, signals: _Signals) -> _Explanation:
         """Fit what explains the forces, samples counting by how correlated their errors are."""
         found = self.explained(signals)
@@ -425,13 +457,10 @@ class _Model:
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         found = self.explained(found.signals)
         assert found is not None
-        if found.strange(self.present):  # on another branch than the reference, perhaps
+        if self.strange(found, self.present):  # on another branch than the reference, perhaps
             start = np.repeat(self.mechanism.reference[None], len(found.signals.start), axis=0)
             found = replace(found, signals=replace(found.signals, start=start))
         return found
-
-
-# ---- decision -----------------------------------------------------------------------------------
 
 
 class _Find(NamedTuple):
@@ -489,9 +518,9 @@ def _promising(model: _Model, mistake: _Mistake, found: _Explanation) -> bool:
     """
     sizes, signals, before = mistake.sizes, found.signals, found.columns
     assert sizes is not None
-    if found.strange(mistake.motors):
+    if model.strange(found, mistake.motors):
         tried = (model.evidence(mistake.undone(signals, size)) for size in sizes)
-        if any(evidence > found.evidence + EVIDENCE for evidence in tried):
+        if any(evidence > found.evidence + model.options.evidence for evidence in tried):
             return True
     small = float(sizes.mean() + STEP * np.ptp(sizes))
     moved = model.columns(mistake.undone(signals, small))
@@ -506,8 +535,8 @@ def _promising(model: _Model, mistake: _Mistake, found: _Explanation) -> bool:
 def _exchanged(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | None:
     """Two motors exchanged, where the log is strange and errors of both are smaller then."""
     pair = list(mistake.motors)
-    other = model.explained(mistake.undone(found.signals)) if found.strange(pair) else None
-    if other is None or (other.error > BETTER * found.error)[pair].any():
+    other = model.explained(mistake.undone(found.signals)) if model.strange(found, pair) else None
+    if other is None or (other.error > model.options.better * found.error)[pair].any():
         return None
     return _Find(mistake, other.signals, other.evidence, _sentence(model, mistake, 1.0, 0.0))
 
@@ -521,9 +550,6 @@ def _gains(model: _Model, found: _Explanation) -> Iterator[MotorGain]:
             gain, reach = before * factor, abs(before) * INTERVAL * deviation
             if reach < max(abs(gain), 1.0):
                 yield MotorGain(model.names[k], gain, (gain - reach, gain + reach))
-
-
-# ---- sentence -----------------------------------------------------------------------------------
 
 
 def _sentence(model: _Model, mistake: _Mistake, size: float, reach: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
-from html import escape
 
 import numpy as np
 from scipy.special import stdtrit
@@ -19,7 +18,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.logs.recording import Recording
 from loopid.observation import Observation
-from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet, html_table
+from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet
 from loopid.records import record
 
 PAYLOAD = "payload"
@@ -110,20 +109,15 @@ class PayloadFit:
             )
         return rows
 
-    def _rows(self) -> list[tuple[str, str, str, str]]:
-        told = zip(self.base.expressions, self.values, self.intervals(), strict=True)
-        return [
-            (name, f"{value:.5g}", "{:.5g} ... {:.5g}".format(*interval), self.parameters[k].unit)
-            for k, (name, value, interval) in enumerate(told)
-        ]
-
     def __repr__(self) -> str:
-        lines = [f"  {name}: {value} {unit} [{span}]" for name, value, span, unit in self._rows()]
+        told = zip(
+            *(self.base.expressions, self.values, self.parameters, self.intervals()), strict=True
+        )
+        lines = [
+            f"  {name}: {value:.5g} {parameter.unit} [{low:.5g} ... {high:.5g}]"
+            for name, value, parameter, (low, high) in told
+        ]
         return "\n".join([f"PayloadFit on {self.link}:", *lines[:9]])
-
-    def _repr_html_(self) -> str:
-        head = ("payload", "value", "95 % interval", "unit")
-        return f"<p>payload on {escape(self.link)}</p>{html_table(head, self._rows())}"
 
 
 @record
@@ -155,16 +149,10 @@ class GainFit:
         reach = reach * np.sqrt(np.diag(self.covariance))
         return np.stack([self.gains - reach, self.gains + reach], axis=1)
 
-    def _rows(self) -> list[tuple[str, str, str]]:
-        told = zip(self.actuators, self.gains, self.intervals(), strict=True)
-        return [(n, f"{gain:.4f}", "{:.4f} ... {:.4f}".format(*span)) for n, gain, span in told]
-
     def __repr__(self) -> str:
-        lines = [f"  {name}: {gain} [{span}]" for name, gain, span in self._rows()[:9]]
-        return "\n".join(["GainFit, true force over logged force:", *lines])
-
-    def _repr_html_(self) -> str:
-        return html_table(("motor", "true over logged force", "95 % interval"), self._rows())
+        told = zip(self.actuators, self.gains, self.intervals(), strict=True)
+        lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
+        return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
 
 
 @checked
@@ -191,10 +179,6 @@ def identify_payload(
     unloaded, loaded : sequence of Recording
     estimator : Estimator or str
         As in ``fit``.
-
-    Returns
-    -------
-    PayloadFit
 
     Raises
     ------
@@ -234,9 +218,19 @@ def identify_payload(
     """
     if not unloaded or not loaded:
         raise DataError("a payload takes recordings without it, and others with it")
-    base, columns = _payload_base(force_model, link)
-    parts = [_augmented(force_model, run, base, columns, 0.0) for run in unloaded]
-    parts += [_augmented(force_model, run, base, columns, 1.0) for run in loaded]
+    columns = _link_columns(force_model, link)
+    regressor = force_model.random_regressor[:, :, columns]
+    if not regressor.any():
+        raise RankError(f"no force of a motor depends on a payload on {link}")
+    names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])
+    observation = Observation.from_matrix(regressor, names, length=force_model.mechanism.length)
+    base, parts = find_base_parameters(observation), []
+    for carried, run in [*((0.0, run) for run in unloaded), *((1.0, run) for run in loaded)]:
+        samples = force_model.samples(run)
+        added = carried * base.regressor(_link_regressor(force_model, run, columns))
+        W = np.concatenate([samples.regressor, added], axis=2)
+        every = force_model.parameters + base.parameters.select(base.base)
+        parts.append(replace(samples, parameters=every, regressor=W))
     return PayloadFit(link, base, fit(FitSamples.combined(parts), estimator))
 
 
@@ -332,8 +326,7 @@ def drive_gains(
         raise DataError("drive gains take recordings without the known mass, and others with it")
     known = load.parameters
     columns = _link_columns(force_model, link)
-    runs = [*unloaded, *loaded]
-    samples = FitSamples.combined([force_model.samples(run) for run in runs])
+    samples = FitSamples.combined([force_model.samples(run) for run in [*unloaded, *loaded]])
     added = [np.zeros_like(run.force) for run in unloaded]
     added += [_link_regressor(force_model, run, columns) @ known[: len(columns)] for run in loaded]
     W, n, dof = samples.regressor, len(force_model.parameters), len(samples.actuators)
@@ -369,9 +362,8 @@ def drive_gains(
             )
         if change <= CONVERGED:
             spread = step.covariance[n:, n:] / np.outer(scales**2, scales**2)
-            gains = frozen(1 / scales), frozen(spread)
             freedom = float(step.degrees_of_freedom.min())
-            return GainFit(samples.actuators, *gains, freedom, frozen(values))
+            return GainFit(samples.actuators, 1 / scales, spread, freedom, values)
     raise DataError(f"the gains still change by {change:.1e} after {MOST_STEPS} steps")
 
 
@@ -395,29 +387,3 @@ def _link_regressor(force_model: ForceModel, run: Recording, columns: list[int])
         for rows in row_blocks(len(run))
     )
     return np.concatenate(list(blocks))
-
-
-def _payload_base(force_model: ForceModel, link: str) -> tuple[BaseParameters, list[int]]:
-    """Base parameters of a payload on a link, and the link's columns of the standard parameters."""
-    columns = _link_columns(force_model, link)
-    regressor = force_model.random_regressor[:, :, columns]
-    if not regressor.any():
-        raise RankError(f"no force of a motor depends on a payload on {link}")
-    names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])
-    observation = Observation.from_matrix(regressor, names, length=force_model.mechanism.length)
-    return find_base_parameters(observation), columns
-
-
-def _augmented(
-    force_model: ForceModel,
-    run: Recording,
-    base: BaseParameters,
-    columns: list[int],
-    carried: float,
-) -> FitSamples:
-    """Samples of a run with the payload's base parameters as further columns, or zeros."""
-    samples = force_model.samples(run)
-    names = force_model.parameters + base.parameters.select(base.base)
-    load = carried * base.regressor(_link_regressor(force_model, run, columns))
-    W = np.concatenate([samples.regressor, load], axis=2)
-    return replace(samples, parameters=names, regressor=W)

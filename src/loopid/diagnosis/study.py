@@ -8,10 +8,10 @@ from dataclasses import replace
 
 from loopid.arguments import checked
 from loopid.diagnosis.bands import BandSweep, sweep_bands
-from loopid.diagnosis.elimination import Reduction, eliminate, judge_essential
 from loopid.diagnosis.log_mistakes import Suspicions, diagnose
+from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
-from loopid.errors import DataWarning, ModelWarning, warn
+from loopid.errors import ModelWarning, warn
 from loopid.identification.consistent import ConsistentFit, consistent_fit
 from loopid.identification.force_model import USUAL_TERMS, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
@@ -213,8 +213,7 @@ def _consistent(found: Identification, options: StudyOptions) -> ConsistentFit:
 def _warn(study: Study) -> None:
     """Tell of mistakes, of estimates that depend on the filter, and of terms that are missing."""
     for one in study.suspicions:
-        for sentence in one.sentences:
-            warn(f"{one.recording}: {sentence}", DataWarning)
+        one.warn()
     if study.sweep is not None:
         study.sweep.warn()
     best, own = study.term_sets.enough[1], study.term_sets.chosen

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.diagnosis.comparison import PredictionError, prediction_errors
+from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
 from loopid.identification.bayes import body_sizes
 from loopid.identification.force_model import ForceModel, find_force_model, samples_of

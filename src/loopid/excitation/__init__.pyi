@@ -1,7 +1,10 @@
-from .checks import Check as Check
 from .criteria import CRITERIA as CRITERIA, Criteria as Criteria
-from .design import ExcitationDesign as ExcitationDesign, design_excitation as design_excitation
-from .expected import ExpectedFit as ExpectedFit
+from .design import (
+    ExcitationDesign as ExcitationDesign,
+    ExpectedFit as ExpectedFit,
+    design_excitation as design_excitation,
+)
 from .limits import MotionLimits as MotionLimits
-from .options import DesignOptions as DesignOptions
+from .problem import DesignOptions as DesignOptions
+from .search import Check as Check
 from .shapes import SHAPES as SHAPES

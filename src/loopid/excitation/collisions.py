@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -11,14 +10,12 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
-from loopid.errors import ModelWarning, RobotFileError, warn
+from loopid.errors import ModelWarning, warn
 from loopid.loading.files import find_files
-from loopid.loading.urdf_tree import required, urdf_root
 from loopid.robot.mechanism import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
-PACKAGE = "package://"
 
 
 class Collisions:
@@ -77,8 +74,6 @@ def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
         return pin.GeometryModel()
     folders = [str(folder) for folder in tree.absolute().parents]
     try:
-        if reason := _unread_mesh(tree):  # Pinocchio waits for pipes
-            raise ValueError(reason)
         geometry = pin.buildGeomFromUrdf(
             mechanism.model, str(tree), pin.GeometryType.COLLISION, package_dirs=folders
         )
@@ -108,23 +103,6 @@ def convex_hull(mesh: coal.BVHModelBase) -> Any:
     for triangle in hull.simplices.tolist():
         triangles.append(coal.Triangle(*(number[k] for k in triangle)))
     return coal.Convex(corners, triangles)
-
-
-def _unread_mesh(file: Path) -> str:
-    """Why a mesh of the collision geometry of a URDF is no file; nothing where all are."""
-    try:
-        for mesh in urdf_root(file).iterfind("link/collision/geometry/mesh"):
-            name = required(mesh, "filename")
-            places = [file.parent / name.removeprefix("file://")]
-            if name.startswith(PACKAGE):
-                package, *rest = Path(name.removeprefix(PACKAGE)).parts
-                above = file.resolve().parents
-                places = [folder.joinpath(*p) for folder in above for p in ((package, *rest), rest)]
-            if not any(place.is_file() for place in places):
-                return f"there is no mesh {places[0] if len(places) == 1 else name}"
-    except RobotFileError as error:
-        return str(error)
-    return ""
 
 
 def _neighbours(mechanism: Mechanism) -> set[frozenset[int]]:

@@ -4,40 +4,73 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import field
-from importlib.util import find_spec
+from dataclasses import field, replace
 from time import monotonic
+from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataWarning, OptionError, warn
-from loopid.excitation.checks import Check
-from loopid.excitation.criteria import Criteria, OfCombinations
-from loopid.excitation.expected import ExpectedFit, root, run_of
+from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.options import DesignOptions
-from loopid.excitation.problem import Coordinates, Problem
-from loopid.excitation.search import DesignProgress, search
-from loopid.excitation.shapes import SHAPES, Shape
-from loopid.excitation.starts import find_poses, random_margin
-from loopid.excitation.unknown import Known, Unknown
+from loopid.excitation.problem import Coordinates, DesignOptions, Problem, file_forces
+from loopid.excitation.search import Check, DesignProgress, find_poses, search
+from loopid.excitation.shapes import SHAPES, PosesShape
 from loopid.identification.force_model import ForceModel
+from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.projection import project, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
+from loopid.logs.log import Log
+from loopid.logs.preparing import prepare_recording
 from loopid.logs.recording import Recording
-from loopid.motion.joints import JointMotion
+from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion, Waypoint
+from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.robot.mechanism import shortened
 from loopid.workers import one_blas_thread
 
-# Seconds of a motion where nothing else is said.
-DURATIONS = {"gravity": 20.0, "full": 10.0}
+# Seconds of a motion, and sizes, where nothing else is said.
+DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6, "spline": 10}
 # Random poses, by which margins, reaches and pairs of links are told.
 POSES = 128
 # Bounds that a warning names.
 NAMED_BOUNDS = 3
+# Samples whose regressor of all standard parameters is in memory at a time.
+CHUNK = 2048
+# Relative singular values of an observation that count as zero, and the part of a parameter that
+# may lie there.
+UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
+
+
+@record
+class ExpectedFit:
+    """What a fit tells of z parameters.
+
+    Attributes
+    ----------
+    standard_errors : FloatArray
+        (z,), infinite where nothing tells a parameter.
+    spectrum : FloatArray
+        (z,), singular values of the weighted observation, its columns scaled to length 1.
+    """
+
+    standard_errors: FloatArray
+    spectrum: FloatArray
+
+    @classmethod
+    def of(cls, information: FloatArray, errors: FloatArray) -> ExpectedFit:
+        """Of triangular factors (z, z): of the weighted observation, and of its filtered one."""
+        scale = np.linalg.norm(information, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        _, values, right = np.linalg.svd(information / scale)
+        excited = values > UNEXCITED * values[0]
+        inverse = (right[excited].T / values[excited] ** 2) @ right[excited]
+        spread = np.linalg.norm(errors / scale @ inverse, axis=0) / scale
+        unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
+        return cls(np.where(unexcited, np.inf, spread), values)
 
 
 @record(kw_only=True)
@@ -129,8 +162,8 @@ class ExcitationDesign:
 def design_excitation(
     model: ForceModel,
     *,
-    limits: MotionLimits = MotionLimits(),  # noqa: B008 (a record)
-    options: DesignOptions = DesignOptions(),  # noqa: B008
+    limits: MotionLimits = MotionLimits(),
+    options: DesignOptions = DesignOptions(),
     after: Sequence[Recording] = (),
     parameters: Sequence[str] = (),
     payload: str | None = None,
@@ -187,7 +220,6 @@ def design_excitation(
     """
     begun = monotonic()
     _require_designable(model, options, parameters)
-    solver = options.solver or ("ipopt" if find_spec("ipyopt") else "slsqp")
     with one_blas_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
@@ -195,14 +227,30 @@ def design_excitation(
         poses = random_configurations(
             model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
         )
-        problem = _problem(model, limits, options, unknown, known, poses, parameters)
-        regular = find_poses(problem, poses, options.seed)
-        found = search(problem, regular, options, solver, progress)
-        run = run_of(problem, found.X, options.rate)
+        criterion = unknown.criterion(options.criterion, parameters, model)
+        on_platform = options.coordinates == "platform"
+        size = options.size or SIZES.get(options.shape)
+        if size is None:  # poses, twice as many forces as parameters
+            size = max(8, -(-2 * len(unknown.parameters) // len(model.mechanism.independent)))
+        problem = Problem(
+            force_model=model,
+            coordinates=Coordinates(model.mechanism, on_platform),
+            shape=SHAPES[options.shape](options.duration or DURATIONS[model.model], size),
+            bounds=Bounds(
+                model.mechanism, _with_margin(limits, model, poses), poses, model.model == "gravity"
+            ),
+            criterion=criterion,
+            noise=known.noise,
+            basis=unknown.basis,
+            prior=known.information,
+            options=options,
+        )
+        found = search(problem, find_poses(problem, poses), progress)
+        run = _run(problem, found.X)
         if after:
-            before = ExpectedFit.of(root(known.information), root(known.information))
+            before = ExpectedFit.of(_root(known.information), _root(known.information))
         else:
-            before = run_of(problem, found.start, options.rate).expected
+            before = _run(problem, found.start).expected
     start, waypoints = problem.shape.waypoints(found.X)
     _warn_of_unexcited(problem, unknown.parameters, run.expected.standard_errors, found.checks)
     return ExcitationDesign(
@@ -210,19 +258,14 @@ def design_excitation(
         parameters=unknown.parameters,
         limits=limits,
         options=options,
-        motion=run.motion,
-        joint_motion=run.joint_motion,
-        motors=run.motors,
-        forces=run.forces,
+        **run._asdict(),
         start=start,
         waypoints=tuple(waypoints),
-        criteria=run.criteria,
-        expected=run.expected,
         before=before,
         after_logs=bool(after),
         noise=known.noise,
         checks=found.checks,
-        solver=solver,
+        solver=problem.solver,
         evaluations=found.evaluations,
         converged=found.converged,
         seconds=monotonic() - begun,
@@ -262,40 +305,14 @@ def _require_designable(
         )
 
 
-def _problem(
-    model: ForceModel,
-    limits: MotionLimits,
-    options: DesignOptions,
-    unknown: Unknown,
-    known: Known,
-    poses: FloatArray,
-    parameters: Sequence[str],
-) -> Problem:
-    """The optimisation problem, with bounds told by random poses (N, nq)."""
-    mechanism, platform = model.mechanism, model.mechanism.platform
-    on_platform = options.coordinates == "platform" and platform is not None
-    shape, least = _shape(model, options, len(unknown.parameters)), limits.singularity
-    if least is None:
-        least = random_margin(mechanism, poses, DEFAULT_MARGIN)
-    return Problem(
-        force_model=model,
-        coordinates=Coordinates(model, platform.names if on_platform and platform else None),
-        shape=shape,
-        bounds=Bounds(mechanism, limits, least, model.model == "gravity", poses),
-        criterion=unknown.criterion(options.criterion, parameters, model),
-        noise=known.noise,
-        basis=unknown.basis,
-        prior=known.information,
-        samples=round(shape.seconds * options.rate),
-        inset=options.inset,
-    )
-
-
-def _shape(model: ForceModel, options: DesignOptions, unknown: int) -> Shape:
-    """The kind of motion, with variables enough by default."""
-    enough = max(8, -(-2 * unknown // len(model.mechanism.independent)))
-    size = options.size or {"fourier": 6, "spline": 10, "poses": enough}[options.shape]
-    return SHAPES[options.shape](options.duration or DURATIONS[model.model], size)
+def _with_margin(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> MotionLimits:
+    """Limits with a singularity measure that most poses (N, nq) keep, unless one is given."""
+    if limits.singularity is not None:
+        return limits
+    least = DEFAULT_MARGIN
+    if model.mechanism.rows:
+        least = min(least, float(np.median(singularity_measure(model.mechanism, poses))) / 2)
+    return replace(limits, singularity=least)
 
 
 def _warn_of_unexcited(
@@ -315,3 +332,78 @@ def _warn_of_unexcited(
             "what cannot move",
             DataWarning,
         )
+
+
+class Run(NamedTuple):
+    """A run of a motion, and what it tells with what there was before; see ``ExcitationDesign``."""
+
+    motion: Motion
+    joint_motion: JointMotion
+    motors: Motion
+    forces: FloatArray
+    criteria: Criteria
+    expected: ExpectedFit
+
+
+def _run(problem: Problem, X: FloatArray) -> Run:
+    """The run of the motion with variables X (m, c)."""
+    space, mechanism = problem.coordinates, problem.force_model.mechanism
+    motion = problem.shape.motion(space.names, X, problem.options.rate)
+    followed, factor = joint_motion(mechanism, motion), _root(problem.prior)
+    indices, parts = mechanism.velocity_indices(mechanism.actuated), []
+    for rows in row_blocks(len(motion), CHUNK):
+        state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
+        whole = space.whole(*state)
+        forces = file_forces(mechanism, whole)
+        parts.append((whole.velocities[:, indices], whole.accelerations[:, indices], forces))
+        told = problem.rows(whole).reshape(-1, len(factor))
+        factor = triangular_factor(np.concatenate([factor, told]))
+    v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
+    read = JointCoordinates(mechanism, mechanism.actuated)
+    x = read.read(followed.configurations.copy())
+    x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
+    motors = Motion(mechanism.actuated, motion.time, x, v, a)
+    expected = _expected_fit(problem, motors, forces)
+    return Run(motion, followed, motors, forces, Criteria.of(factor), expected)
+
+
+def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> ExpectedFit:
+    """What a log of the motors' positions and forces (N, motors) will tell.
+
+    The log that the run would give without errors is prepared as any log is: filtered, cut at both
+    ends, thinned out, and without the motors that stand. Weighted least squares of its samples X,
+    whitened by the weights, have the covariance (XᵀX)⁻¹ HᵀH (XᵀX)⁻¹, where H is X filtered: errors
+    that are independent in the log are not any more after the filter.
+    """
+    model, count, before = problem.force_model, len(motors), _root(problem.prior)
+    mechanism = model.mechanism
+    # In poses, forces of motors that stand are taken too.
+    idle_speed = 0.0 if isinstance(problem.shape, PosesShape) else None
+    log = Log.from_arrays(
+        motors.time, motors.position, forces, mechanism.actuated, idle_speed=idle_speed
+    )
+    run: Recording = prepare_recording(mechanism, log)
+    history = run.history
+    assert history is not None  # logs are filtered by default
+    samples = model.samples(run)
+    G = project(mechanism, run.motion.configurations).G
+    shares = G[:, mechanism.velocity_indices(mechanism.actuated)] * problem.noise[:, None]
+    weights = 1.0 / np.sqrt((shares**2).sum(axis=1).mean(axis=0))
+    X = samples.regressor @ problem.basis * (weights * samples.used)[:, :, None]
+    # So many samples of the log for each one that is kept.
+    thinned = float(np.median(np.diff(history.rows)))
+    told = np.sqrt(thinned) * X.reshape(-1, X.shape[2])
+    information = triangular_factor(np.concatenate([before, told]))
+    errors, rate = before, (count - 1) / motors.duration
+    for share in shares.transpose(1, 0, 2):
+        spread = np.zeros((count, X.shape[2]))
+        spread[history.rows] = thinned * np.einsum("ni,niz->nz", share * weights, X)
+        filtered = history.lowpass.apply(spread, rate)
+        errors = triangular_factor(np.concatenate([errors, filtered]))
+    return ExpectedFit.of(information, errors)
+
+
+def _root(information: FloatArray) -> FloatArray:
+    """A square root R of M = Rᵀ R."""
+    values, vectors = np.linalg.eigh(information)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)

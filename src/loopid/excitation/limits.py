@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -77,53 +78,31 @@ class MotionLimits:
     clearance: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name, valid in (
-            ("share", 0 < self.share <= 1),
-            ("singularity", self.singularity is None or 0 <= self.singularity <= 1),
-            ("clearance", 0 <= self.clearance < 1),
-        ):
-            if not valid:
-                given = getattr(self, name)
-                raise OptionError(
-                    f"{name} must be a part of 1, not {given:g}", argument=name, given=given
-                )
+        checks: list[tuple[str, Any, bool, str]] = [
+            ("share", self.share, 0 < self.share <= 1, "be a part of 1"),
+            ("singularity", self.singularity, 0 <= (self.singularity or 0) <= 1, "be a part of 1"),
+            ("clearance", self.clearance, 0 <= self.clearance < 1, "be a part of 1"),
+        ]
         for what in ("positions", "workspace"):
-            for name, (low, high) in getattr(self, what).items():
-                if not low < high:
-                    raise OptionError(
-                        f"{what} of {name} are empty: {low:g} ... {high:g}",
-                        argument=what,
-                        given=(low, high),
-                    )
+            ranges = getattr(self, what).values()
+            checks += [(what, ends, ends[0] < ends[1], "go from low to high") for ends in ranges]
         for what in ("speeds", "accelerations", "forces"):
-            for name, largest in getattr(self, what).items():
-                if not largest > 0:
-                    raise OptionError(
-                        f"{what} of {name} must be above 0, not {largest:g}",
-                        argument=what,
-                        given=largest,
-                    )
+            checks += [(what, x, x > 0, "be above 0") for x in getattr(self, what).values()]
+        for name, given, valid, words in checks:
+            if not valid:
+                raise OptionError(f"{name} must {words}, not {given}", argument=name, given=given)
 
 
 @record
 class Bound:
-    """One quantity that must stay in a range all the time.
-
-    Attributes
-    ----------
-    kind, name, unit : str
-    lower, upper : float
-        Infinite where there is no end.
-    size : float, optional
-        What counts as 1.
-    """
+    """One quantity that must stay in a range all the time."""
 
     kind: str
     name: str
     unit: str
-    lower: float
+    lower: float  # infinite where there is no end
     upper: float
-    size: float | None = None
+    size: float | None = None  # what counts as 1
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper:
@@ -168,16 +147,14 @@ class Bounds:
 
     Parameters
     ----------
-    slow : bool
-        Whether speeds and accelerations are to be so small that the forces are those of gravity.
     poses : FloatArray
         (N, nq), some of all over the workspace.
+    slow : bool
+        Whether speeds and accelerations are to be so small that the forces are those of gravity.
 
     Attributes
     ----------
     all : list of Bound
-    moving : int
-        How many, from the first on, depend on rates, accelerations or forces.
     designed : int
         How many a design looks at. The last one, against constraint singularities, follows from
         the singularity measure but for a factor: more columns only raise the least singular value.
@@ -187,9 +164,8 @@ class Bounds:
         self,
         mechanism: Mechanism,
         limits: MotionLimits,
-        singularity: float,
-        slow: bool,
         poses: FloatArray,
+        slow: bool,
     ) -> None:
         joints = _Joints(mechanism, limits, slow)
         speeds, (forces, all_forces) = joints.speeds(), joints.forces()
@@ -199,10 +175,11 @@ class Bounds:
         if limits.collisions:
             self._posed += _clearance(mechanism, limits, poses)
         if mechanism.closures:  # couplings alone have no singularities
-            self._posed.append(_singularity(mechanism, singularity, poses))
-            self._checked.append(_constraint_singularity(mechanism, singularity))
+            least = 0.0 if limits.singularity is None else limits.singularity
+            self._posed.append(_singularity(mechanism, least, poses))
+            self._checked.append(_constraint_singularity(mechanism, least))
         self.needs_forces = bool(forces.bounds)
-        self.moving, self.designed = _count(self._moving), _count([*self._moving, *self._posed])
+        self.designed = sum(len(group.bounds) for group in [*self._moving, *self._posed])
         groups = [*self._moving, *self._posed, *self._checked]
         self.all = [bound for group in groups for bound in group.bounds]
         self.lower = np.array([bound.lower for bound in self.all])
@@ -231,10 +208,6 @@ class Bounds:
     def slack(self, values: FloatArray) -> FloatArray:
         """What is left to the nearer end (..., k), in scales; negative outside."""
         return np.asarray(np.minimum(values - self.lower, self.upper - values) / self.scale)
-
-
-def _count(groups: Sequence[Quantities]) -> int:
-    return sum(len(group.bounds) for group in groups)
 
 
 def _values(groups: Sequence[Quantities], motion: ClosedMotion, forces: FloatArray) -> FloatArray:

@@ -8,24 +8,26 @@ accelerations and quadratic in rates. Along positions the loops stay closed to f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.errors import SingularityError
-from loopid.excitation.criteria import Criterion
+from loopid.errors import OptionError, SingularityError
+from loopid.excitation.criteria import CRITERIA, Criterion
 from loopid.excitation.limits import Bounds
-from loopid.excitation.shapes import Shape
+from loopid.excitation.shapes import SHAPES, Shape
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.records import record
+from loopid.registry import Registry
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import OF_FILE, JointTerms
 from loopid.robot.mechanism import Mechanism
@@ -37,17 +39,117 @@ STEP = 1e-6
 SHORTEST_STEP = 2.0**-2
 # Coulomb friction has no slope at standstill: over this part of a typical rate it is smoothed.
 SMOOTHING = 0.02
+MOST_SIZE = 500  # time and memory grow with its square
+COORDINATES = ("joints", "platform")
+# Each lets a search (``search.Search``) go on from variables (n,).
+SOLVERS: Registry[Callable[[Any, FloatArray], None]] = Registry(
+    "solver",
+    {
+        "ipopt": "loopid.excitation.solvers:by_ipopt",
+        "slsqp": "loopid.excitation.solvers:by_slsqp",
+    },
+)
+
+
+@record(kw_only=True, checked=True)
+class DesignOptions:
+    """How a motion is designed.
+
+    Attributes
+    ----------
+    criterion : str
+        ``"D"``, ``"A"``, ``"E"`` or ``"condition"`` (``Criteria``).
+    shape : str
+        ``"fourier"``, ``"spline"``, or ``"poses"`` to stand in, for a gravity model.
+    size : int, optional
+        Harmonics, waypoints or poses; by default 6, 10, or twice as many forces as parameters.
+    duration : float, optional
+        In s; by default 20 for a gravity model, 10 for a full one.
+    rate : float
+        Samples per second of the run.
+    coordinates : str
+        ``"joints"``, or ``"platform"`` for the platform coordinates.
+    noise : float or mapping, optional
+        Standard deviation of each motor's force in N or N m at the rate of the run, one for all or
+        by joint (``"all"``: the others); by default that of the logs, or 1.
+    starts : int
+        Random motions to begin with, one after the other; the best result counts.
+    evaluations : int
+        Of the criterion and the bounds in all, shared by the starts. More never give a worse
+        motion.
+    time_limit : float, optional
+        In s. It only stops: what is found until then does not depend on it.
+    inset : float
+        Part of each bound's range, or of its size, that is kept free on the grid of the design,
+        for what happens between its samples.
+    solver : str, optional
+        ``"ipopt"`` or ``"slsqp"``; by default IPOPT where it is installed.
+    seed : int
+        Of the random motions.
+
+    Raises
+    ------
+    OptionError
+        When a field is none of what it may be.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.DesignOptions(duration=6.0, starts=1).evaluations
+    400
+    """
+
+    criterion: str = "D"
+    shape: str = "fourier"
+    size: int | None = None
+    duration: float | None = None
+    rate: float = 100.0
+    coordinates: str = "joints"
+    noise: float | Mapping[str, float] | None = None
+    starts: int = 4
+    evaluations: int = 400
+    time_limit: float | None = None
+    inset: float = 0.01
+    solver: str | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for what, given, choices in (
+            ("criterion", self.criterion, CRITERIA),
+            ("shape", self.shape, SHAPES),
+            ("coordinates", self.coordinates, COORDINATES),
+            ("solver", self.solver or "slsqp", SOLVERS),
+        ):
+            if given not in choices:
+                raise OptionError.unknown(what, given, choices)
+        noise = self.noise.values() if isinstance(self.noise, Mapping) else [self.noise]
+        for name, valid, words in (
+            ("size", self.size is None or 2 <= self.size <= MOST_SIZE, f"from 2 to {MOST_SIZE}"),
+            ("starts", self.starts >= 1, "1 at least"),
+            ("evaluations", self.evaluations >= 0, "0 at least"),
+            ("seed", self.seed >= 0, "0 at least"),
+            ("duration", self.duration is None or self.duration > 0, "above 0 s"),
+            ("rate", self.rate > 0, "above 0 Hz"),
+            ("time_limit", self.time_limit is None or self.time_limit > 0, "above 0 s"),
+            ("inset", 0 <= self.inset < 0.5, "a part below a half"),
+            ("noise", all(each is None or each > 0 for each in noise), "above 0"),
+        ):
+            if not valid:
+                given = getattr(self, name)
+                raise OptionError(
+                    f"{name} must be {words}, not {given}", argument=name, given=given
+                )
 
 
 class Coordinates:
     """The c coordinates that a motion is designed in: joints, or those of the platform."""
 
-    def __init__(self, force_model: ForceModel, names: Sequence[str] | None) -> None:
-        self.mechanism = mechanism = force_model.mechanism
-        platform = mechanism.platform
-        self.on_platform = names is not None and platform is not None and names == platform.names
-        self.names = tuple(mechanism.measured if names is None else names)
-        if self.on_platform and platform is not None:
+    def __init__(self, mechanism: Mechanism, on_platform: bool = False) -> None:
+        self.mechanism, platform = mechanism, mechanism.platform if on_platform else None
+        self.on_platform = platform is not None
+        self.names = tuple(mechanism.measured if platform is None else platform.names)
+        self.measured = "platform" if on_platform else self.names  # to ``assemble``
+        if platform is not None:
             turning = [motion.startswith("r") for motion in platform.motions]
             self.units = np.where(turning, 1.0, mechanism.length)
         else:
@@ -59,11 +161,13 @@ class Coordinates:
 
         Reached from configurations (N, nq) or (1, nq), or one after the other from the reference.
         """
-        names, follow = "platform" if self.on_platform else self.names, start is None
-        step = SHORTEST_STEP if start is not None else 2.0**-12
-        options = AssemblyOptions(shortest_step=step)
+        follow = start is None
+        options = AssemblyOptions(shortest_step=2.0**-12 if follow else SHORTEST_STEP)
         found = try_assemble(
-            self.mechanism, positions, names, start=start, trajectory=follow, options=options
+            *(self.mechanism, positions, self.measured),
+            start=start,
+            trajectory=follow,
+            options=options,
         )
         return found.configurations if found.assembled.all() else None
 
@@ -138,10 +242,7 @@ class Problem:
         (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all.
     prior : FloatArray
         (z, z), information that there is already.
-    samples : int
-        How many samples a run of the motion gives.
-    inset : float
-        Part of each bound's scale that is kept free for what happens between the samples.
+    options : DesignOptions
     """
 
     force_model: ForceModel
@@ -152,8 +253,17 @@ class Problem:
     noise: FloatArray
     basis: FloatArray
     prior: FloatArray
-    samples: int
-    inset: float
+    options: DesignOptions
+
+    @property
+    def solver(self) -> str:
+        """Of the options, or IPOPT where it is installed."""
+        return self.options.solver or ("ipopt" if find_spec("ipyopt") else "slsqp")
+
+    @property
+    def samples(self) -> int:
+        """How many samples a run of the motion gives."""
+        return round(self.shape.seconds * self.options.rate)
 
     @cached_property
     def time(self) -> FloatArray:
@@ -170,12 +280,13 @@ class Problem:
         """Lower and upper ends (k,) of the bounded values in scales, less the inset."""
         bounds, designed = self.bounds, self.bounds.designed
         lower, upper = (end / bounds.scale for end in (bounds.lower, bounds.upper))
-        return lower[:designed] + self.inset, upper[:designed] - self.inset
+        inset = self.options.inset
+        return lower[:designed] + inset, upper[:designed] - inset
 
     def keeps_bounds(self, value: Value) -> bool:
         """Whether no bound is broken; half of the inset may be used."""
         lower, upper = self.limits
-        inset = self.inset / 2
+        inset = self.options.inset / 2
         return bool(((value.g >= lower - inset) & (value.g <= upper + inset)).all())
 
     def variables(self, y: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
 """The search for a motion: starts share evaluations, and only motions that pass the check count.
 
-A solver goes on from each start. All that it does follows from the start and the number of
-evaluations, so that more of them never give a worse motion; the clock, and Ctrl-C, only stop it.
+A start is a random motion, shrunk around a pose until it keeps all bounds. A solver goes on from
+there. All that it does follows from the start and the number of evaluations, so that more of them
+never give a worse motion; the clock, and Ctrl-C, only stop it.
 """
 
 from __future__ import annotations
@@ -10,21 +11,30 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import monotonic
 from types import FrameType
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray
-from loopid.excitation.checks import Check, check_motion
-from loopid.excitation.options import SOLVERS, DesignOptions
-from loopid.excitation.problem import Problem, Value, evaluate
-from loopid.excitation.starts import Poses, feasible_start
+from loopid.errors import AssemblyError
+from loopid.excitation.problem import SOLVERS, Problem, Value, evaluate
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, try_assemble
+from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.projection import singularity_measure
 from loopid.records import record
-from loopid.registry import Registry
 
+# The grid of the check is so much finer; this part of a bound's scale is round-off, and speeds and
+# accelerations up to this are rest.
+FINER, ROUND_OFF, REST = 10, 1e-9, 1e-6
+# How many of the best random poses are improved, how often, and how: by steps of a part of
+# the workspace that gets smaller.
+BEST, ROUNDS, SMALLER = 8, 14, 0.75
+# Random motions for a start, and by how much they are shrunk until they keep all bounds.
+DRAWS, SHRINK, MOST_SHRINKS = 3, 0.8, 40
 # Bounds that keep this distance at the start, in scales, are left out of the problem until they
 # have been broken at so many points: most never matter, and each costs a row a sample.
 DISTANT, PATIENCE = 0.35, 4
@@ -33,7 +43,7 @@ DISTANT, PATIENCE = 0.35, 4
 WORTH_A_CHECK = 0.01
 # Parts of a motion's size that are tried where the finer grid shows a broken bound.
 SHRINKS = (1.0, 0.997, 0.99, 0.97, 0.9)
-SHRINKS_TO_REST = (0.7, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
+TO_REST = (0.7, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 # Called with the evaluations done, those in all, and the best criterion so far.
 DesignProgress = Callable[[int, int, float], None]
@@ -52,79 +62,217 @@ class Stopped(Exception):  # noqa: N818 (no error)
 
 
 @record
-class Found:
-    """The best motion of a search.
+class Check:
+    """A bounded quantity over a whole motion.
 
     Attributes
     ----------
-    start : FloatArray
-        Variables (m, c) of the motion that the search began with.
-    X : FloatArray
-        Variables (m, c).
-    criterion : float
-    checks : tuple of Check
-        All bounds on the finer grid.
-    evaluations : int
-    converged : bool
-        Whether the solver ended by itself.
+    name, unit : str
+    lowest, highest : float
+        Of the motion.
+    lower, upper : float
+        What it must keep; infinite where there is no end.
+    time : float
+        When it is nearest to an end, in s.
+    violations : int
+        Samples at which the bound is broken.
     """
 
-    start: FloatArray
-    X: FloatArray
-    criterion: float
-    checks: tuple[Check, ...]
-    evaluations: int
-    converged: bool
+    name: str
+    unit: str
+    lowest: float
+    highest: float
+    lower: float
+    upper: float
+    time: float
+    violations: int
+
+    @property
+    def used(self) -> float:
+        """Part of the way from the middle of the range to its nearer end, or of its only end."""
+        if np.isfinite([self.lower, self.upper]).all():
+            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
+            return max(self.highest - middle, middle - self.lowest) / half
+        if np.isfinite(self.lower):
+            return self.lower / self.lowest if self.lowest > 0 else np.inf
+        return self.highest / self.upper
+
+
+def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
+    """Check variables X (m, c) of a motion; empty where it leaves the assembly mode."""
+    time = np.linspace(0.0, problem.shape.seconds, FINER * len(problem.time) + 1)
+    motion = problem.coordinates.follow(*(problem.shape.functions(time) @ X))
+    if motion is None:
+        return ()
+    mechanism, checks, ends = problem.force_model.mechanism, list[Check](), [0, -1]
+
+    def check(name: str, unit: str, times: FloatArray, values: FloatArray, *keep: float) -> None:
+        lower, upper, scale = keep
+        slack = np.minimum(values - lower, upper - values)
+        broken, nearest = int((slack < -ROUND_OFF * scale).sum()), times[int(slack.argmin())]
+        span = float(values.min()), float(values.max())
+        checks.append(Check(name, unit, *span, lower, upper, float(nearest), broken))
+
+    for bound, column in zip(problem.bounds.all, problem.bounded(motion).T, strict=True):
+        check(bound.text, bound.unit, time, column, bound.lower, bound.upper, bound.scale)
+    if mechanism.rows:
+        residual = largest_residual(mechanism, motion.configurations)
+        largest = max(CLOSURE_TOLERANCE, 2 * mechanism.closure_residual)
+        check("closure residual", "m", time, residual, -np.inf, largest, mechanism.length)
+    speeds = np.abs(np.concatenate([motion.velocities[ends], motion.accelerations[ends]], axis=1))
+    resting = speeds.max(axis=1, initial=0.0)
+    check("speed at both ends", "", time[ends], resting, -np.inf, REST, 1.0)
+    return tuple(checks)
+
+
+class Poses(NamedTuple):
+    """Poses in which all bounds hold, the one with most slack first."""
+
+    positions: FloatArray  # (P, c), of the coordinates of the design
+    configurations: FloatArray  # (P, nq)
+    reach: FloatArray  # (c,), half the range of each coordinate
+
+
+def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
+    """Poses that keep all bounds, from random configurations (N, nq) on.
+
+    Raises
+    ------
+    AssemblyError
+        Naming the bounds that none of them keeps.
+    """
+    space, inset = problem.coordinates, problem.options.inset
+    generator = np.random.default_rng([problem.options.seed, 11])
+    measured = measured_coordinates(space.mechanism, space.measured)
+    x = measured.read(np.concatenate([space.mechanism.reference[None], configurations]))
+    reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * space.units)
+    # Random poses miss narrow ranges, which their nearest ends may keep.
+    low, high = problem.bounds.ranges(space.names, 2 * inset)
+    x = np.concatenate([x, np.clip(x, low, high)])
+    slack, q = _slacks(problem, x)
+    tried, nearest, step = len(x), slack.max(axis=0), 0.3
+    for _ in range(ROUNDS):
+        best = np.argsort(-slack.min(axis=1), kind="stable")[:BEST]
+        if slack[best[0]].min() > inset:
+            break
+        moves = step * reach * generator.normal(size=(4 * len(best), len(reach)))
+        x = np.concatenate([x[best], np.repeat(x[best], 4, axis=0) + moves])
+        there, at = _slacks(problem, x[len(best) :])
+        slack, q = np.concatenate([slack[best], there]), np.concatenate([q[best], at])
+        tried, step = tried + len(moves), SMALLER * step
+        nearest = np.maximum(nearest, slack.max(axis=0))
+    worst = slack.min(axis=1)
+    order = [int(k) for k in np.argsort(-worst, kind="stable") if worst[k] > inset]
+    if not order:
+        raise _impossible(problem, slack[int(worst.argmax())], nearest, tried)
+    return Poses(x[order], q[order], reach)
+
+
+def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slacks (N, k) of all bounds at rest in poses (N, c), and configurations (N, nq).
+
+    Minus infinity where the loops do not close, or at a singularity.
+    """
+    space, found = problem.coordinates, np.full((len(positions), len(problem.bounds.all)), -np.inf)
+    options = AssemblyOptions(shortest_step=2.0**-6)
+    outcome = try_assemble(space.mechanism, positions, space.measured, options=options)
+    q = outcome.configurations[outcome.assembled]
+    # Singular poses have no velocities to tell.
+    regular = singularity_measure(space.mechanism, q) > 1e-6
+    rows = np.flatnonzero(outcome.assembled)[regular]
+    if len(rows):
+        still = np.zeros((len(rows), len(space.names)))
+        values = problem.bounded(space.whole(q[regular], still, still))
+        found[rows] = problem.bounds.slack(values)
+    return found, outcome.configurations
+
+
+def _impossible(
+    problem: Problem, best: FloatArray, nearest: FloatArray, tried: int
+) -> AssemblyError:
+    """Which bounds cannot be met: by no pose alone, else by the best one (k,) together."""
+    name, bounds, inset = (
+        problem.force_model.mechanism.name,
+        problem.bounds.all,
+        problem.options.inset,
+    )
+    alone = bool((nearest <= inset).any())
+    left = nearest if alone else best
+    k = int(left.argmin())
+    if not np.isfinite(nearest[k]):
+        message = f"none of {tried} poses of {name} can be assembled: check reference and limits"
+        return AssemblyError(message, poses=tried)
+    missing = -float(left[k]) * bounds[k].scale
+    broken = [k] if alone else np.flatnonzero(best <= inset)
+    listed = ", ".join(f"{bounds[j].text} in {bounds[j].ends}" for j in broken)
+    by = f"{bounds[k].text} by {missing:.4g} {bounds[k].unit}".rstrip()
+    return AssemblyError(
+        f"{name} cannot keep {'' if alone else 'at once '}the {listed}: the nearest of {tried} "
+        f"poses misses the {by}, with a margin of {inset:.0%}: widen it by more",
+        bound=bounds[k].text,
+        lower=bounds[k].lower,
+        upper=bounds[k].upper,
+        missing=missing,
+        poses=tried,
+    )
+
+
+def feasible_start(problem: Problem, poses: Poses, number: int) -> tuple[FloatArray, FloatArray]:
+    """Variables of a motion that keeps all bounds, and its configurations (N, nq) or (1, nq).
+
+    A random motion is shrunk around a regular pose.
+    """
+    generator = np.random.default_rng([problem.options.seed, 12, number])
+    among, still = max(1, len(poses.positions) // 2), problem.shape.still()
+    best = problem.of_variables(np.outer(still, poses.positions[0])), poses.configurations[:1]
+    value = np.inf
+    for draw in range(DRAWS):
+        k = 0 if draw == number == 0 else int(generator.integers(among))
+        centre = np.outer(still, poses.positions[k])
+        around = problem.shape.draw(generator, len(poses.reach)) * poses.reach
+        for _ in range(MOST_SHRINKS):
+            around = SHRINK * around
+            y = problem.of_variables(centre + around)
+            found = evaluate(problem, y, poses.configurations[k, None], slopes=False)
+            if found is not None and problem.keeps_bounds(found):
+                if found.f < value:
+                    best, value = (y, found.q), found.f
+                break
+    return best
 
 
 @dataclass
 class Search:
-    """The points that a solver asks for, each evaluated once, and the best ones.
-
-    Attributes
-    ----------
-    best : FloatArray
-        Variables (n,) of the best point that keeps all bounds on the grid of the design.
-    reached, criterion
-        Configurations (N, nq), and the criterion, there.
-    home : FloatArray
-        Variables (m, c) of standing in a pose.
-    most : int
-        Evaluations.
-    watch : callable
-        Told the evaluations done and the best criterion; answers whether to stop.
-    near : FloatArray
-        Configurations (N, nq) from which the next point is reached.
-    X, checked, checks
-        Variables (m, c) of the best motion that passes the check, its criterion, and the check.
-    watched : BoolArray
-        (k,), the bounds that the solver is told of.
-    """
+    """The points that a solver asks for, each evaluated once, and the best ones."""
 
     problem: Problem
-    best: FloatArray
-    reached: FloatArray
-    home: FloatArray
-    most: int
+    best: FloatArray  # variables (n,) of the best point that keeps all bounds on the grid
+    reached: FloatArray  # configurations (N, nq) there
+    home: FloatArray  # variables (m, c) of standing in a pose
+    most: int  # evaluations
+    # Told the evaluations done and the best criterion; answers whether to stop.
     watch: Callable[[int, float], bool]
-    criterion: float = np.inf
+    criterion: float = np.inf  # of the best point
     evaluations: int = 0
+    # (k,), the bounds that the solver is told of
     watched: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    # Variables (m, c) of the best motion that passes the check, its criterion, and the check
     X: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     checked: float = np.inf
     checks: tuple[Check, ...] = ()
+    # Configurations (N, nq) from which the next point is reached
     near: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     _looked_at: float = np.inf
     _missed: int = 0
     _at: dict[bytes, Value | None] = field(default_factory=dict)
 
-    def run(self, solve: Solver) -> bool:
+    def run(self) -> bool:
         """Let a solver work until it finds nothing better; whether it came that far.
 
         Solvers give up for many reasons: each goes on from the best point as long as that helps.
         """
         self._begin()
-        before = np.inf
+        before, solve = np.inf, SOLVERS[self.problem.solver]
         try:
             while self.criterion < before - WORTH_A_CHECK:
                 before, self.near, self._at = self.criterion, self.reached, {}
@@ -167,7 +315,7 @@ class Search:
             self.reached, self.criterion = found.q, found.f
             self._look_at_bounds(found)
             self._check(self.best, found.f, SHRINKS)
-        for part in SHRINKS_TO_REST:
+        for part in TO_REST:
             if self.checks:
                 return
             X = self.home + part * (self.problem.variables(self.best) - self.home)
@@ -205,22 +353,24 @@ class Search:
                 raise Broken
 
 
-Solver: TypeAlias = Callable[[Search, FloatArray], None]
-FOUND_SOLVERS: Registry[Solver] = Registry("solver", SOLVERS)
+@record
+class Found:
+    """The best motion of a search."""
+
+    start: FloatArray  # variables (m, c) of the motion that the search began with
+    X: FloatArray  # (m, c)
+    criterion: float
+    checks: tuple[Check, ...]  # all bounds on the finer grid
+    evaluations: int
+    converged: bool  # whether the solver ended by itself
 
 
-def search(
-    problem: Problem,
-    poses: Poses,
-    options: DesignOptions,
-    solver: str,
-    progress: DesignProgress | None = None,
-) -> Found:
+def search(problem: Problem, poses: Poses, progress: DesignProgress | None = None) -> Found:
     """The best motion of all starts, one after the other; the first one begins in any case.
 
     A start that converges leaves the rest of its evaluations to those after it.
     """
-    found, spent = list[Found](), 0
+    options, found, spent = problem.options, list[Found](), 0
     end = np.inf if options.time_limit is None else monotonic() + options.time_limit
     with _interrupted() as interrupted:
 
@@ -234,16 +384,16 @@ def search(
         for number in range(options.starts):
             if found and watch(0, np.inf):
                 break
-            y, near = feasible_start(problem, poses, options.seed, number)
+            y, near = feasible_start(problem, poses, number)
             share = (options.evaluations - spent) // (options.starts - number)
             one = Search(problem, y, near, home, share, watch)
-            converged = one.run(FOUND_SOLVERS[solver])
+            converged = one.run()
             spent += one.evaluations
             start = problem.variables(y)
             found.append(Found(start, one.X, one.checked, one.checks, one.evaluations, converged))
     best = min(found, key=lambda each: each.criterion)
     converged = len(found) == options.starts and all(each.converged for each in found)
-    return Found(best.start, best.X, best.criterion, best.checks, spent, converged)
+    return replace(best, evaluations=spent, converged=converged)
 
 
 @contextmanager

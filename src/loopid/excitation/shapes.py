@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import null_space
@@ -23,43 +24,51 @@ from loopid.registry import Registry
 SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8
 
 
+@record
 class Shape(ABC):
     """A kind of motion that takes a time.
 
     Attributes
     ----------
     seconds : float
-    width : int
-        Variables of each coordinate.
-    samples : int
-        Of the grid on which a design looks at the motion.
+    size : int
+        Harmonics, waypoints or poses.
     """
 
     seconds: float
+    size: int
+
+    least: ClassVar[int]  # size that can move
+
+    def __post_init__(self) -> None:
+        if self.size < self.least:
+            raise OptionError(
+                f"a motion from rest to rest takes a size of {self.least} at least, not "
+                f"{self.size}",
+                size=self.size,
+                least=self.least,
+            )
 
     @property
     @abstractmethod
-    def width(self) -> int: ...
-
-    @property
-    @abstractmethod
-    def samples(self) -> int: ...
+    def samples(self) -> int:
+        """Of the grid on which a design looks at the motion."""
 
     @abstractmethod
     def functions(self, time: FloatArray) -> FloatArray:
         """B with its first two derivatives, (3, N, m)."""
 
     @abstractmethod
-    def still(self) -> FloatArray:
-        """Variables (m,) of standing at 1 all the time."""
-
-    @abstractmethod
-    def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
-        """Random variables (m, count) of a motion about 0 with a size of about 1."""
-
-    @abstractmethod
     def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
         """Start (c,), and ways of a motion file for variables (m, c)."""
+
+    def still(self) -> FloatArray:
+        """Variables (m,) of standing at 1 all the time."""
+        return np.ones(self.functions(np.zeros(1)).shape[2])
+
+    def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
+        """Random variables (m, count) of a motion about 0 with a size of about 1."""
+        return generator.uniform(-1.0, 1.0, size=(len(self.still()), count))
 
     def grid(self) -> FloatArray:
         """Times (N,) at which a design looks at the motion."""
@@ -71,122 +80,73 @@ class Shape(ABC):
         return point_to_point(tuple(names), start, ways, rate=rate)
 
 
-@record
 class FourierShape(Shape):
     """One period of a Fourier series."""
 
-    seconds: float
-    harmonics: int
-
-    def __post_init__(self) -> None:
-        if self.harmonics < 2:
-            raise OptionError(
-                f"a series from rest to rest takes 2 harmonics, not {self.harmonics}",
-                size=self.harmonics,
-            )
-
-    @property
-    def width(self) -> int:
-        return 2 * self.harmonics - 1
+    least = 2
 
     @property
     def samples(self) -> int:
-        return SAMPLES_OF_PERIOD * self.harmonics
+        return SAMPLES_OF_PERIOD * self.size
 
     @cached_property
     def _rest(self) -> FloatArray:
         """Shapes (2 H, m - 1) of curves that start at rest."""
-        h = np.tile(np.arange(1.0, self.harmonics + 1), 2)
-        rows = FourierCurve.at_rest(self.harmonics)
+        h = np.tile(np.arange(1.0, self.size + 1), 2)
         # Orthonormal with harmonics of equal accelerations counting the same, less the higher.
-        return np.asarray(null_space(rows / h) / h[:, None])
+        return np.asarray(null_space(FourierCurve.at_rest(self.size) / h) / h[:, None])
 
     def functions(self, time: FloatArray) -> FloatArray:
-        curve = FourierCurve.functions(2 * self.harmonics, time, self.seconds) @ self._rest
+        curve = FourierCurve.functions(2 * self.size, time, self.seconds) @ self._rest
         one = np.zeros((3, len(time), 1))
         one[0] = 1.0
         return np.concatenate([one, curve], axis=2)
 
     def still(self) -> FloatArray:
-        return np.asarray(np.eye(self.width)[0])
+        return np.asarray(np.eye(2 * self.size - 1)[0])
 
     def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
-        found = generator.normal(size=(self.width, count))
+        found = generator.normal(size=(2 * self.size - 1, count))
         found[0] = 0.0
         middle = self.functions(self.grid())[0] @ found
         return np.asarray(found / np.abs(middle - middle.mean(axis=0)).max(axis=0))
 
     def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
-        curve = FourierCurve(self._rest @ X[1:])
-        return X[0], [Waypoint(X[0], self.seconds, curve=curve)]
+        return X[0], [Waypoint(X[0], self.seconds, curve=FourierCurve(self._rest @ X[1:]))]
 
 
-@record
 class SplineShape(Shape):
     """A spline through a number of waypoints and back to its start."""
 
-    seconds: float
-    points: int
-
-    def __post_init__(self) -> None:
-        if self.points < 3:
-            raise OptionError(f"a spline takes 3 waypoints, not {self.points}", size=self.points)
-
-    @property
-    def width(self) -> int:
-        return self.points + 1
+    least = 3
 
     @property
     def samples(self) -> int:
-        return SAMPLES_OF_WAY * (self.points + 1)
+        return SAMPLES_OF_WAY * (self.size + 1)
 
     def functions(self, time: FloatArray) -> FloatArray:
-        through = SplineCurve.functions(self.points, time, self.seconds)
+        through = SplineCurve.functions(self.size, time, self.seconds)
         start = -through.sum(axis=2, keepdims=True)
         start[0] += 1.0
         return np.concatenate([start, through], axis=2)
 
-    def still(self) -> FloatArray:
-        return np.ones(self.width)
-
-    def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
-        return generator.uniform(-1.0, 1.0, size=(self.width, count))
-
     def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
-        curve = SplineCurve(X[1:] - X[0])
-        return X[0], [Waypoint(X[0], self.seconds, curve=curve)]
+        return X[0], [Waypoint(X[0], self.seconds, curve=SplineCurve(X[1:] - X[0]))]
 
 
-@record
 class PosesShape(Shape):
-    """Poses to stand in, with the ways between them."""
+    """Poses to stand in half of the time, with the ways between them."""
 
-    seconds: float
-    poses: int
-    holding: float = 0.5  # part of the time
-
-    def __post_init__(self) -> None:
-        if self.poses < 2:
-            raise OptionError(f"there must be 2 poses at least, not {self.poses}", size=self.poses)
-
-    @property
-    def width(self) -> int:
-        return self.poses
+    least = 2
 
     @property
     def samples(self) -> int:
-        return SAMPLES_OF_WAY * self.poses
-
-    @property
-    def _parts(self) -> tuple[float, float]:
-        """Seconds of each hold, and of each of the ways, of which the last one leads back."""
-        hold = self.holding * self.seconds / self.poses
-        return hold, self.seconds / self.poses - hold
+        return SAMPLES_OF_WAY * self.size
 
     def functions(self, time: FloatArray) -> FloatArray:
-        hold, move = self._parts
-        found = np.zeros((3, len(time), self.poses))
-        number = np.clip((time // (hold + move)).astype(int), 0, self.poses - 1)
+        hold = move = self.seconds / self.size / 2
+        found = np.zeros((3, len(time), self.size))
+        number = np.clip((time // (hold + move)).astype(int), 0, self.size - 1)
         t = np.clip((time - number * (hold + move) - hold) / move, 0.0, 1.0)
         s = np.stack(
             [
@@ -195,24 +155,16 @@ class PosesShape(Shape):
                 60 * t * (1 - t) * (1 - 2 * t) / move**2,
             ]
         )
-        rows, ahead = np.arange(len(time)), (number + 1) % self.poses
+        rows, ahead = np.arange(len(time)), (number + 1) % self.size
         found[:, rows, number] -= s
         found[:, rows, ahead] += s
         found[0, rows, number] += 1.0
         return found
 
-    def still(self) -> FloatArray:
-        return np.ones(self.poses)
-
-    def draw(self, generator: np.random.Generator, count: int) -> FloatArray:
-        return generator.uniform(-1.0, 1.0, size=(self.poses, count))
-
     def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
-        hold, move = self._parts
-        ways = []
-        for k in range(self.poses):
-            ways += [Waypoint(X[k], hold), Waypoint(X[(k + 1) % self.poses], move)]
-        return X[0], ways
+        seconds = self.seconds / self.size / 2
+        ways = [(X[k], X[(k + 1) % self.size]) for k in range(self.size)]
+        return X[0], [Waypoint(end, seconds) for way in ways for end in way]
 
 
 # By the time and the size.

@@ -11,7 +11,25 @@ from loopid.export.robot_file import export_robot_file
 from loopid.files import require_other_file
 from loopid.identification.saved import SavedFit, robot_files
 from loopid.parameters import KINDS
+from loopid.records import record
 from loopid.robot.mechanism import Mechanism, shortened
+
+
+@record(kw_only=True, checked=True)
+class ExportOptions:
+    """What an export may do that is refused otherwise.
+
+    Attributes
+    ----------
+    repair, any_mass : bool
+        See ``SavedFit.find_standard_parameters``.
+    overwrite : bool
+        Whether the robot's own file may be replaced.
+    """
+
+    repair: bool = False
+    any_mass: bool = False
+    overwrite: bool = False
 
 
 @checked
@@ -23,9 +41,7 @@ def export_fit(
     yaml: str | Path | None = None,
     c: str | Path | None = None,
     name: str | None = None,
-    repair: bool = False,
-    any_mass: bool = False,
-    overwrite: bool = False,
+    options: ExportOptions = ExportOptions(),
 ) -> list[Path]:
     """Write what is asked for; all that may be refused is found out before the first file.
 
@@ -42,10 +58,7 @@ def export_fit(
         Folder of the regressor as C source, and its values; see ``regressor_code``.
     name : str, optional
         Of the C functions.
-    repair, any_mass : bool
-        See ``SavedFit.find_standard_parameters``.
-    overwrite : bool
-        Whether the robot's own file may be replaced.
+    options : ExportOptions, optional
 
     Raises
     ------
@@ -63,15 +76,14 @@ def export_fit(
         saved.content(yaml)
         require_other_file(yaml, *robot_files(mechanism))
     model, written = saved.find_force_model(mechanism), list[Path]()
-    standard = (
-        None
-        if robot is None
-        else saved.find_standard_parameters(model, repair=repair, any_mass=any_mass)
-    )
+    if robot is not None:
+        standard = saved.find_standard_parameters(
+            model, repair=options.repair, any_mass=options.any_mass
+        )
     code = None if c is None else regressor_code(model, name=name, values=saved.values)
-    if robot is not None and standard is not None:
+    if robot is not None:
         place = export_robot_file(
-            mechanism, standard, robot, overwrite=overwrite, parameters=saved.standard
+            mechanism, standard, robot, overwrite=options.overwrite, parameters=saved.standard
         )
         written.append(place)
         if terms := [each.label for each in saved.standard if each.kind not in KINDS]:

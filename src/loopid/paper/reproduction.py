@@ -23,7 +23,7 @@ from loopid.arguments import (
     random_generator,
 )
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
-from loopid.diagnosis.truncation import influence, truncated_values
+from loopid.diagnosis.selection import influence, truncated_values
 from loopid.errors import DataWarning, OptionError
 from loopid.identification.bayes import BayesianRidge, cad_prior
 from loopid.identification.fitting import fit_in_steps, quiet_fit

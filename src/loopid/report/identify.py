@@ -8,8 +8,8 @@ import numpy as np
 from rich.table import Table
 
 from loopid.diagnosis.bands import BandSweep
-from loopid.diagnosis.comparison import PredictionError
 from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
 from loopid.identification.consistent import ConsistentFit

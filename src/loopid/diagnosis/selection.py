@@ -1,28 +1,30 @@
-"""Which parameters predictions need: backward elimination."""
+"""Which parameters predictions need: backward elimination, and what leaving some out does."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite
-from loopid.diagnosis.comparison import prediction_errors
 from loopid.errors import DataError, OptionError
+from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.information import Excitation
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, judge
-from loopid.identification.problem import FitSamples
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult, relative_deviation
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
-# Names that a ``repr`` lists.
-LISTED = 12
+# Standard errors of a difference that make it clear, and the relative difference of mean squared
+# errors that is worth no parameter.
+CLEARLY, NO_CONSEQUENCE = 2.0, 0.02
 
 
 @record
@@ -59,12 +61,6 @@ class ReductionStep:
     standard_error: float
     excess: float
     excess_error: float
-
-    def __repr__(self) -> str:
-        return (
-            f"ReductionStep({len(self.labels)} parameters, dropped={self.dropped!r}, "
-            f"validation_error={self.validation_error:.4g} ± {self.standard_error:.2g})"
-        )
 
 
 @record
@@ -117,11 +113,11 @@ class Reduction:
 
     def __repr__(self) -> str:
         labels = self.result.parameters.labels
-        more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
+        more = f" and {len(labels) - 12} more" if len(labels) > 12 else ""
         return (
             f"Reduction to {len(labels)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
-            f"{', '.join(labels[:LISTED])}{more}"
+            f"{', '.join(labels[:12])}{more}"
         )
 
     def _repr_html_(self) -> str:
@@ -284,3 +280,161 @@ def _eliminations(
         deviations = relative_deviation(errors, (values - reference)[columns])
         worst = max(free, key=lambda k: deviations[k])
         dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
+
+
+class PredictionError(NamedTuple):
+    """How well values predict data that were not fitted, beside others.
+
+    Attributes
+    ----------
+    mean, standard_error : float
+        Mean square of scaled residuals over all actuators.
+    excess, excess_error : float
+        Of the mean over that of the best values, and its standard error; 0 for the best.
+    as_good : bool
+        Whether the mean is not clearly above the least: within one standard error of it
+        [Breiman1984] and two of the difference, or within 2 %.
+    """
+
+    mean: float
+    standard_error: float
+    excess: float
+    excess_error: float
+    as_good: bool
+
+
+def prediction_errors(
+    validation: FitSamples, candidates: Sequence[FloatArray], scale: FloatArray
+) -> list[PredictionError]:
+    """Errors of several values (n,) on the same data, each beside the best of them.
+
+    Parameters
+    ----------
+    scale : FloatArray
+        (dof,), that residuals are multiplied by; 0 leaves an actuator out.
+    """
+    means = [_mean(validation, _squares(validation, values, scale), scale) for values in candidates]
+    best = int(np.argmin([mean for mean, _ in means]))
+    least, found = _squares(validation, candidates[best], scale), list[PredictionError]()
+    for k, (values, (mean, error)) in enumerate(zip(candidates, means, strict=True)):
+        # Of the differences at each time: what both share, as a disturbance that neither explains,
+        # does not count as uncertainty.
+        excess, excess_error = 0.0, 0.0
+        if k != best:
+            more = _squares(validation, values, scale) - least
+            excess, excess_error = _mean(validation, more, scale)
+        # One standard error of the best is wide where a disturbance that none explains makes all
+        # of them uncertain; two of the difference are not.
+        uncertainty = min(means[best][1], CLEARLY * excess_error)
+        as_good = excess <= max(uncertainty, NO_CONSEQUENCE * means[best][0])
+        found.append(PredictionError(mean, error, excess, excess_error, as_good))
+    return found
+
+
+def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
+    """Squared scaled residuals of all actuators together (N,); a scale of 0 leaves one out."""
+    squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
+
+
+def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
+    """Mean of a series (N,) by forces that count, and its standard error.
+
+    The series is an autoregressive process: neither times nor actuators count as independent.
+    """
+    counts = (samples.used & (scale > 0)).sum(axis=1)
+    total = int(counts.sum())
+    if not total:
+        raise DataError("there is no validation sample of an actuator that was fitted")
+    mean, present = float(series.sum()) / total, counts > 0
+    runs = run_lengths(present, samples.pieces)
+    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
+    return mean, float(np.sqrt(model.sum_variance(present, samples.pieces))) / total
+
+
+@checked
+def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
+    """Size of the forces of the first i parameters, in % of that of the measured forces.
+
+    p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
+    all i up to r. It is a ratio of norms, not an accuracy: it need not grow with i, may exceed 100,
+    and depends on the order of the parameters.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        With the parameters in the order that is asked about.
+    values : FloatArray
+        (r,).
+
+    Raises
+    ------
+    DataError
+        When the values have another shape, or the forces are all zero.
+    """
+    factor, phi = _weighted_factor(data, values)
+    size = float(np.linalg.norm(factor[:, -1]))
+    if not size > 0:
+        raise DataError("the measured forces are all zero: influence is undefined")
+    sums = np.cumsum(factor[:, :-1] * phi, axis=1)
+    return np.asarray(100 * np.linalg.norm(sums, axis=0) / size, dtype=np.float64)
+
+
+@checked
+def truncated_values(
+    data: FitSamples | FitProblem,
+    values: FloatArray,
+    kept: int | Sequence[str],
+    *,
+    weights: FloatArray | None = None,
+) -> FloatArray:
+    """Expected values of a fit of some parameters when the true model has all of them.
+
+    The forces of the others bias the kept ones: φ₁ + (W₁ᵀW₁)⁻¹ W₁ᵀW₂ φ₂, whatever the noise.
+
+    Parameters
+    ----------
+    data : FitSamples or FitProblem
+        Of all n parameters; forces do not matter.
+    values : FloatArray
+        (n,), the true ones.
+    kept : int or sequence of str
+        The first so many parameters, or names.
+    weights : FloatArray, optional
+        (dof,), of the fit, ``FitResult.weights``; by default all actuators alike.
+
+    Returns
+    -------
+    FloatArray
+        In the order of ``kept``.
+    """
+    factor, phi = _weighted_factor(data, values, weights)
+    labels = data.parameters.labels
+    if isinstance(kept, int):
+        if not 0 < kept <= len(labels):
+            raise OptionError(f"the number of parameters kept must be 1 to {len(labels)}: {kept}")
+        kept = labels[:kept]
+    for name in kept:
+        if name not in labels:
+            raise OptionError.unknown("parameter", name, labels)
+    if len(set(kept)) < max(len(kept), 1):
+        raise OptionError("the parameters kept must be at least one, none of them twice")
+    columns = [labels.index(name) for name in kept]
+    others = [j for j in range(len(phi)) if j not in columns]
+    force = factor[:, others] @ phi[others]
+    bias = np.linalg.lstsq(factor[:, columns], force)[0]
+    return np.asarray(phi[columns] + bias, dtype=np.float64)
+
+
+def _weighted_factor(
+    data: FitSamples | FitProblem, values: FloatArray, weights: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Triangular factor (r + 1, r + 1) of the weighted [W | T], and checked values (r,)."""
+    problem = data.problem if isinstance(data, FitSamples) else data
+    phi, dof = finite(values, "values"), len(problem.actuators)
+    if phi.shape != (len(problem.parameters),):
+        raise DataError(f"values must have shape ({len(problem.parameters)},), not {phi.shape}")
+    scale = np.ones(dof) if weights is None else finite(weights, "weights")
+    if scale.shape != (dof,):
+        raise DataError(f"weights must have shape ({dof},), not {scale.shape}")
+    return problem.weighted(scale), phi
