@@ -390,6 +390,7 @@ def refused(tmp_path, refusal):
         (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model must be finite"),
         (small(HINGE.format('range="nan 1"')), "jnt_range of MuJoCo's model must be finite"),
         (small(rest='<keyframe><key qpos="nan"/></keyframe>'), "key_qpos"),
+        (small(body='quat="1e308 1e308 0 0"'), "body_quat of MuJoCo's model has a quaternion"),
         (
             small(
                 '<joint name="k" type="slide" ref="1e308"/>',
@@ -458,3 +459,8 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
+
+
+def test_a_file_that_asks_for_more_than_robots_have_is_refused(refused):
+    copies = f'<replicate count="1e9">{BODY.format("", HINGE.format(""))}</replicate>'
+    refused(f"<mujoco><worldbody>{copies}</worldbody></mujoco>", "count of <replicate>")

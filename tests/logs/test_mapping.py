@@ -120,7 +120,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "format: csv",
             "format: xls",
-            "format: must be one of folder, csv, npz, parquet, hdf5, bag, not 'xls'",
+            "format: must be one of folder, csv, npz, parquet, hdf5, bag",
         ),
         ("format: csv", "1: 2", "unknown key 1: choose among format"),
     ],

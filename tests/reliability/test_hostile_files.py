@@ -127,6 +127,16 @@ def mjcf(rest="", body=BODY):
     ("content", "words"),
     [
         (mjcf('<include file="robot.xml"/>'), "MuJoCo refuses it"),
+        (mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'), "count of <replicate>"),
+        (
+            mjcf('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
+            "nrow of <hfield>",
+        ),
+        (mjcf('<size nuserdata="2000000000"/>'), "nuserdata of <size>"),
+        (
+            mjcf(body=BODY.replace('axis="1 0 0"', 'axis="1e308 0 0"')),
+            "jnt_axis of MuJoCo's model has an axis of length 0",
+        ),
         (
             mjcf(body=BODY.replace('pos="0 0 0"', 'pos="1e200 0 0"')),
             "body_ipos of MuJoCo's model must be finite",

@@ -15,12 +15,12 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray, number
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_tree import read_xml
+from loopid.loading.urdf_tree import Element, read_xml
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
@@ -54,6 +54,9 @@ DIRECT = (
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
+# Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
+COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
+MOST = 10_000
 LARGEST = 1e100  # so that no product of a few numbers overflows
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
@@ -149,9 +152,7 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         raise FileError(f"{path} is missing", file=str(path))
     with naming(path):
         root = read_xml(path)
-        # MuJoCo compiles URDFs too, but drops what it does not know in them.
-        if root.tag != "mujoco":
-            raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+        _refuse_excess(root)
         # MuJoCo would print its warnings, and append them to a file where it runs.
         heard: list[str] = []
         before = mujoco.get_mju_user_warning()
@@ -168,8 +169,20 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     return compiled, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
 
 
+def _refuse_excess(root: Element) -> None:
+    """Refuse what MuJoCo would read other than it is meant, or hang on."""
+    # MuJoCo compiles URDFs too, but drops what it does not know in them.
+    if root.tag != "mujoco":
+        raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+    for tag in root.iter("*"):
+        for key in COUNTS if tag.tag != "geom" else ():
+            if any(number(word) > MOST for word in tag.get(key, "").split()):
+                what = f"{key} of <{tag.tag!s}>"
+                raise RobotFileError(f"{what} must be at most {MOST:,}, not {tag.get(key)!r:.60}")
+
+
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
-    """Refuse numbers that are not finite."""
+    """Refuse numbers that are not finite, and directions without length."""
     numbers = {name: getattr(compiled, name) for name in FINITE} | {"gravity": compiled.opt.gravity}
     # Limits may be infinite.
     numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
@@ -178,6 +191,11 @@ def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
             raise RobotFileError(
                 f"{name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
             )
+    for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
+        # What is too long or short for MuJoCo to normalise is zero then.
+        if not np.linalg.norm(getattr(compiled, name), axis=1).all():
+            what = "an axis" if name == "jnt_axis" else "a quaternion"
+            raise RobotFileError(f"{name} of MuJoCo's model has {what} of length 0")
 
 
 def _text(compiled: mujoco.MjModel, address: int) -> str:

@@ -94,22 +94,6 @@ class LogFormat(ABC):
         return str(self.path)
 
 
-def format_of(path: Path, name: str | None = None) -> tuple[str, type[LogFormat]]:
-    """The format of a log by its name, or that of those registered which accepts the path."""
-    if name is not None:
-        return name, log_formats[name]
-    for known in reversed([*log_formats]):
-        if log_formats[known].accepts(path):
-            return known, log_formats[known]
-    endings = dict.fromkeys(end for known in log_formats for end in log_formats[known].endings)
-    raise LogError(
-        f"{path} is of no known format: its name must end in {', '.join(endings)}; otherwise give "
-        f"the format in a mapping ({', '.join(sorted(log_formats))})",
-        file=path,
-        valid=tuple(endings),
-    )
-
-
 def stream_name(path: Path) -> str:
     """Name of the stream in a file: the file's name without its endings."""
     name = path.name

@@ -11,10 +11,11 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
-from loopid.logs.formats import LogFormat, format_of, stream_name
+from loopid.logs.formats import LogFormat, stream_name
 from loopid.logs.log import Log
 from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
 from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
+from loopid.registry import log_formats
 from loopid.robot.mechanism import Mechanism, lock_options
 
 
@@ -86,7 +87,11 @@ def read_log(
     """
     place = Path(path)
     require_known_motion(robot)
-    require_log(place)
+    reason = why_no_file(place)
+    if reason == "does not exist":
+        raise FileError(f"there is no log {place}", file=place)
+    if reason not in ("", "is a folder"):
+        raise LogError(f"log {place} {reason}", file=place)
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
     found = read_streams(place, robot.actuated, mapping, rows=rows, tolerances=tolerances)
@@ -130,8 +135,18 @@ def read_streams(
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:
-    """The log in its format, as the mapping says or the path looks."""
-    name, kind = format_of(path, mapping.format)
+    """The log in its format: as the mapping says, or that of those registered which accepts it."""
+    accepting = (name for name in reversed([*log_formats]) if log_formats[name].accepts(path))
+    name = mapping.format or next(accepting, None)
+    if name is None:
+        endings = dict.fromkeys(end for kind in log_formats for end in log_formats[kind].endings)
+        raise LogError(
+            f"{path} is of no known format: its name must end in {', '.join(endings)}; otherwise "
+            f"give the format in a mapping ({', '.join(sorted(log_formats))})",
+            file=path,
+            valid=tuple(endings),
+        )
+    kind: type[LogFormat] = log_formats[name]
     for key in ("topic", "group"):
         if getattr(mapping, key) is not None and kind.choice != key:
             raise LogError(
@@ -142,15 +157,6 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 format=name,
             )
     return kind(path, getattr(mapping, kind.choice) if kind.choice else None)
-
-
-def require_log(path: Path) -> None:
-    """Refuse a path where there is no file or folder."""
-    reason = why_no_file(path)
-    if reason == "does not exist":
-        raise FileError(f"there is no log {path}", file=path)
-    if reason not in ("", "is a folder"):
-        raise LogError(f"log {path} {reason}", file=path)
 
 
 def require_known_motion(robot: Mechanism) -> None:
