@@ -180,7 +180,7 @@ def require_known_motion(robot: Mechanism) -> None:
 
 # Factors that would make a unit of another one.
 OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
-OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1e-6 (um to m)": 1e-6}
+OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
 OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
 FITTING = 0.9  # part of the values that a change of unit must bring inside
 EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
