@@ -132,7 +132,7 @@ class BaseParameters:
         """Combinations that may have an effect or not; they do not count."""
         return self.structure.doubtful
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Label of the standard parameter that leads each base parameter, factor 1."""
         return self.parameters.select(self.base).labels
