@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from loopid import FitOptions
 from loopid.diagnosis import eliminate_parameters
 from loopid.errors import OptionError, RankError
 from loopid.identification import (
+    ESTIMATORS,
     BayesianRidge,
     Bisquare,
     FitSamples,
@@ -259,3 +261,24 @@ def test_results_are_read_only_and_have_a_line_a_parameter():
     for array in (found.values, found.covariance, found.quality.residual_rms):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def test_an_estimator_of_ones_own_is_found_by_its_name(monkeypatch):
+    class Halved(WeightedLeastSquares):
+        """Half of what weighted least squares finds."""
+
+        name = "halved"
+
+        def _fit(self, problem):
+            found = super()._fit(problem)
+            return replace(found, values=0.5 * found.values)
+
+    monkeypatch.setattr(ESTIMATORS, "_entries", dict(ESTIMATORS._entries))
+    with pytest.raises(OptionError):
+        FitOptions(estimator="halved")
+    ESTIMATORS.register("halved", Halved)
+    assert FitOptions(estimator="halved").name == "halved"
+    W = smooth_regressor(200)
+    samples = named_samples(W, W @ TRUTH)
+    whole, half = quiet_fit(samples, "wls"), quiet_fit(samples, "halved")
+    np.testing.assert_array_equal(half.values, 0.5 * whole.values)
