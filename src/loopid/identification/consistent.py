@@ -134,7 +134,7 @@ class ConsistentFit:
 
 
 @checked
-def consistent_fit(
+def consistent_fit(  # noqa: PLR0913 (a fit, and how it is weighed)
     problem: FitProblem,
     fit: FitResult,
     base: BaseParameters,

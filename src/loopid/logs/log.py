@@ -102,7 +102,7 @@ class Log:
             object.__setattr__(self, "saturation", limits)
 
     @classmethod
-    def from_arrays(
+    def from_arrays(  # noqa: PLR0913 (a column each)
         cls,
         time: ArrayLike,
         position: ArrayLike,
