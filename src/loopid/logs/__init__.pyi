@@ -3,6 +3,7 @@ from .log import Log as Log
 from .mapping import LogMapping as LogMapping, read_mapping as read_mapping
 from .preparing import (
     motion_spectrum as motion_spectrum,
+    prepare_again as prepare_again,
     prepare_recording as prepare_recording,
     read_recordings as read_recordings,
 )

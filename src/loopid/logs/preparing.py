@@ -5,6 +5,7 @@ Each step is a function that can be called alone; ``prepare_recording`` calls th
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
@@ -109,7 +110,7 @@ def prepare_recording(
             given=log.joints,
             valid=robot.actuated,
         )
-    log = without_frozen(log, masks)
+    read, log = log, without_frozen(log, masks)
     spectrum = motion_spectrum(log)
     lowpass = filter.lowpass(spectrum.cutoff)
     limits = saturation_of(robot, log, masks)
@@ -151,7 +152,43 @@ def prepare_recording(
         spectrum=spectrum,
         filter=filter,
         masks=masks,
+        log=read,
     )
+
+
+@checked
+def prepare_again(
+    robot: Mechanism,
+    recording: Recording,
+    *,
+    log: Log | None = None,
+    filter: FilterOptions | None = None,  # noqa: A002
+) -> Recording:
+    """The same part of a recording's log, with another filter or of a corrected log.
+
+    Nothing that was told when it was first prepared is told again. A recording without a log, of a
+    motion that is known exactly, stays as it is.
+
+    Parameters
+    ----------
+    recording : Recording
+        From ``prepare_recording``, or a part of one.
+    log : Log, optional
+        In place of its log.
+    filter : FilterOptions, optional
+        In place of its filter.
+    """
+    if recording.log is None:
+        return recording
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        whole = prepare_recording(
+            robot,
+            log or recording.log,
+            filter=filter or recording.filter or FilterOptions(),
+            masks=recording.masks or MaskOptions(),
+        )
+    return whole.within(recording)
 
 
 @checked

@@ -12,6 +12,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, row_blocks, samples
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.logs.log import Log
 from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
@@ -195,6 +196,8 @@ class Recording:
         Of the log.
     filter, masks : FilterOptions and MaskOptions, or None
         With which it was prepared.
+    log : Log or None
+        As it was read, for ``prepare_again``; None of a motion that is known exactly.
     """
 
     name: str
@@ -209,6 +212,7 @@ class Recording:
     spectrum: MotionSpectrum | None = None
     filter: FilterOptions | None = None
     masks: MaskOptions | None = None
+    log: Log | None = None
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
@@ -283,6 +287,16 @@ class Recording:
                 between=(start, end),
             )
         return part
+
+    def within(self, other: Recording) -> Recording:
+        """The samples that are between those of another recording of the log, to half a step."""
+        time, kept = np.asarray(self.motion.time), np.asarray(other.motion.time)
+        step = float(np.median(np.diff(kept))) if len(kept) > 1 else RATE_ROUNDING
+        after = np.clip(np.searchsorted(kept, time), 1, max(len(kept) - 1, 1))
+        later = time - kept[np.stack([after - 1, np.minimum(after, len(kept) - 1)])]
+        # In the middle between two it belongs to the earlier one, whatever the round-off.
+        least, most = -step / 2 * (1 - RATE_ROUNDING), step / 2 * (1 + RATE_ROUNDING)
+        return self.select(((later > least) & (later < most)).any(axis=0))
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""

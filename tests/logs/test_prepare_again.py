@@ -1,0 +1,43 @@
+"""A recording prepared again: the same part of the log, filtered otherwise."""
+
+import numpy as np
+import pytest
+
+import loopid
+from loopid.logs import FilterOptions, Recording, prepare_again
+
+
+@pytest.fixture(scope="module")
+def recording():
+    robot = loopid.load_mechanism("five_bar")
+    sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
+    run = loopid.simulate_measurement(
+        robot, loopid.joint_motion(robot, series.motion(duration=10.0, rate=100.0))
+    )
+    log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated)
+    return robot, loopid.prepare_recording(robot, log, filter=FilterOptions(cutoff=10.0))
+
+
+def test_the_same_filter_gives_the_same_samples(recording):
+    robot, whole = recording
+    for part in (whole, *whole.split(0.6), whole.between(2.0, 5.0)):
+        again = prepare_again(robot, part)
+        assert np.array_equal(again.force, part.force)
+        assert np.array_equal(again.motion.time, part.motion.time)
+
+
+@pytest.mark.parametrize("cutoff", [2.0, 3.3, 9.0, 15.0])
+def test_parts_stay_apart_and_together_are_the_whole(recording, cutoff):
+    robot, whole = recording
+    filtered = FilterOptions(cutoff=cutoff)
+    parts = [prepare_again(robot, part, filter=filtered) for part in whole.split(0.6)]
+    times = np.concatenate([part.motion.time for part in parts])
+    assert np.array_equal(times, prepare_again(robot, whole, filter=filtered).motion.time)
+    assert all(part.cutoff == cutoff for part in parts)
+
+
+def test_an_exact_motion_stays_as_it_is(recording):
+    robot, whole = recording
+    exact = Recording.of_motion(whole.motion, whole.force, robot.actuated)
+    assert prepare_again(robot, exact, filter=FilterOptions(cutoff=2.0)) is exact
