@@ -83,7 +83,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
-    terms, left_out = _joint_forces(scene)
+    terms, left_out = joint_forces(scene)
     motors, notes = _motors(scene, closures)
     try:
         description = Description(
@@ -576,10 +576,10 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
 
 
-def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
+def joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
     """Terms of joints with their values, and forces that no model has."""
     compiled, left_out = scene.compiled, list[LeftOut]()
-    terms = {name: _terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
+    terms = {name: own_terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
     for tendon, name in enumerate(scene.tendons):
         laws = ("armature", "frictionloss", "damping", "stiffness")
         if any(getattr(compiled, f"tendon_{law}", np.zeros(tendon + 1))[tendon] for law in laws):
@@ -596,8 +596,9 @@ def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftO
     return {name: values for name, values in kept.items() if values}, left_out
 
 
-def _terms(scene: Scene, joint: int, left_out: list[LeftOut]) -> dict[str, float]:
-    """Values of the terms of a joint; what is no term is left out."""
+def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -> dict[str, float]:
+    """Values of the terms of a joint without its actuators; what is no term is left out."""
+    left_out = [] if left_out is None else left_out
     compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kind(joint)
     dof = int(compiled.jnt_dofadr[joint])
     springs = not _disabled(compiled, "SPRING", "PASSIVE")
