@@ -116,7 +116,7 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
+    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity", "Fc,Fv"), [run])
     >>> told = loopid.diagnosis.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice
     (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
