@@ -15,6 +15,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, OptionError, RankError, warn
 from loopid.identification.bayes import PRIOR_DEVIATION, BayesianRidge, cad_prior, evidence_scale
+from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
 from loopid.identification.force_model import ForceModel, samples_of
@@ -60,6 +61,8 @@ class FitOptions:
         Without that: the least and the largest such deviation that the evidence of the data may
         choose. A file that is right in most of its bodies need not be in all, so that the least is
         not 0.
+    cutoff : CutoffOptions
+        Which cut-offs of the filter are tried (``choose_cutoff``).
     terms : TermOptions
         Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
@@ -83,6 +86,7 @@ class FitOptions:
     fraction: float = 0.6
     prior_deviation: float | None = None
     deviations: tuple[float, float] = (0.1, 10.0)
+    cutoff: CutoffOptions = CutoffOptions()
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
@@ -165,6 +169,8 @@ class Identification:
     prior_deviation : float or None
         Of the robot file as prior, relative to the parameters' sizes, by the evidence of the data
         (``evidence_scale``).
+    cutoff : CutoffChoice or None
+        Of the filter; None where the recordings left nothing to choose.
     """
 
     force_model: ForceModel
@@ -177,6 +183,7 @@ class Identification:
     candidates: Mapping[str, Candidate]
     options: FitOptions
     prior_deviation: float | None = None
+    cutoff: CutoffChoice | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -344,6 +351,12 @@ def identify(
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
+    cutoff = choose_cutoff(force_model, training, options=options.cutoff, n_jobs=options.n_jobs)
+    if cutoff is not None:
+        cutoff.warn()
+        training, judging, friction = (
+            prepared_at(force_model, runs, cutoff.chosen) for runs in (training, judging, friction)
+        )
     force_model = choose_terms(
         force_model, friction or training, options=options.terms, n_jobs=options.n_jobs
     )
@@ -363,7 +376,7 @@ def identify(
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
-    return Identification(force_model, *runs, data, new, excited, judged, options, deviation)
+    return Identification(force_model, *runs, data, new, excited, judged, options, deviation, cutoff)
 
 
 @checked

@@ -2,7 +2,6 @@ from .formats import LogFormat as LogFormat, Table as Table
 from .log import Log as Log
 from .mapping import LogMapping as LogMapping, read_mapping as read_mapping
 from .preparing import (
-    motion_spectrum as motion_spectrum,
     prepare_again as prepare_again,
     prepare_recording as prepare_recording,
     read_recordings as read_recordings,
@@ -11,7 +10,6 @@ from .reading import read_log as read_log
 from .recording import (
     FilterOptions as FilterOptions,
     MaskOptions as MaskOptions,
-    MotionSpectrum as MotionSpectrum,
     RateHistory as RateHistory,
     Recording as Recording,
 )

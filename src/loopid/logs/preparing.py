@@ -23,7 +23,6 @@ from loopid.logs.reading import read_log, require_known_motion
 from loopid.logs.recording import (
     FilterOptions,
     MaskOptions,
-    MotionSpectrum,
     RateHistory,
     Recording,
     reach_of,
@@ -66,7 +65,8 @@ def prepare_recording(
         Whose motors the log is of.
     log : Log
     filter : FilterOptions
-        Of positions and forces alike.
+        Of positions and forces alike. Without a cut-off of its own that is five times the band of
+        the motion, until ``identify`` chooses one.
     masks : MaskOptions
         Which samples say nothing.
     progress : callable, optional
@@ -111,8 +111,7 @@ def prepare_recording(
             valid=robot.actuated,
         )
     read, log = log, without_frozen(log, masks)
-    spectrum = motion_spectrum(log)
-    lowpass = filter.lowpass(spectrum.cutoff)
+    lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log, masks)
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
@@ -149,7 +148,6 @@ def prepare_recording(
         ),
         cutoff=None if lowpass is None else lowpass.cutoff,
         history=_rate_history(log, signals.velocity, lowpass, motion, rows),
-        spectrum=spectrum,
         filter=filter,
         masks=masks,
         log=read,
@@ -546,70 +544,43 @@ def on_independent(
     return np.einsum("nmi,nm->ni", shares, force), ~spoilt
 
 
-# ---- spectrum and cut-off ----------------------------------------------------------------------
+# ---- the band of the motion, and a cut-off before anything is fitted ----------------------------
 
-# Part of the power of the velocities that is within the band of a motion.
-BAND_POWER = 0.999
-# The cut-off, in bands: it changes what is within the band by less than 1e-5, ...
-WIDTH = 20.0
-# ... or lower, where noise would be more than this part of the power of the filtered accelerations,
-# but not below so many bands.
-NOISE_POWER, LEAST_WIDTH = 1e-5, 5.0
-# Samples a period of the cut-off, at the rate of the log.
-LEAST_PERIOD = 5.0
-# Frequencies are averaged, so many of them or so wide a part; where the average exceeds the noise
-# so many times, the robot moves.
-AVERAGED, RELATIVE_WIDTH, ABOVE_NOISE = 8, 0.1, 3.0
-# Samples that tell a spectrum; of fewer, the cut-off is this part of the rate.
-LEAST_COUNT, SHORT_CUTOFF = 62, 0.05
-# ∫ x^4 / (1 + x^4)² dx from 0 on: what a filter of second order, run twice, leaves of noise.
-PASSED = np.pi / (8 * np.sqrt(2))
+# The band ends where this part of the power of the velocities is left in so many times its width:
+# noise, whatever its colour, has little power near the motion, and much far above.
+LEFT, OCTAVES = 0.01, 5.0
+# A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
+PROVISIONAL, LEAST_PERIOD = 5.0, 5.0
+# Samples that tell a band; of fewer, the cut-off is this part of the rate.
+LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
 
-def motion_spectrum(log: Log) -> MotionSpectrum:
-    """Spectrum of the longest stretch of a log, and the cut-off that it asks for.
+def motion_band(robot: Mechanism, log: Log) -> float:
+    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if not to be told.
 
-    That is 20 times the band of the motion; less, down to five times, where noise would exceed
-    1e-5 of the power of the filtered accelerations; and no more than a fifth of the rate. Fewer
-    than 64 samples tell none: the cut-off is a twentieth of the rate.
+    By the longest stretch, for sliding and turning motors each on their own; the wider counts.
     """
     part = max(log.parts(), key=lambda part: part.stop - part.start)
-    rate, count = log.rate(part), part.stop - part.start - 2
-    if count < LEAST_COUNT:
-        nothing = np.zeros(0)
-        return MotionSpectrum(nothing, nothing, nothing, 0.0, SHORT_CUTOFF * rate or 1.0)
-    frequencies = np.fft.rfftfreq(count, 1 / rate).astype(np.float64)
-    edges = [0]
-    while edges[-1] < len(frequencies):
-        edges.append(edges[-1] + max(AVERAGED, int(RELATIVE_WIDTH * edges[-1])))
-    sizes = np.diff([*edges[:-1], len(frequencies)])
+    rate, count = log.rate(part), part.stop - part.start - 1
+    if count + 1 < LEAST_COUNT:
+        return 0.0
+    frequency = np.fft.rfftfreq(count, 1 / rate)
+    velocity = np.diff(log.position[part], axis=0) * np.hanning(count + 2)[1:-1, None]
+    amplitude = np.fft.rfft(velocity, axis=0)
+    power = np.cumsum(amplitude.real**2 + amplitude.imag**2, axis=0)
+    above = np.searchsorted(frequency, OCTAVES * frequency, "right") - 1
+    straight, band = np.isin(robot.velocity_indices(log.joints), robot.prismatic), 0.0
+    for kind in (straight, ~straight):
+        below = power[:, kind].sum(axis=1)
+        if below[-1] > 0:
+            ends = (below[above] - below <= LEFT * below)[1:]
+            band = max(band, float(frequency[1 + int(ends.argmax())]))
+    return band
 
-    def averaged(values: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(values, edges[:-1]) / sizes)
 
-    # How second differences amplify white noise of positions.
-    shape = averaged((2 * rate * np.sin(np.pi * frequencies / rate)) ** 4)
-    frequency, widths = averaged(frequencies), sizes * rate / count
-    window = np.hanning(count + 2)[1:-1]
-    power = rate * float((window**2).sum())
-    total, level, limit = np.zeros(len(frequency)), 0.0, rate / LEAST_PERIOD
-    for k in range(len(log.joints)):
-        acceleration = np.diff(log.position[part, k], 2)
-        acceleration *= rate**2 * window
-        amplitude = np.fft.rfft(acceleration)
-        density = averaged(amplitude.real**2 + amplitude.imag**2) * 2 / power
-        floor = float(np.median((density / shape)[frequency >= rate / 4]))
-        motion = np.where(density > ABOVE_NOISE * floor * shape, density - floor * shape, 0.0)
-        size = float(motion @ widths)
-        if size > 0:
-            total, level = total + density / size, level + floor / size
-    noise = level * shape
-    motion = np.where(total > ABOVE_NOISE * noise, total - noise, 0.0)
-    velocity = np.cumsum(motion * widths / frequency**2)
-    if not velocity[-1] > 0:
-        return MotionSpectrum(frequency, total, noise, 0.0, limit)
-    band = float(frequency[np.searchsorted(velocity, BAND_POWER * velocity[-1])])
-    passed = PASSED * (2 * np.pi) ** 4 * level / (motion @ widths)
-    quiet = (NOISE_POWER / passed) ** 0.2 if passed > 0 else np.inf
-    cutoff = min(max(min(WIDTH * band, quiet), LEAST_WIDTH * band), limit)
-    return MotionSpectrum(frequency, total, noise, band, float(cutoff))
+def provisional_cutoff(robot: Mechanism, log: Log) -> float:
+    """A cut-off in Hz that loses little of the motion; ``choose_cutoff`` finds the best."""
+    rate, band = max(map(log.rate, log.parts())), motion_band(robot, log)
+    if not band:
+        return SHORT_CUTOFF * rate or 1.0
+    return float(min(PROVISIONAL * band, rate / LEAST_PERIOD))

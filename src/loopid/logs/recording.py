@@ -33,7 +33,8 @@ class FilterOptions:
     Attributes
     ----------
     cutoff : float, "auto" or None
-        Of the low-pass filter in Hz; "auto" as ``motion_spectrum`` says, None for no filter.
+        Of the low-pass filter in Hz; None for no filter. "auto" is five times the band of the
+        motion, until ``identify`` chooses what predicts best.
     order : int
         Of each of the filter's two passes.
     decimate : bool
@@ -104,29 +105,6 @@ class MaskOptions:
 
 
 @record
-class MotionSpectrum:
-    """Spectrum of accelerations, each motor's in units of its power, on average of those that move.
-
-    Attributes
-    ----------
-    frequency : FloatArray
-        (F,) in Hz, ascending.
-    density, noise : FloatArray
-        (F,) in 1/Hz, of motion with noise, and of noise alone.
-    band : float
-        In Hz, below which nearly all of the motion is; 0 without motion.
-    cutoff : float
-        In Hz, of the filter that suits.
-    """
-
-    frequency: FloatArray
-    density: FloatArray
-    noise: FloatArray
-    band: float
-    cutoff: float
-
-
-@record
 class RateHistory:
     """Filtered rates at the rate of the log, before samples were left out.
 
@@ -192,8 +170,6 @@ class Recording:
         Of the low-pass filter in Hz; None without one.
     history : RateHistory or None
         What samples of steps in the forces are filtered from; None without a filter.
-    spectrum : MotionSpectrum or None
-        Of the log.
     filter, masks : FilterOptions and MaskOptions, or None
         With which it was prepared.
     log : Log or None
@@ -209,7 +185,6 @@ class Recording:
     dropped: tuple[Dropped, ...] = ()
     cutoff: float | None = None
     history: RateHistory | None = None
-    spectrum: MotionSpectrum | None = None
     filter: FilterOptions | None = None
     masks: MaskOptions | None = None
     log: Log | None = None

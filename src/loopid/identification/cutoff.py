@@ -1,0 +1,356 @@
+"""The cut-off of the filter, chosen by predictions of data that were not fitted.
+
+Noise of positions in the regressor biases estimates, whatever its colour: encoders in steps, stamps
+that jitter, held values. At each of several cut-offs the model is fitted to all blocks of time but
+one, and predicts the forces of that one in a low band common to all, where positions are good.
+Squared errors hold noise of the forces, which is the same for all, and hides how fits differ. Of
+the cut-offs whose errors are not clearly worse that one is chosen whose predictions change least
+with the block that is left out: their variance by the jackknife [Efron1982]. Where a band is too
+narrow, little is left of the data; where it is too wide, fits follow the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataWarning, LoopidError, OptionError, warn
+from loopid.identification.estimator import inverse_deviations
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitProblem
+from loopid.logs.preparing import motion_band, prepare_again
+from loopid.logs.recording import FilterOptions, Recording
+from loopid.records import record
+from loopid.workers import one_blas_thread
+
+
+@record(kw_only=True, checked=True)
+class CutoffOptions:
+    """Which cut-offs are tried, and how one is chosen.
+
+    Attributes
+    ----------
+    step : float
+        Ratio of neighbouring cut-offs: the error of a fit changes little over it.
+    narrowest, widest : float
+        The first and the last, in bands of the motion (``motion_band``): products of velocities
+        and friction reach beyond its band, but hardly further than the last.
+    period : float
+        Least samples of the log in a period of the last cut-off.
+    judged : float
+        Cut-off of the band that all are judged in, in bands of the motion. In the band of the
+        motion itself fits that are too narrow look better than they are.
+    blocks : int
+        Of time, at least; each is left out once. More are shorter than the errors' memory.
+    clearly : float
+        Standard errors by which a prediction error is clearly worse than the least.
+    growth : float
+        Variance of the predictions, relative to the least, at which wider ones are given up.
+    tie : float
+        Relative difference of variances that is none: the narrower cut-off is chosen.
+
+    Raises
+    ------
+    OptionError
+        When a number is out of its range.
+    """
+
+    step: float = 1.4
+    narrowest: float = 1.4
+    widest: float = 30.0
+    period: float = 5.0
+    judged: float = 4.0
+    blocks: int = 10
+    clearly: float = 2.0
+    growth: float = 10.0
+    tie: float = 1e-3
+
+    def __post_init__(self) -> None:
+        least = {"step": 1.0, "narrowest": 0.0, "widest": self.narrowest, "period": 2.0}
+        least |= {"judged": 0.0, "blocks": 2, "clearly": 0.0, "growth": 1.0, "tie": 0.0}
+        for name, value in least.items():
+            given = getattr(self, name)
+            if not (given >= value if name in ("blocks", "clearly", "tie") else given > value):
+                raise OptionError(
+                    f"{name} of the cut-off must be from {value:g} on, not {given}", given=given
+                )
+
+
+@record
+class CutoffChoice:
+    """Cut-offs that were tried, and the one chosen.
+
+    Attributes
+    ----------
+    cutoffs : FloatArray
+        (k,) in Hz, ascending.
+    errors : FloatArray
+        (k,) root mean squares of errors on data that were not fitted, over those of the forces,
+        each motor weighted by its errors.
+    clear : FloatArray
+        (k,) by how many of its standard errors a squared error exceeds the least.
+    spreads : FloatArray
+        (k,) standard deviations of predictions, as parts of the forces like ``errors``.
+    judged : float
+        Cut-off in Hz of the band in which all are compared.
+    chosen : float
+        In Hz.
+    bound : str
+        ``"lowest"`` where that is the first that was tried, ``"rate"`` where the rate of the log
+        allows for no wider one; empty otherwise.
+    """
+
+    cutoffs: FloatArray
+    errors: FloatArray
+    clear: FloatArray
+    spreads: FloatArray
+    judged: float
+    chosen: float
+    bound: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"<CutoffChoice: {self.chosen:.3g} Hz, of {len(self.cutoffs)} from "
+            f"{self.cutoffs[0]:.3g} to {self.cutoffs[-1]:.3g} Hz>"
+        )
+
+    def warn(self) -> None:
+        """Tell of a choice at a bound of its range."""
+        if self.bound == "lowest":
+            warn(
+                f"the cut-off is the lowest that was tried, {self.chosen:.3g} Hz, near the band of "
+                "the motion: positions are too noisy for more, so that estimates may be biased; a "
+                "faster motion or finer encoders would help",
+                DataWarning,
+            )
+        elif self.bound == "rate":
+            warn(
+                f"the cut-off is the highest that the rate of the log allows for, {self.chosen:.3g}"
+                " Hz: some of the motion may be lost; record at a higher rate, or move slower",
+                DataWarning,
+            )
+
+
+class _Judged(NamedTuple):
+    """Fits of all blocks but one, at one cut-off: values (K, n), and the blocks' factors."""
+
+    values: FloatArray
+    blocks: list[FloatArray]  # (rows, n + 1) each, weighted, less what the robot file explains
+    rows: int
+    force: float  # mean square, weighted
+
+
+@checked
+def choose_cutoff(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    *,
+    options: CutoffOptions = CutoffOptions(),
+    n_jobs: int = 1,
+) -> CutoffChoice | None:
+    """Choose the cut-off at which fits predict best what they were not fitted to.
+
+    None where no recording leaves it open: its filter has a cut-off, or it has no log.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        That will be fitted; nothing else is looked at.
+    options : CutoffOptions, optional
+    n_jobs : int
+        Processes that compute the regressors.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare_recording(robot, log)])
+    >>> 3 < choice.chosen < 20
+    True
+    """
+    open_ones = [run for run in recordings if leaves_cutoff_open(run)]
+    logs = [run.log for run in open_ones if run.log is not None]
+    if not logs:
+        return None
+    robot = force_model.mechanism
+    band = max(motion_band(robot, log) for log in logs)
+    rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
+    limit = rate / options.period
+    if not 0 < band * options.narrowest < limit:
+        return None
+    wanted = options.widest * band
+    count = int(np.log(min(wanted, limit) / (options.narrowest * band)) / np.log(options.step))
+    cutoffs = options.narrowest * band * options.step ** np.arange(count + 1)
+    judged = min(options.judged * band, limit)
+    parts = -(-options.blocks // len(open_ones))
+
+    def at(cutoff: float) -> _Judged | None:
+        return _fits(force_model, open_ones, cutoff, parts=parts, n_jobs=n_jobs)
+
+    with one_blas_thread():
+        judge = at(judged)
+        if judge is None:
+            return None
+        tried, errors, variances = [], [], []
+        for cutoff in cutoffs.tolist():
+            found = at(cutoff)
+            if found is None:
+                continue
+            tried.append(cutoff)
+            errors.append(_errors(judge, found))
+            variances.append(_variance(judge, found))
+            if cutoff > judged and variances[-1] > options.growth * min(variances):
+                break
+    if not tried:
+        return None
+    chosen, clear = _chosen(np.array(errors), np.array(variances), judge.force, options)
+    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * options.step > limit
+    return CutoffChoice(
+        cutoffs=np.array(tried),
+        errors=np.sqrt(np.sum(errors, axis=1) / (judge.rows * judge.force)),
+        clear=clear,
+        spreads=np.sqrt(np.array(variances) / judge.force),
+        judged=judged,
+        chosen=tried[chosen],
+        bound="lowest" if chosen == 0 < len(tried) - 1 else "rate" if last else "",
+    )
+
+
+def leaves_cutoff_open(recording: Recording) -> bool:
+    """Whether a recording has a log, and a filter without a cut-off of its own."""
+    return (
+        recording.log is not None
+        and recording.filter is not None
+        and recording.filter.cutoff == "auto"
+    )
+
+
+def prepared_at(
+    force_model: ForceModel, recordings: Sequence[Recording], cutoff: float
+) -> tuple[Recording, ...]:
+    """Recordings with a cut-off (Hz) where they leave it open; the others as they are."""
+    robot = force_model.mechanism
+    return tuple(
+        prepare_again(robot, run, filter=replace(run.filter or FilterOptions(), cutoff=cutoff))
+        if leaves_cutoff_open(run)
+        else run
+        for run in recordings
+    )
+
+
+def _fits(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    cutoff: float,
+    *,
+    parts: int,
+    n_jobs: int,
+) -> _Judged | None:
+    """Fits at a cut-off to all blocks but one; None where too little is left of the data."""
+    problems: list[FitProblem | None] = []
+    for run in recordings:
+        try:
+            again = prepared_at(force_model, [run], cutoff)[0]
+            samples = force_model.samples(again, n_jobs)
+        except LoopidError:  # stretches that are too short, or stand still for such a filter
+            problems += [None] * parts
+            continue
+        # Blocks are parts of the time in which motors move, the same at every cut-off.
+        moving = np.asarray(run.motion.time)[run.used.any(axis=1)]
+        edges = np.quantile(moving, np.arange(1, parts) / parts)
+        bounds = [0, *np.searchsorted(again.motion.time, edges).tolist(), len(samples)]
+        for first, last in zip(bounds, bounds[1:], strict=False):
+            some = last > first and samples.used[first:last].any()
+            problems.append(samples.block_problem(slice(first, last)) if some else None)
+    known = [problem for problem in problems if problem is not None]
+    if len(known) < 2:
+        return None
+    whole = FitProblem.combined(known)
+    if whole.freedom < 1:
+        return None
+    prior, width = force_model.prior, whole.factors.shape[-1]
+
+    def weighted(problem: FitProblem | None, weights: FloatArray) -> FloatArray:
+        """Rows of a block (m, n + 1), with what the robot file explains subtracted."""
+        if problem is None:
+            return np.zeros((1, width))
+        rows = (weights[:, None, None] * problem.factors).reshape(-1, width)
+        rows[:, -1] -= rows[:, :-1] @ prior
+        return rows
+
+    # Twice weighted: the sizes of the errors only need to be about right.
+    share = np.full(len(whole.samples), 1.0 - (width - 1) / whole.rows) * whole.samples
+    values, weights = prior, 1.0 / np.where(whole.force_rms > 0, whole.force_rms, 1.0)
+    for _ in range(3):
+        values = prior + _least_change(weighted(whole, weights))
+        squares = whole.residual_squares(values)
+        weights = inverse_deviations(
+            replace(whole, least_errors=np.maximum(whole.least_errors, _floor(whole))),
+            squares,
+            share,
+        )
+    blocks = [weighted(problem, weights) for problem in problems]
+    left_out = [
+        _least_change(np.concatenate([*blocks[:k], *blocks[k + 1 :]])) for k in range(len(blocks))
+    ]
+    force = float(weights**2 @ whole.force_squares()) / whole.rows
+    return _Judged(np.array(left_out), blocks, whole.rows, force)
+
+
+# Errors relative to a force, below which they are round-off of the steps from a log to samples.
+ROUND_OFF = 1e-9
+# Relative singular values of columns of unit length, below which directions are as in the file.
+UNKNOWN = 1e-6
+
+
+def _floor(problem: FitProblem) -> FloatArray:
+    return np.maximum(ROUND_OFF * problem.force_rms, np.finfo(float).tiny)
+
+
+def _least_change(rows: FloatArray) -> FloatArray:
+    """Least squares (n,) of rows [X | y], least where nothing is known."""
+    X, y = rows[:, :-1], rows[:, -1]
+    sizes = np.linalg.norm(X, axis=0)
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    return np.asarray(np.linalg.lstsq(X / sizes, y, rcond=UNKNOWN)[0] / sizes)
+
+
+def _errors(judge: _Judged, found: _Judged) -> FloatArray:
+    """Squared errors (K,) on each block by the fit to the others; both hold changes of the file."""
+    return np.array(
+        [
+            ((block @ np.append(values, -1.0)) ** 2).sum()
+            for block, values in zip(judge.blocks, found.values, strict=True)
+        ]
+    )
+
+
+def _variance(judge: _Judged, found: _Judged) -> float:
+    """Mean squared standard error of predictions, by the jackknife over blocks."""
+    count = len(found.values)
+    apart = found.values - found.values.mean(axis=0)
+    squares = sum(float(((block[:, :-1] @ apart.T) ** 2).sum()) for block in judge.blocks)
+    return (count - 1) / count * squares / judge.rows
+
+
+def _chosen(
+    errors: FloatArray, variances: FloatArray, force: float, options: CutoffOptions
+) -> tuple[int, FloatArray]:
+    """Which cut-off is chosen, of errors (k, K) and variances (k,); and how clear errors are (k,).
+
+    A variance of few blocks is uncertain, so that it is averaged with those of its neighbours.
+    """
+    least = int(errors.sum(axis=1).argmin())
+    over = errors - errors[least]
+    error = np.std(over, axis=1, ddof=1) * np.sqrt(errors.shape[1])
+    clear = np.divide(over.sum(axis=1), error, out=np.zeros(len(error)), where=error > 0)
+    padded = np.pad(np.log(variances + ROUND_OFF**2 * force), 1, mode="edge")
+    smooth = np.exp((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4)
+    smooth[clear > options.clearly] = np.inf
+    return int(np.flatnonzero(smooth <= (1 + options.tie) * smooth.min())[0]), clear
