@@ -177,7 +177,7 @@ class SavedFit(_Section):
     consistency : SavedConsistency or None
         Where a ``ConsistentFit`` was saved.
     digest : str or None
-        SHA-256 of all else, by which numbers that were changed by hand are known.
+        SHA-256 of all but names and paths of the robot, by which changed numbers are known.
     """
 
     format: Literal["loopid fit"] = "loopid fit"
@@ -719,8 +719,10 @@ def _document(path: Path) -> bytes | str:
 
 
 def _digest(record: dict[str, Any]) -> str:
-    """SHA-256 of a record without its digest."""
-    rest = {key: value for key, value in record.items() if key != "digest"}
+    """SHA-256 of a record but for where its robot was, which may move."""
+    place = ("name", "path", "files")
+    robot = {key: value for key, value in record["robot"].items() if key not in place}
+    rest = {key: value for key, value in record.items() if key != "digest"} | {"robot": robot}
     return sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
