@@ -231,7 +231,11 @@ def export(
         help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
     ),
     robot: str | None = Option(
-        None, "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
+        None,
+        "--urdf",
+        "--mjcf",
+        metavar="FILE",
+        help="The robot's own file with inertials and joint terms.",
     ),
     yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
     c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),

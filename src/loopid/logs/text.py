@@ -36,6 +36,7 @@ ENDINGS = (".csv", ".txt", ".tsv")
 COMMENTS = ("#", "%")
 # Of separators that do equally well, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
+QUOTED = r'"(?:[^"]|"")*"'
 NO_NUMBERS = ("", "nan", "+nan", "-nan")
 AROUND_UNITS = "[](){} "
 NO_UNITS = ("", "-", "1")  # of columns without one, in a line of units
@@ -153,8 +154,8 @@ def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> pola
 def _cell(separator: str | None) -> str:
     """Pattern of a cell with the separator before it, so that none is empty."""
     if separator is None:
-        return r'"[^"]*"|\S+'
-    return rf'{separator} *(?:"[^"]*"[^{separator}]*|[^{separator}]*)'
+        return rf"{QUOTED}|\S+"
+    return rf"{separator} *(?:{QUOTED}[^{separator}]*|[^{separator}]*)"
 
 
 # ---- the header -------------------------------------------------------------------------------
@@ -177,12 +178,19 @@ class Line(NamedTuple):
     def cells(self, separator: str | None) -> list[str]:
         """What is between separators that stand outside of quotes."""
         found = re.findall(_cell(separator), (separator or "") + self.text)
-        return [cell.removeprefix(separator or "").strip(AROUND_CELLS) for cell in found]
+        return [_content(cell.removeprefix(separator or "").strip()) for cell in found]
 
     def numbers(self, separator: str | None) -> tuple[bool, ...]:
         """Which cells are numbers, times of the day, or empty."""
         cells = self.cells(separator)
         return tuple(_is_number(c if separator == "," else c.replace(",", ".")) for c in cells)
+
+
+def _content(cell: str) -> str:
+    """A cell without its quotes, between which two stand for one."""
+    if re.fullmatch(QUOTED, cell):
+        return cell[1:-1].replace('""', '"').strip()
+    return cell.strip(AROUND_CELLS)
 
 
 def _is_number(cell: str) -> bool:
