@@ -46,7 +46,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option("Fc,Fv,file", help=f"{TERMS[:-1]}; auto: what is enough on new data."),
+    terms: str = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for."),
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
