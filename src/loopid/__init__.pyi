@@ -43,6 +43,7 @@ from .identification import (
     consistent_parameters as consistent_parameters,
     find_force_model as find_force_model,
     fit as fit,
+    friction_curve as friction_curve,
     identifiability as identifiability,
     identify as identify,
     predict as predict,
