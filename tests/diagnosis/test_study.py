@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import predict
-from loopid.diagnosis import (
-    StudyOptions,
-    compare_terms,
-    diagnose,
-    eliminate,
-    judge_essential,
-    sweep_bands,
-)
+from loopid.diagnosis import StudyOptions, compare_terms, diagnose, eliminate, judge_essential
 from loopid.errors import OptionError
 
 
@@ -23,7 +16,6 @@ def test_a_study_holds_what_its_functions_say(study):
     assert study.term_sets == compare_terms(found)
     assert study.reduction == eliminate(found)
     assert study.essential == judge_essential(found, study.reduction)
-    assert study.sweep == sweep_bands(found)
     assert study.consistent is None
 
 

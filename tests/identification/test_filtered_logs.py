@@ -11,6 +11,7 @@ from loopid import (
     FourierSeries,
     JointTerms,
     find_force_model,
+    identify,
     joint_motion,
     load_mechanism,
     predict,
@@ -19,11 +20,11 @@ from loopid import (
     read_motion_program,
     save_fit,
     simulate_measurement,
+    split_recordings,
 )
-from loopid.diagnosis.bands import sweep_fit
-from loopid.errors import DataWarning, LogError
-from loopid.identification import quiet_fit
-from loopid.logs import Log, motion_spectrum
+from loopid.errors import DataWarning, LogError, OptionError
+from loopid.identification import CutoffOptions, choose_cutoff, quiet_fit
+from loopid.logs import Log, motion_band
 from made_runs import quietly
 
 STEP = 2 * np.pi / 2**17  # rad, of the encoders
@@ -58,31 +59,97 @@ def log_of(model, run, step=0.0, noise=0.0, seed=0):
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_the_band_is_that_of_the_motion_at_any_rate_and_resolution(rate):
+def test_the_band_is_that_of_the_motion_whatever_the_noise(rate):
     model, _, run = simulated("fourier", rate)
-    for step in (0.0, STEP, STEP / 8):
-        found = motion_spectrum(log_of(model, run, step))
-        assert 0.4 < found.band < 0.7  # five harmonics of 0.1 Hz
-        assert 5 * found.band <= found.cutoff <= 20 * found.band + 1e-9
-
-
-def test_the_noise_of_the_encoders_is_what_their_steps_make():
-    model, _, run = simulated("fourier", 1000.0)
-    found = motion_spectrum(log_of(model, run, STEP))
-    high = found.frequency > 100
-    np.testing.assert_allclose(found.density[high] / found.noise[high], 1.0, atol=0.5)
-    # Of both cranks: density of positions over the power of their accelerations.
-    white = 2 * STEP**2 / 12 / 1000 * (2 * np.pi) ** 4
-    power = (np.diff(run.position, 2, axis=0) * 1e6).var(axis=0)
-    at = np.searchsorted(found.frequency, 20.0)
-    expected = white * found.frequency[at] ** 4 * (1 / power).sum()
-    assert found.noise[at] == pytest.approx(expected, rel=0.3)
+    for log in (log_of(model, run, step) for step in (0.0, STEP, 2**5 * STEP)):
+        held = log.position[np.arange(len(log)) // 5 * 5]
+        jitter = 0.2 / rate * np.random.default_rng(0).normal(size=(len(log), 1))
+        early = log.position + np.gradient(log.position, 1 / rate, axis=0) * jitter
+        for position in (log.position, held, early):
+            found = motion_band(model.mechanism, replace(log, position=position))
+            assert 0.4 < found < 0.7  # five harmonics of 0.1 Hz
 
 
 def test_a_log_that_stands_has_no_band():
     model, _, run = simulated("fourier", 100.0)
     still = log_of(model, run)
-    assert motion_spectrum(replace(still, position=0 * still.position)).band == 0
+    still = replace(still, position=0 * still.position)
+    assert motion_band(model.mechanism, still) == 0
+
+
+def coarse(bits, rate=1000.0, noise=NOISE):
+    """A log of encoders of so many bits, its force model and true values."""
+    model, truth, run = simulated("fourier", rate)
+    return model, truth, log_of(model, run, 2 * np.pi / 2**bits, noise)
+
+
+def test_a_coarse_encoder_asks_for_a_narrow_band():
+    chosen = {}
+    for bits in (10, 17):
+        model, _, log = coarse(bits)
+        recording = quietly(prepare_recording, model.mechanism, log)
+        chosen[bits] = choose_cutoff(model, [recording]).chosen
+    assert 1 < chosen[10] < 4
+    assert chosen[10] < chosen[17] < 25
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
+    model, truth, log = coarse(bits)
+    robot = model.mechanism
+    planned = read_motion_program("five_bar").motion("sweep", 20.0)
+    new = model.regressor(joint_motion(robot, planned))
+
+    def error(cutoff):
+        options = FilterOptions(cutoff=cutoff)
+        recording = quietly(prepare_recording, robot, log, filter=options)
+        return float(((new @ (quiet_fit(model.samples(recording)).values - truth)) ** 2).mean())
+
+    recording = quietly(prepare_recording, robot, log)
+    assert not any("frozen" in str(dropped) for dropped in recording.dropped)
+    choice = choose_cutoff(model, [recording])
+    errors = [error(cutoff) for cutoff in choice.cutoffs]
+    assert error(choice.chosen) < 4 * min(errors)
+    assert max(errors) > 20 * min(errors)  # so that it matters
+
+
+def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
+    model, _, log = coarse(17, 100.0)
+    options = FilterOptions(cutoff=7.0)
+    given = quietly(prepare_recording, model.mechanism, log, filter=options)
+    assert choose_cutoff(model, [given]) is None
+    assert choose_cutoff(model, [replace(given, log=None, filter=None)]) is None
+    found = quietly(identify, model, [given])
+    assert found.cutoff is None
+    assert {run.cutoff for run in (*found.training, *found.validation)} == {7.0}
+
+
+def test_identify_prepares_all_recordings_at_the_choice():
+    model, _, log = coarse(17, 100.0)
+    recording = quietly(prepare_recording, model.mechanism, log)
+    found = quietly(identify, model, [recording], friction=[recording])
+    runs = (*found.training, *found.validation, *found.friction)
+    assert {run.cutoff for run in runs} == {found.cutoff.chosen}
+    # New data have no say.
+    training, _ = split_recordings([recording])
+    assert choose_cutoff(model, training) == found.cutoff
+
+
+def test_a_choice_at_a_bound_is_told():
+    model, _, log = coarse(17, 100.0)
+    recording = quietly(prepare_recording, model.mechanism, log)
+    narrow = choose_cutoff(model, [recording], options=CutoffOptions(narrowest=8.0))
+    assert narrow.chosen >= 8 * motion_band(model.mechanism, log)
+    with pytest.warns(DataWarning, match=r"lowest that was tried, .* Hz"):
+        replace(narrow, bound="lowest").warn()
+    slow = choose_cutoff(model, [recording], options=CutoffOptions(period=50.0))
+    assert slow is None or slow.chosen <= 100.0 / 50.0
+
+
+@pytest.mark.parametrize("field", ["step", "widest", "period", "blocks", "growth"])
+def test_options_out_of_their_range_are_refused(field):
+    with pytest.raises(OptionError, match=field):
+        CutoffOptions(**{field: 0})
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 16, 60])
@@ -136,27 +203,6 @@ def test_intervals_hold_with_encoder_steps_at_a_high_rate():
     assert np.sqrt((errors**2).mean()) < 1.4
 
 
-def test_a_cutoff_that_lets_noise_bias_the_estimates_is_told():
-    model, _, run = simulated("fourier", 1000.0)
-    log = log_of(model, run, STEP, NOISE)
-
-    def swept(**options):
-        recording = quietly(
-            prepare_recording, model.mechanism, log, filter=FilterOptions(**options)
-        )
-        samples = model.samples(recording)
-        return sweep_fit(samples, [recording], quiet_fit(samples))
-
-    assert swept().moved == ()
-    wide = swept(cutoff=50.0)
-    assert "left_crank.mx" in wide.moved
-    with pytest.warns(DataWarning, match=r"left_crank.mx"):
-        wide.warn()
-    # Unfiltered, there is no band to narrow.
-    plain = quietly(prepare_recording, model.mechanism, log, filter=FilterOptions(cutoff=None))
-    assert sweep_fit(model.samples(plain), [plain], None) is None
-
-
 @pytest.mark.validate
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])
 @pytest.mark.parametrize("step", [STEP, STEP / 8])
@@ -171,7 +217,8 @@ def test_intervals_hold_at_all_rates(motion, step, rate):
 def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
     model, truth, run = simulated("fourier", 1000.0)
     robot = model.mechanism
-    recording = quietly(prepare_recording, robot, log_of(model, run))
+    options = FilterOptions(cutoff=10.0)
+    recording = quietly(prepare_recording, robot, log_of(model, run), filter=options)
     fit = read_fit(save_fit(tmp_path / "fit.json", model, truth))
     found = predict(fit, robot, recording)
     assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]

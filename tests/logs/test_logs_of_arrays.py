@@ -169,7 +169,7 @@ def values(knee, arrays):
     """One of each of the records that a log passes through."""
     log = Log.from_arrays(*arrays, knee.actuated, saturation=np.full(4, 1e4))
     recording = prepare_recording(knee, log, filter=FilterOptions(cutoff=5.0))
-    yield from (log, recording, recording.motion, recording.history, recording.spectrum)
+    yield from (log, recording, recording.motion, recording.history)
     yield from (FilterOptions(), MaskOptions(), log.dropped, *recording.dropped[:1])
     yield LogMapping(position={"columns": ["a", "b"]}, force_scale={"a": 2.0, "b": 3.0})
 

@@ -8,15 +8,7 @@ import pytest
 
 from loopid.errors import AssemblyError, DataError, DataWarning, LogError, OptionError
 from loopid.kinematics import JointCoordinates, constraint_residual, platform_coordinates
-from loopid.logs import (
-    FilterOptions,
-    Log,
-    LogMapping,
-    MaskOptions,
-    motion_spectrum,
-    prepare_recording,
-    read_log,
-)
+from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, prepare_recording, read_log
 from loopid.logs.preparing import (
     assemble_samples,
     clipped_from,
@@ -24,6 +16,7 @@ from loopid.logs.preparing import (
     kept_rows,
     long_enough,
     near_saturation,
+    provisional_cutoff,
     saturation_of,
     standing,
     without_frozen,
@@ -442,7 +435,7 @@ def test_a_part_of_the_time(recording):
 
 def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     options, masks = FilterOptions(cutoff=5.0), MaskOptions()
-    lowpass = options.lowpass(motion_spectrum(log).cutoff)
+    lowpass = options.lowpass(provisional_cutoff(knee, log))
     whole = long_enough(without_frozen(log, masks), lowpass)
     signals = filter_log(whole, lowpass)
     rows, ends = kept_rows(whole, lowpass, options)

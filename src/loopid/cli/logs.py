@@ -35,7 +35,7 @@ LOGS = Argument(
     metavar="LOG...",
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
-CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what the spectrum asks for.")
+CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what predicts best.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
 REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
 

@@ -1,4 +1,3 @@
-from .bands import BandSweep as BandSweep, sweep_bands as sweep_bands
 from .log_mistakes import (
     MotorGain as MotorGain,
     SuspicionOptions as SuspicionOptions,

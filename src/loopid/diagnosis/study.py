@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from loopid.arguments import checked
-from loopid.diagnosis.bands import BandSweep, sweep_bands
 from loopid.diagnosis.log_mistakes import Suspicions, diagnose
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
@@ -78,8 +77,6 @@ class Study:
         The essential parameters, by backward elimination.
     essential : Candidate
         These fitted, the others as in the robot file.
-    sweep : BandSweep or None
-        Whether weighted least squares says the same of a narrower band.
     consistent : ConsistentFit or None
         Physically consistent parameters, where they were asked for.
     """
@@ -89,7 +86,6 @@ class Study:
     term_sets: TermComparison
     reduction: Reduction
     essential: Candidate
-    sweep: BandSweep | None = None
     consistent: ConsistentFit | None = None
 
 
@@ -118,7 +114,7 @@ def study_logs(
     -----
     DataWarning
         Of mistakes that would explain the forces of a log clearly better (``diagnose``), of
-        estimates that depend on the filter (``sweep_bands``), and of all that ``identify`` warns
+        and of all that ``identify`` warns
         of.
     ModelWarning
         When other joint terms predict clearly better (``compare_terms``).
@@ -173,7 +169,6 @@ def examine(
         compare_terms(found, choices=options.compared),
         reduction,
         judge_essential(found, reduction),
-        sweep_bands(found),
         None if options.consistent is None else _consistent(found, options),
     )
     _warn(study)
@@ -193,11 +188,9 @@ def _consistent(found: Identification, options: StudyOptions) -> ConsistentFit:
 
 
 def _warn(study: Study) -> None:
-    """Tell of mistakes, of estimates that depend on the filter, and of terms that are missing."""
+    """Tell of mistakes, and of terms that are missing."""
     for one in study.suspicions:
         one.warn()
-    if study.sweep is not None:
-        study.sweep.warn()
     best, own = study.term_sets.enough[1], study.term_sets.chosen
     if not own.errors[1].as_good:
         warn(

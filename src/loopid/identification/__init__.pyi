@@ -13,6 +13,11 @@ from .consistent import (
 )
 from .consistent_program import REGULARISATIONS as REGULARISATIONS, repaired_prior as repaired_prior
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
+from .cutoff import (
+    CutoffChoice as CutoffChoice,
+    CutoffOptions as CutoffOptions,
+    choose_cutoff as choose_cutoff,
+)
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
     Convergence as Convergence,

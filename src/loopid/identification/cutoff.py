@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, LoopidError, OptionError, warn
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
-from loopid.identification.problem import FitProblem
+from loopid.identification.problem import ROUND_OFF, FitProblem
 from loopid.logs.preparing import motion_band, prepare_again
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.records import record
@@ -244,6 +245,9 @@ def prepared_at(
     )
 
 
+WEIGHTED = 3  # rounds: the sizes of the errors only need to be about right
+
+
 def _fits(
     force_model: ForceModel,
     recordings: Sequence[Recording],
@@ -265,7 +269,7 @@ def _fits(
         moving = np.asarray(run.motion.time)[run.used.any(axis=1)]
         edges = np.quantile(moving, np.arange(1, parts) / parts)
         bounds = [0, *np.searchsorted(again.motion.time, edges).tolist(), len(samples)]
-        for first, last in zip(bounds, bounds[1:], strict=False):
+        for first, last in pairwise(bounds):
             some = last > first and samples.used[first:last].any()
             problems.append(samples.block_problem(slice(first, last)) if some else None)
     known = [problem for problem in problems if problem is not None]
@@ -275,6 +279,8 @@ def _fits(
     if whole.freedom < 1:
         return None
     prior, width = force_model.prior, whole.factors.shape[-1]
+    least = np.maximum(whole.least_errors, ROUND_OFF * np.maximum(whole.force_rms, ROUND_OFF))
+    known_to = replace(whole, least_errors=least)
 
     def weighted(problem: FitProblem | None, weights: FloatArray) -> FloatArray:
         """Rows of a block (m, n + 1), with what the robot file explains subtracted."""
@@ -284,17 +290,11 @@ def _fits(
         rows[:, -1] -= rows[:, :-1] @ prior
         return rows
 
-    # Twice weighted: the sizes of the errors only need to be about right.
-    share = np.full(len(whole.samples), 1.0 - (width - 1) / whole.rows) * whole.samples
-    values, weights = prior, 1.0 / np.where(whole.force_rms > 0, whole.force_rms, 1.0)
-    for _ in range(3):
+    freedom = np.asarray(whole.samples * (whole.freedom / whole.rows), dtype=np.float64)
+    weights = 1.0 / np.where(whole.force_rms > 0, whole.force_rms, 1.0)
+    for _ in range(WEIGHTED):
         values = prior + _least_change(weighted(whole, weights))
-        squares = whole.residual_squares(values)
-        weights = inverse_deviations(
-            replace(whole, least_errors=np.maximum(whole.least_errors, _floor(whole))),
-            squares,
-            share,
-        )
+        weights = inverse_deviations(known_to, whole.residual_squares(values), freedom)
     blocks = [weighted(problem, weights) for problem in problems]
     left_out = [
         _least_change(np.concatenate([*blocks[:k], *blocks[k + 1 :]])) for k in range(len(blocks))
@@ -303,14 +303,8 @@ def _fits(
     return _Judged(np.array(left_out), blocks, whole.rows, force)
 
 
-# Errors relative to a force, below which they are round-off of the steps from a log to samples.
-ROUND_OFF = 1e-9
 # Relative singular values of columns of unit length, below which directions are as in the file.
 UNKNOWN = 1e-6
-
-
-def _floor(problem: FitProblem) -> FloatArray:
-    return np.maximum(ROUND_OFF * problem.force_rms, np.finfo(float).tiny)
 
 
 def _least_change(rows: FloatArray) -> FloatArray:

@@ -376,7 +376,9 @@ def identify(
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
-    return Identification(force_model, *runs, data, new, excited, judged, options, deviation, cutoff)
+    return Identification(
+        force_model, *runs, data, new, excited, judged, options, deviation, cutoff
+    )
 
 
 @checked

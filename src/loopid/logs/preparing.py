@@ -20,13 +20,7 @@ from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.log import Log, renumbered
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import read_log, require_known_motion
-from loopid.logs.recording import (
-    FilterOptions,
-    MaskOptions,
-    RateHistory,
-    Recording,
-    reach_of,
-)
+from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.logs.streams import Dropped
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.diagnosis.bands import BandSweep
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
 from loopid.identification.consistent import ConsistentFit
+from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.information import Identifiability, WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, prediction_reach
@@ -42,15 +42,14 @@ from loopid.report.look import (
 )
 
 CAPTIONS = {
-    "filter": "Accelerations in the log with the cut-off; changes of estimates at lower ones, in "
-    "deviations that noise of the forces explains (red: clearly more).",
+    "filter": "Cut-offs that were tried: errors on data that were not fitted, and how far "
+    "predictions vary with the data.",
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",
 }
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
-LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
 LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
@@ -75,6 +74,14 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
         "recommended_fit": SavedFit.of(model, found.fit).record(),
         "verdict": found.verdict,
         "prior_deviation": json_value(found.prior_deviation),
+        "cutoff": found.cutoff
+        and {
+            **json_fields(found.cutoff, "chosen", "judged", "bound"),
+            **{
+                name: json_value(getattr(found.cutoff, name))
+                for name in ("cutoffs", "errors", "clear", "spreads")
+            },
+        },
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
         "term_sets": _term_sets(study.term_sets),
         "fitted_bodies_pay": study.term_sets.bodies_pay,
@@ -182,8 +189,8 @@ def findings(study: Study, command: str | None = None) -> list[str]:
     said.append(f"Joint terms: {choice}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
     said.append(_terms_finding(study.term_sets))
-    if study.sweep is not None:
-        said.append(_sweep_finding(study.sweep))
+    if found.cutoff is not None:
+        said.append(_cutoff_finding(found.cutoff))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
@@ -233,13 +240,11 @@ def _error_text(error: PredictionError) -> str:
     return f"{error.mean:.3g} ± {error.standard_error:.2g}"
 
 
-def _sweep_finding(sweep: BandSweep) -> str:
-    narrower = f"At {', '.join(f'{part:g}' for part in sweep.parts)} of the cut-off"
-    if not sweep.moved:
-        return f"{narrower} estimates change by no more than noise of the forces explains."
+def _cutoff_finding(choice: CutoffChoice) -> str:
     return (
-        f"{narrower} estimates of {', '.join(sweep.moved)} change by more than their standard "
-        "errors and than noise of the forces explains: noise of the positions biases them."
+        f"The cut-off of the filter is {choice.chosen:.3g} Hz, of {len(choice.cutoffs)} tried from "
+        f"{choice.cutoffs[0]:.3g} to {choice.cutoffs[-1]:.3g} Hz: there fits of parts of the data "
+        "predict the others well, and vary least."
     )
 
 
@@ -434,31 +439,21 @@ def identification_figures(study: Study) -> dict[str, bytes]:
 
 
 def draw_filter(study: Study) -> dict[str, bytes]:
-    """Spectrum of the first log, and how estimates move at lower cut-offs, where known."""
-    found, sweep = study.identification, study.sweep
-    recording = found.training[0]
-    told = recording.spectrum
-    if told is None or sweep is None or not len(told.frequency):
+    """Errors and spread of predictions at the cut-offs that were tried, where there were any."""
+    choice = study.identification.cutoff
+    if choice is None:
         return {}
-    with drawing(2, height=1.6) as (figure, axes):
-        ax, below = axes[:, 0]
-        ax.plot(told.frequency, told.density, color=BLUE)
-        ax.plot(told.frequency, told.noise, "--", color=GREY)
-        ax.axvline(recording.cutoff, color=RED)
-        largest = told.density.max()
-        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="density (1/Hz)")
-        ax.set(ylim=(LEAST_DENSITY * largest, 3 * largest), title="accelerations of the motors")
+    with drawing(height=1.8) as (figure, axes):
+        ax = axes[0, 0]
+        ax.plot(choice.cutoffs, 100 * choice.errors, "o-", color=BLUE, markersize=2.5)
+        ax.plot(choice.cutoffs, 100 * choice.spreads, "s--", color=GREY, markersize=2.5)
+        ax.axvline(choice.chosen, color=RED, linewidth=0.8)
+        ax.set(xscale="log", yscale="log", xlabel="cut-off (Hz)", ylabel="part of the force (%)")
+        ax.set_title(f"predictions below {choice.judged:.3g} Hz of data that were not fitted")
         for axis in (ax.xaxis, ax.yaxis):
-            plain_log_labels(axis, (1.0,))
-        names = "in the log", "noise of the positions", "cut-off"
+            plain_log_labels(axis, (1.0, 2.0, 5.0))
+        names = "error", "deviation of the predictions", "chosen"
         figure.legend(ax.lines, names, loc="outside lower center", ncols=3)
-        change = sweep.shifts / sweep.deviations
-        parts, change = np.append(1.0, sweep.parts), np.vstack([0 * change[:1], change])
-        for name, moves in zip(found.fit.parameters.labels, change.T, strict=True):
-            clear = name in sweep.moved
-            below.plot(parts, moves, color=RED if clear else GREY, linewidth=1.2 if clear else 0.5)
-        below.set(xlabel="cut-off, in parts of the one chosen", ylabel="change / noise")
-        below.set_title("estimates at lower cut-offs")
         return rendered(figure, "filter")
 
 
