@@ -44,6 +44,7 @@ from .identification import (
     find_delay as find_delay,
     find_force_model as find_force_model,
     fit as fit,
+    friction_curve as friction_curve,
     identifiability as identifiability,
     identify as identify,
     predict as predict,

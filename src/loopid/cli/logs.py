@@ -20,7 +20,7 @@ from loopid.cli.robots import (
     numbers,
     of_robot,
     recordings,
-    save,
+    save_and_show,
 )
 from loopid.cli.shell import progress_bar, show
 from loopid.errors import LoopidError, OptionError
@@ -46,7 +46,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option("Fc,Fv,file", help=f"{TERMS[:-1]}; auto: what is enough on new data."),
+    terms: str = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for."),
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
@@ -129,8 +129,13 @@ def identify(
             progress=report,
         )
     command = excite_command(found.identification)
-    save(out, partial(identification_files, found, command))
-    show(identification_record(found, command), identification_tables(found, command), as_json)
+    save_and_show(
+        out,
+        partial(identification_files, found, command),
+        identification_record(found, command),
+        identification_tables(found, command),
+        as_json,
+    )
 
 
 def excite_command(found: Identification) -> str:
@@ -177,8 +182,8 @@ def predict(
     runs = recordings(robot, logs, mapping, cutoff, rows)
     warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
-    save(out, partial(prediction_files, robot, found))
-    show(prediction_record(found), prediction_tables(found), as_json)
+    files = partial(prediction_files, robot, found)
+    save_and_show(out, files, prediction_record(found), prediction_tables(found), as_json)
 
 
 @of_robot
@@ -230,7 +235,11 @@ def export(
         help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
     ),
     robot: str | None = Option(
-        None, "--urdf", "--mjcf", metavar="FILE", help="The robot's own file with new inertials."
+        None,
+        "--urdf",
+        "--mjcf",
+        metavar="FILE",
+        help="The robot's own file with inertials and joint terms.",
     ),
     yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
     c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),
@@ -284,7 +293,6 @@ def paper(
 
     require_report(out)
     found = reproduce_paper(log or (), seed, progress_bar)
-    save(out, partial(paper_files, found))
-    show({}, paper_tables(found), as_json=False)
+    save_and_show(out, partial(paper_files, found), {}, paper_tables(found), as_json=False)
     if not found.base.agrees:
         raise LoopidError("not every row of the paper's Table II was found")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 
 from loopid.arguments import checked
 from loopid.diagnosis.bands import BandSweep, sweep_bands
@@ -13,7 +11,7 @@ from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.errors import ModelWarning, warn
 from loopid.identification.consistent import ConsistentFit, consistent_fit
-from loopid.identification.force_model import USUAL_TERMS, find_force_model
+from loopid.identification.force_model import AUTOMATIC, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
 from loopid.logs.recording import Recording
@@ -22,9 +20,6 @@ from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress
-
-# Terms that a comparison decides, and springs of the motors, which it tries beside the usual ones.
-AUTOMATIC, SPRINGS = "auto", "Fc,Fv,Ks,file"
 
 
 @record(kw_only=True, checked=True)
@@ -36,8 +31,7 @@ class StudyOptions:
     model : str
         ``"gravity"`` or ``"full"``.
     terms : str
-        Joint terms, a choice as of ``JointTerms.of``; ``"auto"`` for those of the usual ones and
-        springs of the motors that are enough on new data.
+        Joint terms, a choice as of ``JointTerms.of``; by default those of ``find_force_model``.
     compared : tuple of str
         Further choices that are judged on new data.
     consistent : str, optional
@@ -50,7 +44,7 @@ class StudyOptions:
     """
 
     model: str = "gravity"
-    terms: str = USUAL_TERMS
+    terms: str = AUTOMATIC
     compared: tuple[str, ...] = ()
     consistent: str | None = None
     repair: bool = False
@@ -64,9 +58,9 @@ class StudyOptions:
         OptionError
             Naming the joint or the word.
         """
-        usual = USUAL_TERMS if self.terms == AUTOMATIC else self.terms
-        for choice in (usual, *self.compared):
-            JointTerms.of(mechanism, choice)
+        for choice in (self.terms, *self.compared):
+            if choice != AUTOMATIC:
+                JointTerms.of(mechanism, choice)
 
 
 @record
@@ -141,31 +135,22 @@ def study_logs(
     ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> options = loopid.diagnosis.StudyOptions(terms="auto")
-    >>> study = loopid.diagnosis.study_logs(robot, [run], options=options)
-    >>> study.term_sets.chosen.choice
+    >>> study = loopid.study_logs(robot, [run])
+    >>> study.term_sets.enough[1].choice
     'Fv'
     """
     options.require_terms(mechanism)
 
-    def identified(terms: str) -> Identification:
-        force_model = find_force_model(mechanism, options.model, terms, progress=progress)
-        return identify(
-            force_model,
-            recordings,
-            validation=validation,
-            friction=friction,
-            references=references,
-            options=options.fit,
-        )
-
-    if options.terms != AUTOMATIC:
-        return examine(identified(options.terms), options=options)
-    with warnings.catch_warnings():  # of terms that need not be the chosen ones
-        warnings.simplefilter("ignore")
-        tried = compare_terms(identified(USUAL_TERMS), choices=[*options.compared, SPRINGS])
-    tried = replace(tried, chosen=tried.enough[1])
-    return examine(identified(tried.chosen.choice), options=options, term_sets=tried)
+    force_model = find_force_model(mechanism, options.model, options.terms, progress=progress)
+    found = identify(
+        force_model,
+        recordings,
+        validation=validation,
+        friction=friction,
+        references=references,
+        options=options.fit,
+    )
+    return examine(found, options=options)
 
 
 @checked
@@ -173,7 +158,6 @@ def examine(
     found: Identification,
     *,
     options: StudyOptions = StudyOptions(),
-    term_sets: TermComparison | None = None,
 ) -> Study:
     """Ask an identification all that a study asks; see ``study_logs``.
 
@@ -181,14 +165,12 @@ def examine(
     ----------
     options : StudyOptions, optional
         Its model, terms and fit are those of the identification already.
-    term_sets : TermComparison, optional
-        What sets of joint terms buy, where it is known already.
     """
     reduction = eliminate(found)
     study = Study(
         found,
         diagnose(found),
-        term_sets or compare_terms(found, choices=options.compared),
+        compare_terms(found, choices=options.compared),
         reduction,
         judge_essential(found, reduction),
         sweep_bands(found),
@@ -221,6 +203,6 @@ def _warn(study: Study) -> None:
         warn(
             f"joint terms {own.choice} leave larger errors on new data than {best.choice} (squared "
             f"{own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals do not hold "
-            f'what no term models: use terms="{best.choice}", or terms="auto"',
+            f'what no term models: use terms="{best.choice}"',
             ModelWarning,
         )

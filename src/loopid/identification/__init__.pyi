@@ -76,3 +76,9 @@ from .result import (
 )
 from .robust import Bisquare as Bisquare
 from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit
+from .terms import (
+    FrictionCurve as FrictionCurve,
+    TermOptions as TermOptions,
+    choose_terms as choose_terms,
+    friction_curve as friction_curve,
+)

@@ -28,6 +28,7 @@ from loopid.identification.information import (
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first
+from loopid.identification.terms import TermOptions, choose_terms
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -62,6 +63,8 @@ class FitOptions:
         not 0.
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
+    terms : TermOptions
+        Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
         Processes that compute the regressors; the result is the same to the bit.
 
@@ -84,6 +87,7 @@ class FitOptions:
     prior_deviation: float | None = None
     deviations: tuple[float, float] = (0.1, 10.0)
     undo_delay: bool = True
+    terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
     def __post_init__(self) -> None:
@@ -354,6 +358,9 @@ def identify(
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
+    force_model = choose_terms(
+        force_model, friction or training, options=options.terms, n_jobs=options.n_jobs
+    )
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
     new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None

@@ -56,6 +56,8 @@ class JointTerm:
     at : float
         The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
         in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
+    positive : bool
+        Whether the coefficient cannot be negative: friction that would drive, inertia below zero.
 
     Examples
     --------
@@ -78,12 +80,16 @@ class JointTerm:
     needs: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     at: float = 0.0
+    positive: bool = False
+
+    @property
+    def friction(self) -> bool:
+        """Whether the law is of the rate alone."""
+        return bool(self.needs) and {*self.needs} <= {"rate", "sign"}
 
 
-def _friction(
-    name: str, law: Callable[[JointState, float], Any], needs: tuple[str, ...] = ("sign",)
-) -> JointTerm:
-    return JointTerm(name, ("N", "N m"), law, needs)
+def _coulomb(name: str, law: Callable[[JointState, float], Any]) -> JointTerm:
+    return JointTerm(name, ("N", "N m"), law, ("sign",), positive=True)
 
 
 def _load_friction(name: str) -> JointTerm:
@@ -93,6 +99,7 @@ def _load_friction(name: str) -> JointTerm:
         ("N/N", "N m/N"),
         lambda joint, at: joint.load * joint.sign(at),
         needs=("load", "sign"),
+        positive=True,
     )
 
 
@@ -113,21 +120,29 @@ def _stribeck(joint: JointState, at: float) -> Any:
 JOINT_TERMS: Registry[JointTerm] = Registry("joint term")
 for _kind, _term in {
     "Ia": JointTerm(
-        "drive inertia", ("kg", "kg m²"), lambda joint, _: joint.acceleration, ("acceleration",)
+        "drive inertia",
+        ("kg", "kg m²"),
+        lambda joint, _: joint.acceleration,
+        ("acceleration",),
+        positive=True,
     ),
-    "Fc": _friction("Coulomb friction", lambda joint, _: joint.sign()),
-    "Fc+": _friction(
+    "Fc": _coulomb("Coulomb friction", lambda joint, _: joint.sign()),
+    "Fc+": _coulomb(
         "Coulomb friction forward", lambda joint, _: joint.math.fmax(joint.sign(), 0.0)
     ),
-    "Fc-": _friction(
+    "Fc-": _coulomb(
         "Coulomb friction backward", lambda joint, _: joint.math.fmin(joint.sign(), 0.0)
     ),
-    "Fc~RATE": _friction("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
-    "Fs~RATE": _friction("Stribeck friction", _stribeck, ("rate", "sign")),
+    "Fc~RATE": _coulomb("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
+    "Fs~RATE": JointTerm("Stribeck friction", ("N", "N m"), _stribeck, ("rate", "sign")),
     "Fl": _load_friction("load-dependent friction"),
     "Fl~RATE": _load_friction("smooth load-dependent friction"),
     "Fv": JointTerm(
-        "viscous friction", ("N s/m", "N m s/rad"), lambda joint, _: joint.rate, ("rate",)
+        "viscous friction",
+        ("N s/m", "N m s/rad"),
+        lambda joint, _: joint.rate,
+        ("rate",),
+        positive=True,
     ),
     "Fo": JointTerm("constant force", ("N", "N m"), lambda joint, _: 1.0),
     "Ks": _spring("spring", "", ("Fo",), lambda joint, _: joint.position),

@@ -229,8 +229,8 @@ def _terms_finding(found: TermComparison) -> str:
         f"On new data {fitted}, {with_file}: fitted bodies are "
         f"{'' if found.bodies_pay else 'not '}clearly better."
     )
-    best = found.enough[1]
-    return said if best is found.chosen else f'{said} Try terms="{best.choice}".'
+    good = found.chosen.errors[1].as_good
+    return said if good else f'{said} Try terms="{found.enough[1].choice}".'
 
 
 def _error_text(error: PredictionError) -> str:
