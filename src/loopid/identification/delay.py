@@ -181,7 +181,7 @@ def find_delay(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
     >>> series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 10.0))
+    >>> motion = loopid.joint_motion(robot, series.motion(10.0, 100.0))
     >>> run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01))
     >>> late = run.time[2:], run.position[2:], run.force[:-2]
     >>> log = loopid.Log.from_arrays(*late, robot.actuated)
