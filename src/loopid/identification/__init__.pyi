@@ -18,6 +18,13 @@ from .cutoff import (
     CutoffOptions as CutoffOptions,
     choose_cutoff as choose_cutoff,
 )
+from .delay import (
+    Delay as Delay,
+    DelayOptions as DelayOptions,
+    find_delay as find_delay,
+    with_delay_errors as with_delay_errors,
+    without_delay as without_delay,
+)
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
     Convergence as Convergence,

@@ -16,6 +16,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, OptionError, RankError, warn
 from loopid.identification.bayes import PRIOR_DEVIATION, BayesianRidge, cad_prior, evidence_scale
 from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
+from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
 from loopid.identification.force_model import ForceModel, samples_of
@@ -63,6 +64,8 @@ class FitOptions:
         not 0.
     cutoff : CutoffOptions
         Which cut-offs of the filter are tried (``choose_cutoff``).
+    undo_delay : bool
+        Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
         Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
@@ -87,6 +90,7 @@ class FitOptions:
     prior_deviation: float | None = None
     deviations: tuple[float, float] = (0.1, 10.0)
     cutoff: CutoffOptions = CutoffOptions()
+    undo_delay: bool = True
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
@@ -171,6 +175,9 @@ class Identification:
         (``evidence_scale``).
     cutoff : CutoffChoice or None
         Of the filter; None where the recordings left nothing to choose.
+    delay : Delay or None
+        Between forces and motion, what is clear of it undone in all recordings; None where it was
+        not looked for, and for motions without a log.
     """
 
     force_model: ForceModel
@@ -184,6 +191,7 @@ class Identification:
     options: FitOptions
     prior_deviation: float | None = None
     cutoff: CutoffChoice | None = None
+    delay: Delay | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -325,8 +333,8 @@ def identify(
     Warns
     -----
     DataWarning
-        Of unidentifiable combinations that the robot file's values are kept for, of weakly
-        identifiable ones, and of all that ``fit`` warns of.
+        Of a delay that was undone, of unidentifiable combinations that the robot file's values are
+        kept for, of weakly identifiable ones, and of all that ``fit`` warns of.
 
     Examples
     --------
@@ -348,6 +356,12 @@ def identify(
     2.0
     """
     options.require_references(len(references))
+    delay = find_delay(force_model, recordings) if options.undo_delay else None
+    recordings, friction = (
+        without_delay(force_model, runs, delay) for runs in (recordings, friction)
+    )
+    if validation is not None:
+        validation = without_delay(force_model, validation, delay)
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
@@ -372,12 +386,15 @@ def identify(
     if deviation is not None:
         near = replace(options, estimator="bayes", prior_deviation=deviation)
         fits[NEAR_FILE] = _quiet_fit_all(force_model, data, excited, first=first, options=near)
+    fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
+    if delay is not None:
+        delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
     return Identification(
-        force_model, *runs, data, new, excited, judged, options, deviation, cutoff
+        force_model, *runs, data, new, excited, judged, options, deviation, cutoff, delay
     )
 
 
