@@ -58,9 +58,9 @@ class Friction(Case):
             self.values |= {f"{joint}.Fc": Fc, f"{joint}.Fv": Fv}
         self.models = {terms: find_force_model(self.robot, "full", terms) for terms in TERMS}
 
-    def log(self, bits: int, seed: int) -> Log:
+    def log(self, bits: int, seed: int, kind: str = "white") -> Log:
         """As of the case, with the forces of the law."""
-        plain = super().log(bits, seed)
+        plain = super().log(bits, seed, kind)
         return Log.from_arrays(plain.time, plain.position, plain.force + self.extra, plain.joints)
 
     def judged(self, terms: str, log: Log) -> dict[str, Any]:

@@ -173,7 +173,7 @@ def filtered(case: Case, bits: int, kind: str, runs: int) -> dict[str, Any]:
         found = identify(case.model, [recording], validation=[recording])
         low, high = found.fit.intervals().T
         covered.append(np.mean((low <= case.truth) & (case.truth <= high)))
-        cutoffs.append(found.training[0].cutoff)
+        cutoffs.append(found.training[0].cutoff or np.inf)
         chosen.append(error(found["all parameters"].fit.values))
         options = (FilterOptions(cutoff=float(cutoff)) for cutoff in rates)
         runs_at = (prepare_recording(case.robot, log, filter=each) for each in options)
