@@ -68,7 +68,7 @@ class TermOptions:
 
     false_alarm: float = 0.01
     slowest: float = 0.02
-    known_offset: float = 0.02
+    known_offset: float = 0.05
     own_effect: float = 1e-4
 
     def __post_init__(self) -> None:
@@ -379,7 +379,7 @@ def friction_curve(
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
-    laws = np.stack([term.law(state, term.at) for term in own.values()], axis=1)
+    laws = np.stack([term.signal(state, len(rate)) for term in own.values()], axis=1)
     columns = list(own)
     values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
     error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
