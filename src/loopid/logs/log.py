@@ -13,20 +13,19 @@ from numpy.typing import ArrayLike
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
 from loopid.errors import DataError, OptionError
 from loopid.logs.formats import array_table
+from loopid.logs.headers import UNITS, unit_names, unit_of
 from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping
-from loopid.logs.streams import Dropped, LogTolerances, Stream, align, make_stream, on_joints
+from loopid.logs.streams import (
+    Dropped,
+    LogTolerances,
+    Stream,
+    align,
+    make_stream,
+    on_joints,
+    with_increasing_stamps,
+)
 from loopid.records import record
 
-# Units of each quantity, in s, m or rad, N or N m.
-DEGREE = np.pi / 180
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": DEGREE}
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "position": LENGTHS,
-    "force": {"N": 1.0, "kN": 1e3, "N m": 1.0, "N mm": 1e-3, "kN m": 1e3},
-    "velocity": {f"{unit}/s": scale for unit, scale in LENGTHS.items()} | {"rpm": np.pi / 30},
-    "acceleration": {f"{unit}/s^2": scale for unit, scale in LENGTHS.items()},
-}
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
 
@@ -122,7 +121,7 @@ class Log:
         Parameters
         ----------
         time : array
-            (N,), increasing.
+            (N,), increasing; up to 2 % of the samples may repeat the time of the one before.
         position, force : array
             (N, m), or (N,) of a single motor.
         joints : sequence of str
@@ -160,7 +159,7 @@ class Log:
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
-        at = _increasing(time) * _scale("time", units.get("time", "s"), joints)
+        at = _row(time) * _scale("time", units.get("time", "s"), joints)
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals = {
             quantity: _columns(values, len(joints), quantity, len(at))
@@ -198,7 +197,7 @@ class Log:
         ----------
         frame : DataFrame
             Of Polars or pandas, or what else has columns by name: a dictionary of arrays, an array
-            with fields.
+            with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
         mapping : LogMapping, optional
@@ -224,14 +223,13 @@ class Log:
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
         """
         mapping, joints = mapping or LogMapping(), tuple(joints)
-        names = _names_of(frame)
-        finder = ColumnFinder(name, {name: tuple(map(str, names))}, mapping)
+        columns = _columns_of(frame)
+        finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
         ((_, channels),) = finder.channels(mapping.measured(name, joints)).items()
         time = finder.time(name)
         wanted = {*time.names, *(channel.column for channel in channels)}
-        columns = {str(n): np.asarray(frame[n]) for n in names if str(n) in wanted}
-        table = array_table(name, columns)
-        stream = make_stream(name, table, time, tuple(channels), tolerances.bad_rows)
+        table = array_table(name, {one: _cells(columns[one]) for one in columns if one in wanted})
+        stream = make_stream(name, table, time, tuple(channels), tolerances)
         streams = [on_joints(stream, mapping.joint_maps)]
         return cls.from_streams(name, streams, joints, mapping, tolerances)
 
@@ -302,8 +300,16 @@ def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
 
 
 def _increasing(time: ArrayLike) -> FloatArray:
+    values = _row(time)
+    if (np.diff(values) <= 0).any():
+        raise DataError("the time of a log must be a row of increasing numbers", argument="time")
+    return values
+
+
+def _row(time: ArrayLike) -> FloatArray:
+    """Times (N,), which do not go back."""
     values = finite(time, "time")
-    if values.ndim != 1 or not len(values) or (np.diff(values) <= 0).any():
+    if values.ndim != 1 or not len(values) or (np.diff(values) < 0).any():
         raise DataError("the time of a log must be a row of increasing numbers", argument="time")
     return values
 
@@ -323,19 +329,20 @@ def _scale(quantity: str, unit: str | Mapping[str, str] | None, joints: Sequence
         return np.array([_scale(quantity, unit.get(joint), joints) for joint in joints])
     if unit is None:
         return 1.0
-    if unit not in UNITS[quantity]:
-        raise OptionError.unknown(f"unit of the {quantity}", unit, UNITS[quantity])
-    return UNITS[quantity][unit]
+    known = unit_of(quantity, unit)
+    if known is None:
+        raise OptionError.unknown(f"unit of the {quantity}", unit, unit_names(quantity))
+    return known.scale
 
 
 def _on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
     """Times, signals and stretches, as they are where the steps are even between gaps."""
-    steps, gap = np.diff(time), LogTolerances().gap
+    steps, allowed = np.diff(time), LogTolerances()
     median = float(np.median(steps)) if len(steps) else 0.0
-    stretches = np.cumsum(np.append(False, steps > gap * median))
-    if all(off <= EVEN * median for off in _off_even(time, stretches)):
+    stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
+    if all(off <= EVEN * median for off in _off_even(time, stretches)) and (steps > 0).all():
         return time, signals, stretches, ()
     channels = [
         Channel(what, joint, f"{joint}.{what}", 1.0, 0.0) for what in signals for joint in joints
@@ -343,7 +350,7 @@ def _on_even_grid(
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     columns = [column for values in signals.values() for column in values.T]
     stream = Stream(name, tuple(channels), np.arange(1, len(time) + 1), stamps, tuple(columns))
-    aligned = align([stream], joints, gap)
+    aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
 
 
@@ -353,8 +360,10 @@ def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:
         yield float(np.abs(part - np.linspace(part[0], part[-1], len(part))).max())
 
 
-def _names_of(frame: Any) -> list[Any]:
-    """Names of the columns of a DataFrame, a dictionary, or an array with fields."""
+def _columns_of(frame: Any) -> dict[str, Any]:
+    """Columns by name of a DataFrame, a dictionary, or an array with fields."""
+    if hasattr(frame, "collect_schema") and hasattr(frame, "collect"):  # lazy, of Polars
+        frame = frame.collect()
     fields = getattr(getattr(frame, "dtype", None), "names", None)
     keys = frame.keys() if isinstance(frame, Mapping) else getattr(frame, "columns", fields)
     if keys is None:
@@ -362,4 +371,26 @@ def _names_of(frame: Any) -> list[Any]:
             f"a frame has columns with names, as a DataFrame has, not {type(frame).__name__}",
             given=type(frame).__name__,
         )
-    return list(keys)
+    columns = {str(key): frame[key] for key in keys}
+    index: Any = getattr(frame, "index", None)
+    if hasattr(index, "name"):  # of pandas; numbers of rows have no name
+        dates = getattr(getattr(index, "dtype", None), "kind", "") in "mM"
+        name = index.name or ("time" if dates else None)
+        columns |= {} if name is None or str(name) in columns else {str(name): index}
+    return columns
+
+
+def _cells(column: Any) -> Any:
+    """A column as an array (N,) of numbers or times, or as one of Polars."""
+    import polars
+
+    if isinstance(column, polars.Series):
+        return column
+    if getattr(getattr(column, "dtype", None), "tz", None) is not None:  # of pandas
+        return np.asarray(column, dtype="datetime64[ns]")
+    values = np.asarray(column)
+    if values.dtype.kind != "O":
+        return values
+    missing = ("NAType", "NaTType")  # of pandas
+    cells = [None if type(cell).__name__ in missing else cell for cell in values.tolist()]
+    return polars.Series(cells, strict=False)

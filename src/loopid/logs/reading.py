@@ -129,7 +129,7 @@ def read_streams(
                 table = table.between(*rows)
                 source = f"{source}[{rows[0]}:{'' if rows[1] is None else rows[1]}]"
             here = tuple(c for c in channels if c.column in table.cells.columns)
-            stream = make_stream(source, table, time, here, tolerances.bad_rows)
+            stream = make_stream(source, table, time, here, tolerances)
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
@@ -190,6 +190,7 @@ COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of 
 def check_stream(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
     _require_usual_step(stream, allowed)
+    _require_units(robot, stream)
     stream = _inside_limits(robot, stream, allowed)
     stream = _unwrapped(robot, _without_glitches(stream, allowed))
     seconds, model = np.diff(stream.stamps) / 1e9, robot.model
@@ -218,6 +219,22 @@ def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
             step=step,
             fitting=tuple(fitting),
         )
+
+
+def _require_units(robot: Mechanism, stream: Stream) -> None:
+    """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
+    for what in stream.channels:
+        straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
+        if what.straight is not None and what.straight != straight:
+            said = ("turns", "slides") if what.straight else ("slides", "turns")
+            raise LogError(
+                f"{stream.source}: the unit of column {what.column!r} is that of a joint that "
+                f"{said[1]}, but {what.joint} {said[0]}: give {what.quantity}_scale in a mapping "
+                "if the column is right",
+                source=stream.source,
+                joint=what.joint,
+                column=what.column,
+            )
 
 
 def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:

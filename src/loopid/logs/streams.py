@@ -28,6 +28,9 @@ class LogTolerances:
     """How far a log may be from a perfect one, and still be one."""
 
     bad_rows: NotNegative = 0.1  # part of the rows that may be left out
+    # Part of the rows that may have the time stamp of the row before and other values: loggers that
+    # are late do so in one row of a hundred; a clock that is too coarse in most.
+    repeated_stamps: NotNegative = 0.02
     gap: NotNegative = 5.0  # median steps: a longer one between time stamps is a gap
     # Seconds between stamps, at the median: others mean another unit of the time.
     shortest_step: NotNegative = 1e-5
@@ -103,7 +106,11 @@ class Stream:
 
 
 def make_stream(
-    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...], most_bad: float
+    source: str,
+    table: Table,
+    time: TimeColumn,
+    channels: tuple[Channel, ...],
+    allowed: LogTolerances,
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     values = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
@@ -118,7 +125,7 @@ def make_stream(
     }
     left_out = [(reason, rows) for reason, rows in reasons.items() if len(rows)]
     for reason, rows in left_out:
-        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, most_bad)
+        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, allowed.bad_rows)
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
@@ -128,15 +135,28 @@ def make_stream(
             rows=int(fine.sum()),
         )
     numbers, stamps, signals = table.rows[fine], stamps[fine], tuple(c[fine] for c in values)
-    wrong = np.flatnonzero(np.diff(stamps) <= 0) + 1
+    stream = Stream(source, channels, numbers, stamps, signals, tuple(left_out))
+    return with_increasing_stamps(stream, allowed)
+
+
+def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows that repeat a time stamp; a LogError where the time goes back."""
+    same = np.append(False, np.diff(stream.stamps) == 0)
+    for values in stream.values:
+        same[1:] &= values[1:] == values[:-1]
+    stream = stream.without(same, "the same time and values as in the row before", allowed.bad_rows)
+    again = np.append(False, np.diff(stream.stamps) == 0)
+    reason = "time stands still, with other values,"
+    stream = stream.without(again, reason, allowed.repeated_stamps)
+    wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
         raise LogError(
-            f"{source}: time must increase from row to row, but goes back or stands still "
-            f"{len(wrong)} times, in {rows_text(numbers[wrong])}",
-            source=source,
-            rows=numbers[wrong].tolist(),
+            f"{stream.source}: time must increase from row to row, but goes back {len(wrong)} "
+            f"times, in {rows_text(stream.rows[wrong])}",
+            source=stream.source,
+            rows=stream.rows[wrong].tolist(),
         )
-    return Stream(source, channels, numbers, stamps, signals, tuple(left_out))
+    return stream
 
 
 def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
@@ -158,7 +178,7 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
                 )
             moved = factors @ np.array([stream.values[k] for k in here]) if here else ()
             for place, joint, values in zip(here, one.joints, moved, strict=bool(here)):
-                channels[place] = channels[place]._replace(joint=joint)
+                channels[place] = channels[place]._replace(joint=joint, straight=None)
                 signals[place] = values
     return replace(stream, channels=tuple(channels), values=tuple(signals))
 
