@@ -41,6 +41,7 @@ from .identification import (
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
     consistent_parameters as consistent_parameters,
+    find_delay as find_delay,
     find_force_model as find_force_model,
     fit as fit,
     friction_curve as friction_curve,

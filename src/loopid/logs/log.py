@@ -29,6 +29,9 @@ from loopid.records import record
 
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
+# Degree of the spline between samples, off by 5e-4 of a signal at a fifth of the rate; and part of
+# a step by which a delay of whole steps may be off one, and needs none.
+DEGREE, WHOLE = 5, 1e-6
 
 
 @record(kw_only=True, checked=True)
@@ -238,6 +241,7 @@ class Log:
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
         """
         mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
         ((_, channels),) = finder.channels(mapping.measured(name, joints)).items()
@@ -266,7 +270,7 @@ class Log:
             ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
             for k, one in enumerate(mapping.wrenches)
         ]
-        return cls(
+        log = cls(
             name=name,
             joints=joints,
             time=aligned.time,
@@ -276,6 +280,7 @@ class Log:
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
         )
+        return log.delayed(mapping.force_delays(joints))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -298,6 +303,49 @@ class Log:
         kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
 
+    def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
+        """The log with forces that come late put back to the motion that they belong to.
+
+        Parameters
+        ----------
+        delay : float, mapping or array
+            In s, by which forces of motors are later than positions, of all, by joint, or (m,);
+            negative where positions are late.
+
+        Returns
+        -------
+        Log
+            At the same times, but for those at the ends of stretches whose forces are not known.
+
+        Raises
+        ------
+        OptionError
+            When a joint is not of the log.
+        DataError
+            When no stretch is longer than the delay.
+
+        Examples
+        --------
+        >>> import numpy as np, loopid
+        >>> time = np.arange(0, 2, 0.01)
+        >>> late = loopid.Log.from_arrays(time, np.sin(time), np.sin(time - 0.035), ["crank_joint"])
+        >>> log = late.delayed(0.035)
+        >>> len(late) - len(log), bool(abs(log.force - log.position).max() < 1e-6)
+        (4, True)
+        """
+        shifts = _delays(delay, self.joints)
+        force, known = self.force.copy(), np.ones(len(self), dtype=bool)
+        for part in self.parts():
+            for k in np.flatnonzero(shifts):
+                force[part, k], there = _moved(self.force[part, k], shifts[k] * self.rate(part))
+                known[part] &= there
+        if not known.any():
+            raise DataError(f"{self.name}: no stretch is longer than the delay", argument="delay")
+        if known.all():
+            return replace(self, force=force)
+        lost = Dropped.at("no force at the corrected time", self.time[~known])
+        return replace(self, force=force).select(known, lost)
+
     def parts(self) -> list[slice]:
         """The samples of each stretch, in order."""
         changes = np.flatnonzero(np.diff(self.stretches)) + 1
@@ -314,6 +362,32 @@ def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
     new = np.append(True, np.diff(stretches) > 0) | np.append(True, ~good[:-1])
     # A stretch begins with the first good sample after a change: a bad one begins none.
     return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
+
+
+def _delays(delay: float | Mapping[str, float] | ArrayLike, joints: tuple[str, ...]) -> FloatArray:
+    """Delays (m,), zero for joints that are not named."""
+    if isinstance(delay, Mapping):
+        unknown = [joint for joint in delay if joint not in joints]
+        if unknown:
+            raise OptionError.unknown("joint", unknown[0], joints)
+        delay = [delay.get(joint, 0.0) for joint in joints]
+    return np.array(np.broadcast_to(finite(delay, "delay"), len(joints)))
+
+
+def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
+    """Values (N,) from so many steps later, and which there are."""
+    from scipy.interpolate import make_interp_spline  # slow to import
+
+    count, at = len(values), np.arange(len(values)) + steps
+    nearest = np.clip(np.round(at), 0, count - 1).astype(np.int64)
+    known = (at > -WHOLE) & (at < count - 1 + WHOLE)
+    if abs(steps - round(steps)) < WHOLE or count <= DEGREE:
+        return values[nearest], known
+    before = np.clip(np.floor(at), 0, max(count - 2, 0)).astype(np.int64)
+    between = make_interp_spline(np.arange(count), values, k=DEGREE)(np.clip(at, 0, count - 1))
+    # Values that are clipped or held stay what they are.
+    flat = values[before] == values[before + 1]
+    return np.where(flat, values[before], between), known
 
 
 # ---- arrays and tables of others ---------------------------------------------------------------

@@ -177,6 +177,9 @@ class LogMapping(Section):
     Without a scale, columns are in the unit of their header, or else in these units.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
     are what the surroundings exert on frames of the robot, each of six columns.
+    In all of them, the motors of ``joint_maps`` stand for the joints that they move.
+    ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
+    late the time stamps of whole streams are, by their names.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
 
     Raises
@@ -205,6 +208,7 @@ class LogMapping(Section):
     idle_speed: NotNegative | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
     wrenches: list[WrenchColumns] = Field(default_factory=list)
+    delay: OneOrEach[float] = 0.0
 
     def __init__(self, **content: Any) -> None:
         try:
@@ -248,6 +252,27 @@ class LogMapping(Section):
                 valid=joints,
             )
         return names
+
+    def stream_delays(
+        self, source: str, joints: Sequence[str], streams: Sequence[str]
+    ) -> dict[str, float]:
+        """Delays of the time stamps of some streams, in s; not those of joints."""
+        given = self.delay if isinstance(self.delay, Mapping) else {}
+        for name in given:
+            if name not in (*joints, *streams):
+                raise LogError(
+                    f"{source}: delay of the mapping names {name!r}: give joints among "
+                    f"{', '.join(joints)}, or streams among {', '.join(streams)}",
+                    source=source,
+                    key="delay",
+                    valid=(*joints, *streams),
+                )
+        return {name: delay for name, delay in given.items() if name not in joints}
+
+    def force_delays(self, joints: Sequence[str]) -> list[float]:
+        """By how much forces of joints are later than their positions, in s."""
+        given = self.delay
+        return [given.get(j, 0.0) if isinstance(given, Mapping) else given for j in joints]
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors."""

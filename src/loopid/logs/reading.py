@@ -123,7 +123,9 @@ def read_streams(
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
     streams: list[Stream] = []
-    for name, channels in finder.channels(mapping.measured(source, joints)).items():
+    channels_of = finder.channels(mapping.measured(source, joints))
+    delays = mapping.stream_delays(source, joints, [*channels_of])
+    for name, channels in channels_of.items():
         time = finder.time(name)
         columns = [channel.column for channel in channels]
         for table in log.tables(name, time.names, columns):
@@ -133,6 +135,7 @@ def read_streams(
                 source = f"{source}[{rows[0]}:{'' if rows[1] is None else rows[1]}]"
             here = tuple(c for c in channels if c.column in table.cells.columns)
             stream = make_stream(source, table, time, here, tolerances)
+            stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 

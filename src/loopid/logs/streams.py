@@ -91,6 +91,10 @@ class Stream:
             if channel.quantity == quantity:
                 yield channel.joint, values
 
+    def earlier(self, delay: float) -> Stream:
+        """The stream with stamps that are so many s too late put right."""
+        return replace(self, stamps=self.stamps - round(1e9 * delay)) if delay else self
+
     def without(self, bad: BoolArray, reason: str, most: float) -> Stream:
         """The stream without some rows (R,), which a warning names; a LogError for too many."""
         if not bad.any():
