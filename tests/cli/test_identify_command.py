@@ -71,11 +71,11 @@ def test_tables_and_files_say_the_same(written, tmp_path):
     assert "all parameters by wls" in out
     page = files["report.md"].decode()
     links = LINK.findall(page)
-    assert len(links) == 4
+    assert len(links) == 5
     assert all(len(files[link]) > 1000 for link in links)
     pictures = {
         f"{figure}.{kind}"
-        for figure in ("filter", "forces", "parameters", "spectrum")
+        for figure in ("filter", "forces", "friction", "parameters", "spectrum")
         for kind in ("svg", "png")
     }
     fits = {"parameters.yaml", "all_parameters.yaml"}
