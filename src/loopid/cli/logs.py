@@ -78,6 +78,9 @@ def identify(
     friction_log: list[str] | None = Option(
         None, metavar="LOG", help="Identify the terms from this log first."
     ),
+    undo_delay: bool = Option(
+        True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
+    ),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
     out: str | None = OUT,
     as_json: bool = JSON,
@@ -103,6 +106,7 @@ def identify(
             unidentifiable=unidentifiable,
             prior_deviation=prior_deviation,
             fraction=fraction,
+            undo_delay=undo_delay,
             n_jobs=n_jobs,
         ),
     )

@@ -13,6 +13,13 @@ from .consistent import (
 )
 from .consistent_program import REGULARISATIONS as REGULARISATIONS, repaired_prior as repaired_prior
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
+from .delay import (
+    Delay as Delay,
+    DelayOptions as DelayOptions,
+    find_delay as find_delay,
+    with_delay_errors as with_delay_errors,
+    without_delay as without_delay,
+)
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
     Convergence as Convergence,

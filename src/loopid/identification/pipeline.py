@@ -15,6 +15,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, OptionError, RankError, warn
 from loopid.identification.bayes import PRIOR_DEVIATION, BayesianRidge, cad_prior, evidence_scale
+from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
 from loopid.identification.force_model import ForceModel, samples_of
@@ -60,6 +61,8 @@ class FitOptions:
         Without that: the least and the largest such deviation that the evidence of the data may
         choose. A file that is right in most of its bodies need not be in all, so that the least is
         not 0.
+    undo_delay : bool
+        Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
         Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
@@ -83,6 +86,7 @@ class FitOptions:
     fraction: float = 0.6
     prior_deviation: float | None = None
     deviations: tuple[float, float] = (0.1, 10.0)
+    undo_delay: bool = True
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
@@ -165,6 +169,9 @@ class Identification:
     prior_deviation : float or None
         Of the robot file as prior, relative to the parameters' sizes, by the evidence of the data
         (``evidence_scale``).
+    delay : Delay or None
+        Between forces and motion, what is clear of it undone in all recordings; None where it was
+        not looked for, and for motions without a log.
     """
 
     force_model: ForceModel
@@ -177,6 +184,7 @@ class Identification:
     candidates: Mapping[str, Candidate]
     options: FitOptions
     prior_deviation: float | None = None
+    delay: Delay | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -318,8 +326,8 @@ def identify(
     Warns
     -----
     DataWarning
-        Of unidentifiable combinations that the robot file's values are kept for, of weakly
-        identifiable ones, and of all that ``fit`` warns of.
+        Of a delay that was undone, of unidentifiable combinations that the robot file's values are
+        kept for, of weakly identifiable ones, and of all that ``fit`` warns of.
 
     Examples
     --------
@@ -341,6 +349,12 @@ def identify(
     2.0
     """
     options.require_references(len(references))
+    delay = find_delay(force_model, recordings) if options.undo_delay else None
+    recordings, friction = (
+        without_delay(force_model, runs, delay) for runs in (recordings, friction)
+    )
+    if validation is not None:
+        validation = without_delay(force_model, validation, delay)
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
@@ -359,11 +373,14 @@ def identify(
     if deviation is not None:
         near = replace(options, estimator="bayes", prior_deviation=deviation)
         fits[NEAR_FILE] = _quiet_fit_all(force_model, data, excited, first=first, options=near)
+    fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
+    if delay is not None:
+        delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
-    return Identification(force_model, *runs, data, new, excited, judged, options, deviation)
+    return Identification(force_model, *runs, data, new, excited, judged, options, deviation, delay)
 
 
 @checked

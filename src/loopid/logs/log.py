@@ -14,7 +14,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finit
 from loopid.errors import DataError, OptionError
 from loopid.logs.formats import array_table
 from loopid.logs.headers import UNITS, unit_names, unit_of
-from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping
+from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping, wrench_name
 from loopid.logs.streams import (
     Dropped,
     LogTolerances,
@@ -24,10 +24,14 @@ from loopid.logs.streams import (
     on_joints,
     with_increasing_stamps,
 )
+from loopid.logs.wrenches import COMPONENTS, ExternalWrench
 from loopid.records import record
 
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
+# Degree of the spline between samples, off by 5e-4 of a signal at a fifth of the rate; and part of
+# a step by which a delay of whole steps may be off one, and needs none.
+DEGREE, WHOLE = 5, 1e-6
 
 
 @record(kw_only=True, checked=True)
@@ -57,6 +61,8 @@ class Log:
         default a twentieth of the motor's own usual top speed.
     dropped : tuple of Dropped
         What was left out on the way here.
+    wrenches : tuple of ExternalWrench
+        Of N samples, that the surroundings exerted on the robot.
 
     Examples
     --------
@@ -78,6 +84,7 @@ class Log:
     saturation: FloatArray | None = None
     idle_speed: NotNegative | None = None
     dropped: tuple[Dropped, ...] = ()
+    wrenches: tuple[ExternalWrench, ...] = ()
 
     def __post_init__(self) -> None:
         time = _increasing(self.time)
@@ -91,6 +98,8 @@ class Log:
             if name in ("position", "force") or getattr(self, name) is not None:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, values)
+        for wrench in self.wrenches:
+            samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
         if self.saturation is not None:
             limits = samples(self.saturation, len(self.joints), "saturation", 1)[0]
             if not limits.min() > 0:
@@ -114,6 +123,7 @@ class Log:
         stretches: ArrayLike | None = None,
         saturation: ArrayLike | None = None,
         idle_speed: float | None = None,
+        wrenches: Sequence[ExternalWrench] = (),
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -139,6 +149,8 @@ class Log:
             (m,) in N or N m, see ``Log``.
         idle_speed : float, optional
             In m/s or rad/s, see ``Log``.
+        wrenches : sequence of ExternalWrench
+            Of N samples, that the surroundings exert on the robot.
 
         Raises
         ------
@@ -167,6 +179,12 @@ class Log:
             for quantity, values in given.items()
             if values is not None
         }
+        signals |= {
+            wrench_name(k): samples(
+                one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
+            )
+            for k, one in enumerate(wrenches)
+        }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
             at, signals, stretches, dropped = _on_even_grid(name, joints, at, signals)
@@ -174,7 +192,7 @@ class Log:
             name=name,
             joints=joints,
             time=at,
-            **signals,
+            **_by_field(signals, wrenches),
             stretches=np.asarray(stretches),
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
@@ -223,6 +241,7 @@ class Log:
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
         """
         mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
         ((_, channels),) = finder.channels(mapping.measured(name, joints)).items()
@@ -247,16 +266,21 @@ class Log:
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
         aligned = align(streams, joints, tolerances.gap)
-        return cls(
+        wrenches = [
+            ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
+            for k, one in enumerate(mapping.wrenches)
+        ]
+        log = cls(
             name=name,
             joints=joints,
             time=aligned.time,
-            **aligned.signals,
+            **_by_field(aligned.signals, wrenches),
             stretches=aligned.stretches,
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
         )
+        return log.delayed(mapping.force_delays(joints))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -276,7 +300,51 @@ class Log:
             if (values := getattr(self, name)) is not None
         }
         kept["stretches"] = renumbered(self.stretches, good)
+        kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
+
+    def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
+        """The log with forces that come late put back to the motion that they belong to.
+
+        Parameters
+        ----------
+        delay : float, mapping or array
+            In s, by which forces of motors are later than positions, of all, by joint, or (m,);
+            negative where positions are late.
+
+        Returns
+        -------
+        Log
+            At the same times, but for those at the ends of stretches whose forces are not known.
+
+        Raises
+        ------
+        OptionError
+            When a joint is not of the log.
+        DataError
+            When no stretch is longer than the delay.
+
+        Examples
+        --------
+        >>> import numpy as np, loopid
+        >>> time = np.arange(0, 2, 0.01)
+        >>> late = loopid.Log.from_arrays(time, np.sin(time), np.sin(time - 0.035), ["crank_joint"])
+        >>> log = late.delayed(0.035)
+        >>> len(late) - len(log), bool(abs(log.force - log.position).max() < 1e-6)
+        (4, True)
+        """
+        shifts = _delays(delay, self.joints)
+        force, known = self.force.copy(), np.ones(len(self), dtype=bool)
+        for part in self.parts():
+            for k in np.flatnonzero(shifts):
+                force[part, k], there = _moved(self.force[part, k], shifts[k] * self.rate(part))
+                known[part] &= there
+        if not known.any():
+            raise DataError(f"{self.name}: no stretch is longer than the delay", argument="delay")
+        if known.all():
+            return replace(self, force=force)
+        lost = Dropped.at("no force at the corrected time", self.time[~known])
+        return replace(self, force=force).select(known, lost)
 
     def parts(self) -> list[slice]:
         """The samples of each stretch, in order."""
@@ -294,6 +362,32 @@ def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
     new = np.append(True, np.diff(stretches) > 0) | np.append(True, ~good[:-1])
     # A stretch begins with the first good sample after a change: a bad one begins none.
     return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
+
+
+def _delays(delay: float | Mapping[str, float] | ArrayLike, joints: tuple[str, ...]) -> FloatArray:
+    """Delays (m,), zero for joints that are not named."""
+    if isinstance(delay, Mapping):
+        unknown = [joint for joint in delay if joint not in joints]
+        if unknown:
+            raise OptionError.unknown("joint", unknown[0], joints)
+        delay = [delay.get(joint, 0.0) for joint in joints]
+    return np.array(np.broadcast_to(finite(delay, "delay"), len(joints)))
+
+
+def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
+    """Values (N,) from so many steps later, and which there are."""
+    from scipy.interpolate import make_interp_spline  # slow to import
+
+    count, at = len(values), np.arange(len(values)) + steps
+    nearest = np.clip(np.round(at), 0, count - 1).astype(np.int64)
+    known = (at > -WHOLE) & (at < count - 1 + WHOLE)
+    if abs(steps - round(steps)) < WHOLE or count <= DEGREE:
+        return values[nearest], known
+    before = np.clip(np.floor(at), 0, max(count - 2, 0)).astype(np.int64)
+    between = make_interp_spline(np.arange(count), values, k=DEGREE)(np.clip(at, 0, count - 1))
+    # Values that are clipped or held stay what they are.
+    flat = values[before] == values[before + 1]
+    return np.where(flat, values[before], between), known
 
 
 # ---- arrays and tables of others ---------------------------------------------------------------
@@ -345,13 +439,24 @@ def _on_even_grid(
     if all(off <= EVEN * median for off in _off_even(time, stretches)) and (steps > 0).all():
         return time, signals, stretches, ()
     channels = [
-        Channel(what, joint, f"{joint}.{what}", 1.0, 0.0) for what in signals for joint in joints
+        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
+        for what in signals
+        for name in (joints if what in QUANTITIES else COMPONENTS)
     ]
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     columns = [column for values in signals.values() for column in values.T]
     stream = Stream(name, tuple(channels), np.arange(1, len(time) + 1), stamps, tuple(columns))
     aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+
+
+def _by_field(
+    signals: Mapping[str, FloatArray], wrenches: Sequence[ExternalWrench]
+) -> dict[str, Any]:
+    """Signals on the grid as fields of a log, those of the wrenches in these."""
+    placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
+    found: dict[str, Any] = {name: signals[name] for name in signals if name in QUANTITIES}
+    return {**found, "wrenches": tuple(placed)}
 
 
 def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:

@@ -92,6 +92,8 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
         "essential": json_value(study.essential.values),
         "essential_parameters": list(reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
+        "delay": found.delay
+        and json_fields(found.delay, "joints", "common", "interval", "each", "intervals", "undone"),
         "suspicions": [_suspicions(one) for one in study.suspicions],
         "findings": findings(study, command),
     }
@@ -180,6 +182,8 @@ def findings(study: Study, command: str | None = None) -> list[str]:
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     said.append(f"Joint terms: {choice}.")
+    if found.delay is not None and found.delay.clear:
+        said.append(f"{found.delay.sentence.capitalize()}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
     said.append(_terms_finding(study.term_sets))
     if study.sweep is not None:
