@@ -71,7 +71,7 @@ def test_tables_and_files_say_the_same(written, tmp_path):
     assert "all parameters by wls" in out
     page = files["report.md"].decode()
     links = LINK.findall(page)
-    assert len(links) == 4
+    assert len(links) == 5
     assert all(len(files[link]) > 1000 for link in links)
     pictures = {
         f"{figure}.{kind}"
