@@ -96,7 +96,7 @@ def prepare_recording(
     >>> run = loopid.simulate_measurement(robot, motion)
     >>> log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated, name="run")
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'run': 389 samples, filtered at 17.5 Hz, forces used: crank_joint 85%>
+    <Recording 'run': 70 samples, filtered at 3.75 Hz, forces used: crank_joint 100%>
     """
     require_known_motion(robot)
     if log.joints != robot.actuated:
