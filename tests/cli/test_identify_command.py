@@ -115,7 +115,9 @@ def arm(run_json, arm_files, once):
     """Identify the serial robot from its first log."""
 
     def identified(*options):
-        return run_json("identify", *arm_files[:2], *options)
+        # One cut-off, so that counts of samples compare.
+        given = () if "--cutoff" in options else ("--cutoff", "8")
+        return run_json("identify", *arm_files[:2], *options, *given)
 
     return lambda *options: identified(*options) if options else once("arm", identified)
 
