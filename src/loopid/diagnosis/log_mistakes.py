@@ -21,7 +21,7 @@ from scipy.linalg import block_diag
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import DataWarning, warn
-from loopid.identification.bayes import body_sizes
+from loopid.identification.information import body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates

@@ -12,7 +12,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
-from loopid.identification.bayes import body_sizes
+from loopid.identification.information import body_sizes
 from loopid.identification.force_model import ForceModel, find_force_model, samples_of
 from loopid.identification.pipeline import Identification
 from loopid.parameters import KINDS

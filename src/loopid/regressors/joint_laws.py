@@ -56,6 +56,8 @@ class JointTerm:
     at : float
         The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
         in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
+    positive : bool
+        Whether the coefficient cannot be negative, as of inertia, damping and friction.
 
     Examples
     --------
@@ -78,12 +80,16 @@ class JointTerm:
     needs: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     at: float = 0.0
+    positive: bool = False
 
 
 def _friction(
-    name: str, law: Callable[[JointState, float], Any], needs: tuple[str, ...] = ("sign",)
+    name: str,
+    law: Callable[[JointState, float], Any],
+    needs: tuple[str, ...] = ("sign",),
+    positive: bool = True,
 ) -> JointTerm:
-    return JointTerm(name, ("N", "N m"), law, needs)
+    return JointTerm(name, ("N", "N m"), law, needs, positive=positive)
 
 
 def _load_friction(name: str) -> JointTerm:
@@ -93,6 +99,7 @@ def _load_friction(name: str) -> JointTerm:
         ("N/N", "N m/N"),
         lambda joint, at: joint.load * joint.sign(at),
         needs=("load", "sign"),
+        positive=True,
     )
 
 
@@ -113,7 +120,11 @@ def _stribeck(joint: JointState, at: float) -> Any:
 JOINT_TERMS: Registry[JointTerm] = Registry("joint term")
 for _kind, _term in {
     "Ia": JointTerm(
-        "drive inertia", ("kg", "kg m²"), lambda joint, _: joint.acceleration, ("acceleration",)
+        "drive inertia",
+        ("kg", "kg m²"),
+        lambda joint, _: joint.acceleration,
+        ("acceleration",),
+        positive=True,
     ),
     "Fc": _friction("Coulomb friction", lambda joint, _: joint.sign()),
     "Fc+": _friction(
@@ -123,11 +134,15 @@ for _kind, _term in {
         "Coulomb friction backward", lambda joint, _: joint.math.fmin(joint.sign(), 0.0)
     ),
     "Fc~RATE": _friction("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
-    "Fs~RATE": _friction("Stribeck friction", _stribeck, ("rate", "sign")),
+    "Fs~RATE": _friction("Stribeck friction", _stribeck, ("rate", "sign"), positive=False),
     "Fl": _load_friction("load-dependent friction"),
     "Fl~RATE": _load_friction("smooth load-dependent friction"),
     "Fv": JointTerm(
-        "viscous friction", ("N s/m", "N m s/rad"), lambda joint, _: joint.rate, ("rate",)
+        "viscous friction",
+        ("N s/m", "N m s/rad"),
+        lambda joint, _: joint.rate,
+        ("rate",),
+        positive=True,
     ),
     "Fo": JointTerm("constant force", ("N", "N m"), lambda joint, _: 1.0),
     "Ks": _spring("spring", "", ("Fo",), lambda joint, _: joint.position),
