@@ -2,11 +2,14 @@
 
 import os
 import stat
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from loopid.errors import FileError, LoopidError
-from loopid.files import require_folder, write_file, write_files
+from loopid.files import csv_text, require_folder, write_file, write_files
+from loopid.logs.formats import TextFormat
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
 
@@ -44,6 +47,19 @@ def test_what_is_written_can_be_read(tmp_path):
         "page.md": "é ≤ µ\n".encode(),
         "figure.png": bytes(range(256)),
     }
+
+
+NAMES = ["time", "left, upper", 'the "wrist"', "'hip'", "a;b", "knee joint", "elbow", '"']
+
+
+@pytest.mark.parametrize("names", [NAMES, NAMES[:1] + NAMES[-2:-1], *pairwise(NAMES)])
+def test_names_of_columns_are_read_as_they_were_written(tmp_path, names):
+    columns = np.arange(3.0 * len(names)).reshape(3, -1)
+    write_file(tmp_path / "table.csv", csv_text(names, columns))
+    (table,) = TextFormat(tmp_path / "table.csv").columns().values()
+    assert list(table) == list(names)
+    found = TextFormat(tmp_path / "table.csv").tables("table", [], names)[0].cells
+    np.testing.assert_array_equal(found.to_numpy(), columns)
 
 
 def test_files_that_are_there_are_replaced_and_others_stay(tmp_path):

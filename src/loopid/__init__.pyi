@@ -36,13 +36,12 @@ from .excitation import (
 )
 from .export import export_regressor as export_regressor, export_robot_file as export_robot_file
 from .identification import (
-    BayesianRidge as BayesianRidge,
     FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
-    consistent_parameters as consistent_parameters,
     find_force_model as find_force_model,
     fit as fit,
+    friction_curve as friction_curve,
     identifiability as identifiability,
     identify as identify,
     predict as predict,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 import io
 import os
+import re
 import stat
 import tempfile
 import zlib
 from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from loopid.errors import FileError, LogError
 
@@ -22,6 +24,7 @@ BLOCK_BYTES = 2**20  # of text that are read at a time
 # The one limit of sizes. What stands for more bytes than so many, and for so many times as many as
 # its file has, is no measurement but a bomb.
 UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200
+PLAIN_NAME = re.compile(r"""[^\s,;"']+""")  # of a column: nothing that separates or quotes
 
 
 def why_no_file(path: Path) -> str:
@@ -109,8 +112,11 @@ def csv_text(names: Sequence[str], *columns: ArrayLike, digits: int = 9) -> str:
     """Columns (N,) or (N, k) of numbers as a table of text below their names."""
     import numpy as np  # here, as the command line imports this file at once
 
-    text, head = io.StringIO(), ",".join(f'"{n}"' if "," in n else n for n in names)
-    np.savetxt(text, np.column_stack(columns), f"%.{digits}g", ",", header=head, comments="")
+    text = io.StringIO()
+    plain = all(map(PLAIN_NAME.fullmatch, names))  # else one would be split, or lose its quotes
+    quoting: Literal[0, 1] = csv.QUOTE_MINIMAL if plain else csv.QUOTE_ALL
+    csv.writer(text, quoting=quoting, lineterminator="\n").writerow(names)
+    np.savetxt(text, np.column_stack(columns), f"%.{digits}g", ",")
     return text.getvalue()
 
 

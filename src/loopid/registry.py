@@ -77,6 +77,6 @@ robot_formats: Registry[Any] = Registry("ending of a robot file")
 # By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
 # tree, to mount frames in, that gives a ``Dialect``.
 urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
-# By the ending of the tree's file: a function of it that gives an ``InertialFile``, in which
-# inertials can be replaced.
-inertial_files: Registry[Any] = Registry("ending of a robot file that can be edited")
+# By the ending of the tree's file: a class of it with the ``inertials`` of its links, ``edited``
+# (its content with other ones, and other joint terms) and ``joint_terms`` of such a content.
+editable_files: Registry[Any] = Registry("ending of a robot file that can be edited")

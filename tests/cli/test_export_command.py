@@ -52,16 +52,21 @@ def test_everything_at_once(run_json, tmp_path, model):
     q = random_configurations(again, 10, seed=0)
     motion = closed_motion(again, q, *np.random.default_rng(1).standard_normal((2, 10, 2)))
     W = motion_regressor(again, motion, model, joint_terms=found.joint_terms)
-    whole = np.concatenate([again.standard_parameters(model), np.full(4, 0.7)])
+    terms = found.joint_terms.values(again)
+    np.testing.assert_allclose(terms, 0.7)
+    whole = np.concatenate([again.standard_parameters(model), terms])
     expected = found.base.regressor(W) @ values
     np.testing.assert_allclose(W @ whole, expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_joint_terms_that_a_robot_file_does_not_get_are_named(run, tmp_path):
-    _, _, fit = saved(tmp_path, kinds=("Ks",))
+def test_joint_terms_that_a_robot_file_has_no_place_for_are_named(run, tmp_path):
+    _, _, fit = saved(tmp_path, kinds=("Fv", "Ks"))
     done = run("export", "five_bar", fit, "--urdf", tmp_path / "new.urdf")
     assert done.code == 0
-    assert "new inertials, not left_crank_joint.Ks, left_crank_joint.Fo" in done.err
+    assert done.err.count("\n") == 1
+    names = [f"{side}_crank_joint.{kind}" for side in ("left", "right") for kind in ("Ks", "Fo")]
+    assert done.err.endswith(f"are {', '.join(names)}\n")
+    assert (tmp_path / "new.urdf").read_text().count("<dynamics damping=") == 2
 
 
 def test_the_robot_is_loaded_as_for_the_fit(run, tmp_path):

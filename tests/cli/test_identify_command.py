@@ -34,7 +34,8 @@ def written(run, logs, once, tmp_path):
 
     def identified():
         out = tmp_path / "new" / "results"
-        done = run("identify", "3ups_rpu", logs["run.csv"], "--out", out)
+        terms = "--terms", "Fc,Fv,file"
+        done = run("identify", "3ups_rpu", logs["run.csv"], *terms, "--out", out)
         assert done.code == 0, done.err
         return done.out, done.err, {path.name: path.read_bytes() for path in out.iterdir()}
 
@@ -102,14 +103,11 @@ def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files
         assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
 
 
-def test_terms_that_are_enough_are_fitted_on_demand(run_json, arm_files):
+def test_the_usual_terms_are_the_default(run_json, arm_files):
     robot, log, _ = arm_files
-    record = run_json("identify", robot, log, "--model", "full", "--terms", "auto")
-    assert "Fc,Fv,Ks,Fo" in [entry["terms"] for entry in record["term_sets"]]
-    (chosen,) = (entry for entry in record["term_sets"] if entry["chosen"])
-    assert chosen["fitted_bodies"]["enough"]
-    more = run_json("identify", robot, log, "--model", "full", "--terms", "Fc,Fv,Fo")
-    assert len(fitted(record)) < len(fitted(more))
+    for model, usual in {"gravity": ["Fc", "Fv", "Fo"], "full": ["Fc", "Fv", "Fo", "Ia"]}.items():
+        record = run_json("identify", robot, log, "--model", model)
+        assert record["joint_terms"] == {"shoulder": usual, "elbow": usual}
 
 
 @pytest.fixture

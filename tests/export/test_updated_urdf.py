@@ -257,12 +257,17 @@ def test_parameters_are_found_by_their_names(load_once):
     terms = JointTerms(mechanism.actuated).parameters(mechanism)
     names, values = mechanism.parameters() + terms, np.append(parameters, np.ones(len(terms)))
     order = np.random.default_rng(0).permutation(len(names))
+    whole = updated_robot_file(mechanism, values, parameters=names)
     content = updated_robot_file(mechanism, values[order], parameters=names.select(order))
-    assert content == updated_robot_file(mechanism, parameters)
+    assert content == whole
+    bodies = updated_robot_file(mechanism, parameters)
+    assert INERTIAL.findall(whole) == INERTIAL.findall(bodies)
+    assert b"friction" not in bodies
     gravity = mechanism.parameters("gravity") + terms
     kept = [names.labels.index(label) for label in gravity.labels]
     content = updated_robot_file(mechanism, values[kept], parameters=gravity)
-    assert content == updated_robot_file(mechanism, values[kept[: -len(terms)]])
+    bodies = updated_robot_file(mechanism, values[kept[: -len(terms)]])
+    assert INERTIAL.findall(content) == INERTIAL.findall(bodies)
 
 
 def test_other_refusals(load_once, tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify
-from loopid.diagnosis import StudyOptions, compare_terms, examine, study_logs
+from loopid.diagnosis import StudyOptions, compare_terms, examine
 from loopid.errors import ModelWarning
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
@@ -118,17 +118,6 @@ def test_sets_are_fitted_by_least_squares(suspected):
     for error, phi in zip(found.errors, (with_file, fit.values), strict=True):
         squares = (unseen.residual(phi) / fit.noise.deviation) ** 2
         assert error.mean == pytest.approx(squares[unseen.used].mean(), rel=0.05)
-
-
-def test_a_study_finds_the_terms_by_itself(suspected):
-    robot = suspected[0].mechanism
-    fitted, unseen = logs(suspected, "Fc=0.1,Fv=0.05; left_crank_joint: Ks=4,Fo=1", 0)
-    options = StudyOptions(model="full", terms="auto", compared=("Fc~0.1",))
-    study = quietly(study_logs, robot, fitted, validation=unseen, options=options)
-    told, terms = study.term_sets, study.identification.force_model.joint_terms
-    assert {"Fc~0.1", "Fc,Fv,Ks,Fo"} <= {each.choice for each in told.sets}
-    assert told.chosen == told.enough[1]
-    assert terms.choice(robot) == told.chosen.choice
 
 
 def test_terms_that_new_data_ask_for_are_warned_of(suspected, load_once):

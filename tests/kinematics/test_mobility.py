@@ -1,13 +1,14 @@
 """What can move, what the motors leave free, and any choice of coordinates that says it."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from closure_robots import body, files, joint, loop
+from closure_robots import body, files, frame, joint, loop, tie
 from folded_robots import folded_four_bar
-from linkages import BARS, LINKAGES, five_bar, four_bar, rack_and_pinion
+from linkages import BARS, LINKAGES, PLATE, described, five_bar, four_bar, rack_and_pinion
 from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
 from loopid.errors import MobilityError, ModelWarning, RobotFileError
@@ -167,6 +168,33 @@ def test_motors_that_cannot_move_are_named(load_files, linkage):
     with pytest.warns(ModelWarning, match="do not let the motors arm_joint move"):
         load_mechanism(robot.path)
     assert mobility(linkage("redundant five-bar")).held == ()
+
+
+def test_a_crank_drawn_at_its_dead_centre_is_not_held(load_files):
+    """Crank and coupler in one line, both cranks driven: the rocker turns back there."""
+    crank, coupler, rocker, ground = BARS.values()
+    reach = crank + coupler
+    lean = np.arccos((ground**2 + reach**2 - rocker**2) / (2 * ground * reach))
+    tip = reach * np.array([np.cos(lean), np.sin(lean)])
+    cranks = ["crank_joint", "rocker_joint"]
+    parts = [
+        PLATE,
+        *(body(name) for name in ("crank", "coupler", "rocker")),
+        joint("crank_joint", "plate", "crank"),
+        joint("coupler_joint", "crank", "coupler", (crank, 0, 0)),
+        joint("rocker_joint", "plate", "rocker", (ground, 0, 0)),
+        frame("tip", "coupler", (coupler, 0, 0)),
+        frame("end", "rocker", (rocker, 0, 0)),
+    ]
+    drawn = dict(zip(cranks, (lean, np.arctan2(tip[1], tip[0] - ground)), strict=True))
+    robot = load_files(parts, described([tie("3d", ("tip", "end"))], cranks, drawn))
+    ((rate,),) = project(robot, robot.reference).G[0, robot.velocity_indices(cranks[1:])]
+    assert abs(rate) < 1e-9
+    assert np.ptp(random_configurations(robot, 20)[:, robot.joint("rocker_joint").idx_q]) > 0.5
+    assert mobility(robot).held == ()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_mechanism(robot.path)
 
 
 def test_a_robot_that_moves_to_first_order_only_is_named(load_files):

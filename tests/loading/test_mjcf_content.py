@@ -266,6 +266,31 @@ def test_motors_are_the_joints_of_the_actuators_in_their_order(read_arm):
     assert source.notes == ()
 
 
+def test_actuators_of_disabled_groups_are_no_motors(read_arm):
+    actuators = """<actuator><motor name="off" joint="track" group="3" gear="7"/>
+    <motor joint="elbow" ctrlrange="-2 2" group="1"/>
+    <motor name="idle" joint="elbow" gear="9" ctrlrange="-1 1" group="30"/>
+    <motor joint="wrist" group="31"/></actuator>"""
+    option = '<option actuatorgroupdisable="0 3 30"/>'
+    source = read_arm(option, actuators)
+    assert source.description.name_mot == ["elbow", "wrist"]
+    assert source.notes == ("actuators of disabled groups are no motors: off, idle",)
+    assert source.left_out == ()
+    assert source.model.upperEffortLimit[0] == 2
+    assert read_arm(actuators).description.name_mot == ["track", "elbow", "wrist"]
+
+
+def test_a_missing_mesh_is_named_beside_any_inertia(tmp_path):
+    """What MuJoCo says of the mesh stays, whether the inertia is sound or not."""
+    text = """<mujoco><asset><mesh name="shell" file="gone.stl"/></asset><worldbody><body>
+    <inertial pos="0 0 0" mass="1" fullinertia="{}"/><joint/><geom type="mesh" mesh="shell"/></body>
+    </worldbody></mujoco>"""
+    for inertia in ("1 1 1 0 0 0", "1 1 -1 0 0 0"):
+        (tmp_path / "robot.xml").write_text(text.format(inertia))
+        with pytest.raises(RobotFileError, match=r"gone\.stl"):
+            read_mjcf(tmp_path / "robot.xml")
+
+
 def test_without_actuators_nothing_is_said_of_motors(read_arm):
     assert read_arm().description.name_mot is None
 

@@ -9,10 +9,13 @@ import pytest
 from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
+from closure_robots import chain, files
+from loopid import load_mechanism
 from loopid.errors import DataWarning, FileError, LogError, MissingExtraError
 from loopid.logs import LogMapping, prepare_recording, read_log
 from loopid.logs.reading import read_streams
 from loopid.motion import JointMotion
+from loopid.motion.simulation import Measurement, log_text
 
 
 @pytest.fixture
@@ -276,3 +279,19 @@ def test_missing_libraries_are_named_with_their_extra(knee, written, monkeypatch
     message = rf"{package} is not installed: pip install 'loopid\[logs\]' brings it"
     with pytest.raises(MissingExtraError, match=message):
         read_log(written[kind], knee)
+
+
+def test_joints_of_any_printable_name_go_through_a_log_of_ones_own(tmp_path, write_files):
+    names = ["left, upper", "the 'wrist'", '5" tube; a']
+    parts = chain(3)
+    for k, name in enumerate(names, start=1):
+        written = name.replace('"', "&quot;")
+        parts = [
+            part.replace(f'joint name="joint{k}"', f'joint name="{written}"') for part in parts
+        ]
+    robot = load_mechanism(write_files(*files(parts, {})))
+    times, values = 0.01 * np.arange(50), np.random.default_rng(0).normal(0, 1e-4, (2, 50, 3))
+    (tmp_path / "run.csv").write_text(log_text(robot, Measurement(times, *values, values[1])))
+    log = read_log(tmp_path / "run.csv", robot)
+    assert log.joints == robot.actuated == tuple(names)
+    np.testing.assert_allclose([log.position, log.force], values, rtol=1e-8)

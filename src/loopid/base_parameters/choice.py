@@ -298,6 +298,33 @@ class PivotedQR(SearchStrategy):
         return self._result(problem, dependent, certified=False, evaluated=1)
 
 
+@record
+class KeptChoice(SearchStrategy):
+    """Take the dependent parameters of another choice: nothing is searched.
+
+    Parameters
+    ----------
+    dependent : tuple of str
+        Their labels.
+    """
+
+    name: ClassVar[str] = "kept"
+
+    dependent: tuple[str, ...] = ()
+
+    def _search(self, problem: ChoiceProblem) -> SearchResult:
+        labels = problem.structure.parameters.labels
+        dependent = [j for j, label in enumerate(labels) if label in self.dependent]
+        if len(dependent) != problem.dependent_count:
+            raise OptionError(
+                f"{problem.dependent_count} parameters are dependent, not the {len(dependent)} of "
+                "the other choice",
+                given=len(dependent),
+                valid=problem.dependent_count,
+            )
+        return self._result(problem, dependent, certified=False, evaluated=1)
+
+
 @dataclass(frozen=True)
 class Readability:
     """What makes a choice readable: few terms, small coefficients."""

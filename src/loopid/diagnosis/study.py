@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 
 from loopid.arguments import checked
 from loopid.diagnosis.bands import BandSweep, sweep_bands
@@ -12,8 +10,7 @@ from loopid.diagnosis.log_mistakes import Suspicions, diagnose
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.errors import ModelWarning, warn
-from loopid.identification.consistent import ConsistentFit, consistent_fit
-from loopid.identification.force_model import USUAL_TERMS, find_force_model
+from loopid.identification.force_model import AUTOMATIC, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
 from loopid.logs.recording import Recording
@@ -22,9 +19,6 @@ from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress
-
-# Terms that a comparison decides, and springs of the motors, which it tries beside the usual ones.
-AUTOMATIC, SPRINGS = "auto", "Fc,Fv,Ks,file"
 
 
 @record(kw_only=True, checked=True)
@@ -36,24 +30,16 @@ class StudyOptions:
     model : str
         ``"gravity"`` or ``"full"``.
     terms : str
-        Joint terms, a choice as of ``JointTerms.of``; ``"auto"`` for those of the usual ones and
-        springs of the motors that are enough on new data.
+        Joint terms, a choice as of ``JointTerms.of``; by default those of ``find_force_model``.
     compared : tuple of str
         Further choices that are judged on new data.
-    consistent : str, optional
-        Fit physically consistent parameters, too: the regularisation of ``consistent_fit``,
-        ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
-    repair : bool
-        Whether physically inconsistent bodies of the robot file are repaired for that.
     fit : FitOptions
         Of the identification.
     """
 
     model: str = "gravity"
-    terms: str = USUAL_TERMS
+    terms: str = AUTOMATIC
     compared: tuple[str, ...] = ()
-    consistent: str | None = None
-    repair: bool = False
     fit: FitOptions = FitOptions()
 
     def require_terms(self, mechanism: Mechanism) -> None:
@@ -64,9 +50,9 @@ class StudyOptions:
         OptionError
             Naming the joint or the word.
         """
-        usual = USUAL_TERMS if self.terms == AUTOMATIC else self.terms
-        for choice in (usual, *self.compared):
-            JointTerms.of(mechanism, choice)
+        for choice in (self.terms, *self.compared):
+            if choice != AUTOMATIC:
+                JointTerms.of(mechanism, choice)
 
 
 @record
@@ -86,8 +72,6 @@ class Study:
         These fitted, the others as in the robot file.
     sweep : BandSweep or None
         Whether weighted least squares says the same of a narrower band.
-    consistent : ConsistentFit or None
-        Physically consistent parameters, where they were asked for.
     """
 
     identification: Identification
@@ -96,7 +80,6 @@ class Study:
     reduction: Reduction
     essential: Candidate
     sweep: BandSweep | None = None
-    consistent: ConsistentFit | None = None
 
 
 @checked
@@ -141,31 +124,22 @@ def study_logs(
     ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> options = loopid.diagnosis.StudyOptions(terms="auto")
-    >>> study = loopid.diagnosis.study_logs(robot, [run], options=options)
-    >>> study.term_sets.chosen.choice
+    >>> study = loopid.study_logs(robot, [run])
+    >>> study.term_sets.enough[1].choice
     'Fv'
     """
     options.require_terms(mechanism)
 
-    def identified(terms: str) -> Identification:
-        force_model = find_force_model(mechanism, options.model, terms, progress=progress)
-        return identify(
-            force_model,
-            recordings,
-            validation=validation,
-            friction=friction,
-            references=references,
-            options=options.fit,
-        )
-
-    if options.terms != AUTOMATIC:
-        return examine(identified(options.terms), options=options)
-    with warnings.catch_warnings():  # of terms that need not be the chosen ones
-        warnings.simplefilter("ignore")
-        tried = compare_terms(identified(USUAL_TERMS), choices=[*options.compared, SPRINGS])
-    tried = replace(tried, chosen=tried.enough[1])
-    return examine(identified(tried.chosen.choice), options=options, term_sets=tried)
+    force_model = find_force_model(mechanism, options.model, options.terms, progress=progress)
+    found = identify(
+        force_model,
+        recordings,
+        validation=validation,
+        friction=friction,
+        references=references,
+        options=options.fit,
+    )
+    return examine(found, options=options)
 
 
 @checked
@@ -173,7 +147,6 @@ def examine(
     found: Identification,
     *,
     options: StudyOptions = StudyOptions(),
-    term_sets: TermComparison | None = None,
 ) -> Study:
     """Ask an identification all that a study asks; see ``study_logs``.
 
@@ -181,33 +154,18 @@ def examine(
     ----------
     options : StudyOptions, optional
         Its model, terms and fit are those of the identification already.
-    term_sets : TermComparison, optional
-        What sets of joint terms buy, where it is known already.
     """
     reduction = eliminate(found)
     study = Study(
         found,
         diagnose(found),
-        term_sets or compare_terms(found, choices=options.compared),
+        compare_terms(found, choices=options.compared),
         reduction,
         judge_essential(found, reduction),
         sweep_bands(found),
-        None if options.consistent is None else _consistent(found, options),
     )
     _warn(study)
     return study
-
-
-def _consistent(found: Identification, options: StudyOptions) -> ConsistentFit:
-    model = found.force_model
-    return consistent_fit(
-        found.data.problem,
-        found["all parameters"].fit,
-        model.base,
-        model.standard_prior,
-        regularisation=options.consistent or "entropic",
-        repair=options.repair,
-    )
 
 
 def _warn(study: Study) -> None:
@@ -221,6 +179,6 @@ def _warn(study: Study) -> None:
         warn(
             f"joint terms {own.choice} leave larger errors on new data than {best.choice} (squared "
             f"{own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals do not hold "
-            f'what no term models: use terms="{best.choice}", or terms="auto"',
+            f'what no term models: use terms="{best.choice}"',
             ModelWarning,
         )

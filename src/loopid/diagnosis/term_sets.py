@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,12 +10,12 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
+from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.information import body_sizes
-from loopid.identification.force_model import ForceModel, find_force_model, samples_of
 from loopid.identification.pipeline import Identification
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.joint_terms import NO_TERMS, JointTerms
+from loopid.regressors.joint_terms import NO_TERMS, JointTerms, together
 from loopid.robot.mechanism import Mechanism
 
 # Singular values of the columns, relative to the largest, below which they count as zero.
@@ -118,7 +116,7 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
+    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity", "Fc,Fv"), [run])
     >>> told = loopid.diagnosis.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice
     (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
@@ -131,7 +129,7 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     mechanism, own = force_model.mechanism, force_model.joint_terms
     asked = [JointTerms.of(mechanism, choice) for choice in choices]
     sets = _each_once([*_sets(mechanism, own), *({} if t is None else t.of_joints for t in asked)])
-    whole = _model_of_all(force_model, sets)
+    whole = force_model.with_columns(together(*sets))
     data, unseen = (samples_of(whole, runs, n_jobs=n_jobs) for runs in (training, validation))
     deviation = np.maximum(noise.deviation, ROUND_OFF * data.problem.force_rms)
     deviation = np.maximum(deviation, data.least_errors)
@@ -167,10 +165,10 @@ def _sets(mechanism: Mechanism, own: JointTerms | None) -> list[Kinds]:
 
     viscous, offsets = dict.fromkeys(motors, ("Fv",)), dict.fromkeys(motors, ("Fo",))
     coulomb = {joint: kinds or ("Fc",) for joint, kinds in part(motors, "Fc").items()}
-    friction = _together(coulomb, viscous)
-    moving = _together(friction, part(chosen, "Fc", "Fv", "Ia"))
-    shifted = _together(moving, offsets)
-    return [{}, viscous, friction, moving, shifted, chosen, _together(shifted, chosen)]
+    friction = together(coulomb, viscous)
+    moving = together(friction, part(chosen, "Fc", "Fv", "Ia"))
+    shifted = together(moving, offsets)
+    return [{}, viscous, friction, moving, shifted, chosen, together(shifted, chosen)]
 
 
 def _choice(mechanism: Mechanism, kinds: Kinds) -> str:
@@ -188,41 +186,6 @@ def _each_once(sets: Iterable[Kinds]) -> list[Kinds]:
 
 def _pairs(kinds: Kinds) -> frozenset[tuple[str, str]]:
     return frozenset((joint, kind) for joint, own in kinds.items() for kind in own)
-
-
-def _together(*sets: Kinds) -> Kinds:
-    """All kinds that joints have in any of the sets."""
-    joints = dict.fromkeys(joint for each in sets for joint in each)
-    return {
-        joint: tuple(dict.fromkeys(kind for each in sets for kind in each.get(joint, ())))
-        for joint in joints
-    }
-
-
-def _model_of_all(force_model: ForceModel, sets: Sequence[Kinds]) -> ForceModel:
-    """Base parameters of the bodies, and all terms of all sets as columns of their own.
-
-    Sets may hold terms that are nearly the same, such as two widths of smooth friction: what is
-    told apart is for the data to say, set by set.
-    """
-    mechanism, own = force_model.mechanism, force_model.joint_terms
-    with warnings.catch_warnings():  # the same as of the force model
-        warnings.simplefilter("ignore")
-        bodies = find_force_model(mechanism, force_model.model, None, search="qr")
-    terms, base = JointTerms.of_kinds(_together(*sets)), bodies.base
-    if terms is None:
-        return bodies
-    if own is not None:
-        terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
-    names, first = terms.parameters(mechanism), len(base.parameters)
-    every = np.arange(first, first + len(names))
-    whole = replace(
-        base,
-        parameters=base.parameters + names,
-        base=np.concatenate([base.base, every]),
-        regrouping=np.pad(base.regrouping, ((0, len(names)), (0, 0))),
-    )
-    return ForceModel(mechanism, force_model.model, terms, whole)
 
 
 def _fits(

@@ -29,7 +29,7 @@ from loopid.motion.trajectories import Motion, Waypoint
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
-from loopid.robot.mechanism import shortened
+from loopid.robot.mechanism import lock_options, shortened
 from loopid.workers import one_blas_thread
 
 # Seconds of a motion, and sizes, where nothing else is said.
@@ -280,9 +280,8 @@ def _require_designable(
     if mechanism.free:
         raise OptionError(
             f"no motion of the motors tells what {', '.join(mechanism.free)} of {mechanism.name} "
-            f"do, which they leave free: load it with lock={list(mechanism.free)}",
+            f"do, which they leave free: load it with {lock_options(mechanism)}",
             free=mechanism.free,
-            lock=list(mechanism.free),
         )
     if options.coordinates == "platform" and mechanism.platform is None:
         raise OptionError(

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from loopid.arguments import checked
-from loopid.errors import ModelWarning, OptionError, warn
+from loopid.errors import OptionError
 from loopid.export.c_code import regressor_code
 from loopid.export.robot_file import export_robot_file
 from loopid.files import require_other_file
 from loopid.identification.saved import SavedFit, robot_files
-from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism, shortened
+from loopid.robot.mechanism import Mechanism
 
 
 @record(kw_only=True, checked=True)
@@ -47,7 +46,7 @@ def export_fit(
     mechanism : Mechanism
         Of the fit, as ``saved.load_robot`` gives it.
     robot : path, optional
-        The robot's own file with new inertials; see ``export_robot_file``.
+        The robot's own file with new inertials and joint terms; see ``export_robot_file``.
     yaml : path, optional
         The fit as YAML, or as JSON.
     c : path, optional
@@ -66,7 +65,7 @@ def export_fit(
     Warns
     -----
     ModelWarning
-        Of joint terms that a robot file cannot hold.
+        Of joint terms that the robot file has no place for.
     """
     if robot is yaml is c is None:
         raise OptionError('nothing to export: give robot="FILE", yaml="FILE" or c="DIR"')
@@ -75,15 +74,13 @@ def export_fit(
         require_other_file(yaml, *robot_files(mechanism))
     model, written = saved.find_force_model(mechanism), list[Path]()
     if robot is not None:
-        standard = saved.standard_parameters_found
+        standard = saved.require_bodies()
     code = None if c is None else regressor_code(model, name=name, values=saved.values)
     if robot is not None:
         place = export_robot_file(
             mechanism, standard, robot, overwrite=options.overwrite, parameters=saved.standard
         )
         written.append(place)
-        if terms := [each.label for each in saved.standard if each.kind not in KINDS]:
-            warn(f"{robot} gets new inertials, not {shortened(terms)} of the fit", ModelWarning)
     if yaml is not None:
         written.append(saved.save(yaml))
     if c is not None and code is not None:

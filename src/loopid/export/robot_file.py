@@ -1,40 +1,42 @@
-"""Robot files with new inertials, consistent or refused; all else in them stays.
+"""Robot files with new inertials and joint terms; all else in them stays.
 
 Links on fixed joints move as one body, whose parameters are the sum of theirs: forces tell the sum
 only. The link that the joint carries takes the whole change where it can; otherwise all links
 share the new body, so that each stays physically consistent.
+
+Joint terms are written where the format has a place. The new file is read back: what it does not
+say as the parameters do is named, whatever the reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import isclose
 from pathlib import Path
 
 import numpy as np
-from lxml import etree
 
 from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, FileError, OptionError, RobotFileError
+from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
+from loopid.export.urdf_editor import UrdfEditor
 from loopid.files import write_file
-from loopid.inertia import (
-    Inertial,
-    body_defect,
-    central_moments,
-    centre,
-    from_moments,
-    pseudo_inertia,
-    written,
-)
+from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.files import find_files
-from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
 from loopid.parameters import KINDS, MODELS, ParameterSet
-from loopid.registry import inertial_files
-from loopid.robot.mechanism import Body, Mechanism, link_frames
+from loopid.registry import editable_files
+from loopid.robot.mechanism import Body, Mechanism, link_frames, shortened
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
 # Relative difference up to which the parameters of a body are as they were.
 SAME = 1e-13
+# Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
+READ_BACK = 1e-12
+# Forces that simulators take as they are written: with a negative one they would gain energy.
+NOT_NEGATIVE = ("Ia", "Fc", "Fv")
+# What is not written where the other half of its force has no place: by kind, the other halves.
+HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
+Terms = dict[str, dict[str, float]]  # by coordinate and kind
 
 
 @checked
@@ -44,12 +46,15 @@ def updated_robot_file(
     *,
     parameters: ParameterSet | None = None,
 ) -> bytes:
-    """The file of the robot's tree with its inertials updated in place.
+    """The file of the robot's tree with its inertials and joint terms updated in place.
 
-    Numbers of ``<inertial>`` tags of the links that change are new; other tags, comments and their
-    order stay. Links on fixed or locked joints are one body with one set of parameters: the link
-    that names it changes, or all of them where that link alone would become inconsistent. Inertials
-    of a URDF keep the orientation of their axes.
+    Numbers of ``<inertial>`` tags of the links that change are new, and those of joint terms that
+    change; other tags, comments and their order stay. Links on fixed or locked joints are one body
+    with one set of parameters: the link that names it changes, or all of them where that link alone
+    would become inconsistent. Inertials of a URDF keep the orientation of their axes.
+
+    Viscous and Coulomb friction have a place in every format, drive inertias and springs in an
+    MJCF; in a URDF these are updated where it has tags for them.
 
     Parameters
     ----------
@@ -59,7 +64,8 @@ def updated_robot_file(
         (n,) of ``mechanism.parameters("full")``, or of ``mechanism.parameters("gravity")``: then
         masses and centres of mass change, and inertias about the centres of mass stay.
     parameters : ParameterSet, optional
-        Names (n,) of the standard parameters, where joint terms are among them.
+        Names (n,) of the standard parameters, where joint terms are among them. Without names,
+        joint terms stay as they are.
 
     Raises
     ------
@@ -67,15 +73,30 @@ def updated_robot_file(
         Naming a link that would not be physically consistent.
     DataError, RobotFileError
         When the parameters, or the file, are not those of the mechanism.
+
+    Warns
+    -----
+    ModelWarning
+        Of joint terms that the new file does not have as the parameters say.
     """
-    tree = find_files(mechanism.path).tree
-    file = inertial_files[tree.suffix](tree)
+    files = find_files(mechanism.path)
+    file = editable_files[files.tree.suffix](files.tree)
     rows = _body_parameters(mechanism, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
     for body, row in zip(mechanism.bodies, rows, strict=True):
         new |= _updated_links(mechanism, body, links, row)
-    return file.replaced(new) if new else tree.read_bytes()
+    content: bytes = file.edited(new, {})
+    if parameters is None:
+        return content
+    meant = _joint_terms(parameters, standard_parameters)
+    # Inertials come first: MuJoCo may derive damping from masses.
+    wanted, there = _writable(meant), _on_coordinates(mechanism, file.joint_terms(content))
+    if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
+        content = file.edited(new, changed)
+        there = _on_coordinates(mechanism, file.joint_terms(content))
+    _warn_of_others(mechanism, meant, there)
+    return content
 
 
 @checked
@@ -203,6 +224,69 @@ def _body_parameters(
     )
 
 
+def _joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
+    """Values of the parameters that are joint terms."""
+    found: Terms = {}
+    for parameter, value in zip(parameters, values, strict=True):
+        if parameter.kind not in KINDS:
+            found.setdefault(parameter.link, {})[parameter.kind] = float(value)
+    return found
+
+
+def _writable(meant: Terms) -> Terms:
+    """What is tried to be written: no negative friction, and no half of a force."""
+    return {
+        joint: {
+            kind: max(value, 0.0) if kind in NOT_NEGATIVE else value
+            for kind, value in terms.items()
+            if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
+        }
+        for joint, terms in meant.items()
+    }
+
+
+def _on_coordinates(mechanism: Mechanism, terms: Mapping[str, Mapping[str, float]]) -> Terms:
+    """Terms of a file's joints on the coordinates that they are the terms of."""
+    return {
+        name: dict(values)
+        for joint, values in terms.items()
+        for name in (mechanism.coordinates_of([joint]) if joint in mechanism.joints else [joint])
+    }
+
+
+def _apart(meant: Terms, there: Terms) -> Iterator[tuple[str, str]]:
+    """Coordinates and kinds whose values differ; what is not there is zero."""
+    for joint, terms in meant.items():
+        for kind, value in terms.items():
+            if not isclose(value, there.get(joint, {}).get(kind, 0.0), rel_tol=READ_BACK):
+                yield joint, kind
+
+
+def _warn_of_others(mechanism: Mechanism, meant: Terms, there: Terms) -> None:
+    """Warn of terms that a new file does not have as they were meant."""
+    files = find_files(mechanism.path)
+    given = _on_coordinates(mechanism, files.given.joint_terms)  # type: ignore[arg-type]
+    read = {j: there.get(j, {}) | given.get(j, {}) for j in (*there, *given)}
+    said: dict[str, list[str]] = {}
+    for joint, kind in _apart(meant, read):
+        label, value = f"{joint}.{kind}", meant[joint][kind]
+        if kind in given.get(joint, {}):
+            what = f"joint_terms of {files.named.name} overrule"
+        elif value < 0 and kind in NOT_NEGATIVE and read.get(joint, {}).get(kind, 0.0) == 0:
+            what, label = "zero stands for the negative", f"{label} = {value:.3g}"
+        else:
+            what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
+        said.setdefault(what, []).append(label)
+    for joint in mechanism.coordinates:
+        for kind in read.get(joint, {}):
+            if kind not in meant.get(joint, {}) and read[joint][kind]:
+                what = "as before, and not in the fit, are"
+                said.setdefault(what, []).append(f"{joint}.{kind}")
+    if said:
+        listed = "; ".join(f"{what} {shortened(labels)}" for what, labels in said.items())
+        warn(f"joint terms of the new {files.tree.name}: {listed}", ModelWarning)
+
+
 def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list[FloatArray]:
     """Pseudo-inertias (4, 4) of the links of a body that add up to a new one of the body.
 
@@ -252,49 +336,4 @@ def _relative_change(P: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray((P - other) / np.outer(size, size))
 
 
-class UrdfInertials:
-    """The inertials of a URDF that are not all zero: tensors along the axes of the origin."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, found = path, dict[str, Inertial]()
-        for link in read_urdf_file(path).robot.links:
-            own = link.inertial
-            if own is not None and (own.mass or own.inertia.any()):
-                T = np.eye(4) if own.origin is None else own.origin
-                found[link.name] = Inertial(own.mass, T[:3, 3], T[:3, :3], own.inertia)
-        self.inertials = found
-
-    def replaced(self, new: Mapping[str, FloatArray]) -> bytes:
-        """Content of the file with new pseudo-inertias (4, 4), each seen from its link."""
-        tree = etree.parse(self.path, etree.XMLParser(resolve_entities=False))
-        space = etree.QName(tree.getroot()).namespace  # simulators declare a default one
-        for link in tree.getroot().findall("{*}link"):
-            name = link.get("name", "").strip()
-            if name in new and etree.QName(link).namespace == space:
-                old = self.inertials[name]
-                _edit(link, old, Inertial.of(new[name], old.axes))
-        return etree.tostring(tree, encoding=tree.docinfo.encoding, xml_declaration=True)
-
-
-def _edit(link: etree._Element, old: Inertial, new: Inertial) -> None:
-    """Write the numbers that change."""
-    inertial, heavier, moved, turned = _child(link, "inertial"), *old.changes_to(new)
-    if heavier:
-        _child(inertial, "mass").set("value", written(new.mass))
-    for key in MOMENTS:
-        place = "xyz".index(key[1]), "xyz".index(key[2])
-        if turned[place]:
-            _child(inertial, "inertia").set(key, written(new.tensor[place]))
-    if moved:
-        if inertial.find("{*}origin") is None:
-            tag = etree.QName(etree.QName(inertial).namespace, "origin")
-            inertial.insert(0, etree.Element(tag))
-        _child(inertial, "origin").set("xyz", written(*new.centre))
-
-
-def _child(element: etree._Element, tag: str) -> etree._Element:
-    """The child of a tag, in whatever namespace: whoever has read the file has found it."""
-    return next(element.iterchildren(f"{{*}}{tag}"))
-
-
-inertial_files.register(".urdf", UrdfInertials)
+editable_files.register(".urdf", UrdfEditor)

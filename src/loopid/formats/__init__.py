@@ -1,14 +1,14 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
 
 from loopid import loading as loading, logs as logs  # whose formats are registered before
-from loopid.registry import inertial_files, log_formats, robot_formats, urdf_dialects
+from loopid.registry import editable_files, log_formats, robot_formats, urdf_dialects
 
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
 for ending in (".xml", ".mjcf"):
     robot_formats.register(ending, "loopid.formats.mjcf:read_mjcf")
-    inertial_files.register(ending, "loopid.formats.mjcf_inertials:MjcfInertials")
+    editable_files.register(ending, "loopid.formats.mjcf_editor:MjcfEditor")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",

@@ -5,7 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from warnings import catch_warnings
@@ -19,7 +19,7 @@ from loopid.arguments import BoolArray, FloatArray, number
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
-from loopid.loading.tree import TreeSource, add_frame
+from loopid.loading.tree import NearCoupling, TreeSource, add_frame
 from loopid.loading.urdf_tree import Element, read_xml
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
@@ -57,6 +57,9 @@ ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6
 # Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
 COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
 MOST = 10_000
+# Part of what its joints can do up to which the range of a tendon hardly lets them move.
+SMALL_RANGE = 0.1
+DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
 LARGEST = 1e100  # so that no product of a few numbers overflows
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # What MuJoCo raises, of which only the text is of use.
@@ -80,7 +83,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
-    terms, left_out = _joint_forces(scene)
+    terms, left_out = joint_forces(scene)
     motors, notes = _motors(scene, closures)
     try:
         description = Description(
@@ -101,6 +104,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         description=description,
         notes=(*_left_out(scene), *notes, *warnings),
         left_out=tuple(left_out),
+        near_couplings=tuple(_near_couplings(scene)),
     )
 
 
@@ -308,7 +312,8 @@ def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Moun
 def _effort_limit(compiled: mujoco.MjModel, joint: int) -> float:
     """Most that the motors of a joint with one coordinate can do; infinite where it is not said."""
     motors = []
-    for actuator, kind in enumerate(compiled.actuator_trntype):
+    for actuator in map(int, np.flatnonzero(_enabled(compiled))):
+        kind = compiled.actuator_trntype[actuator]
         if kind not in DRIVES_JOINT or compiled.actuator_trnid[actuator, 0] != joint:
             continue
         view = compiled.actuator(actuator)
@@ -462,7 +467,8 @@ def _motors(
     """
     joints: list[str] = []
     idle, shared = [], []
-    for actuator in range(scene.compiled.nu):
+    enabled = _enabled(scene.compiled)
+    for actuator in map(int, np.flatnonzero(enabled)):
         if not _is_motor(scene.compiled, actuator):
             continue
         driven, name = list(_transmission(scene, actuator)), _named(scene.actuators, actuator)
@@ -474,6 +480,9 @@ def _motors(
             shared.append(name)
         joints += [joint for joint in driven if joint not in joints]
     notes = {
+        "actuators of disabled groups are no motors: ": _where(
+            [_named(scene.actuators, k) for k in range(len(enabled))], ~enabled
+        ),
         "actuators that drive no joint are not modelled: ": idle,
         "actuators of several joints count as a motor at each, though one force drives all: ": (
             shared
@@ -501,6 +510,29 @@ def _leaders(
             leaders.append(joint)
             rows.append(own)
     return leaders
+
+
+def _near_couplings(scene: Scene) -> Iterator[NearCoupling]:
+    """Fixed tendons whose limits hardly let their joints move."""
+    compiled = scene.compiled
+    for tendon in map(int, np.flatnonzero(compiled.tendon_limited)):
+        low, high = map(float, compiled.tendon_range[tendon])
+        terms = _driven(scene, tendon)
+        reach = sum(
+            abs(factor) * _reach(compiled, scene.joints.index(joint))
+            for joint, factor in terms.items()
+        )
+        if low <= high < np.inf and terms and high - low <= SMALL_RANGE * reach:
+            coupling = ClosureDescription(type="coupling", joints=terms, offset=(low + high) / 2)
+            name = f"tendon {_named(scene.tendons, tendon)}"
+            yield NearCoupling(name, coupling, high - low)
+
+
+def _reach(compiled: mujoco.MjModel, joint: int) -> float:
+    """How far a joint can go: within its limits, else a turn."""
+    if compiled.jnt_limited[joint]:
+        return float(np.ptp(compiled.jnt_range[joint]))
+    return 2 * np.pi if JOINT_KINDS[int(compiled.jnt_type[joint])] == "hinge" else np.inf
 
 
 def _left_out(scene: Scene) -> list[str]:
@@ -544,10 +576,10 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
 
 
-def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
+def joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
     """Terms of joints with their values, and forces that no model has."""
     compiled, left_out = scene.compiled, list[LeftOut]()
-    terms = {name: _terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
+    terms = {name: own_terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
     for tendon, name in enumerate(scene.tendons):
         laws = ("armature", "frictionloss", "damping", "stiffness")
         if any(getattr(compiled, f"tendon_{law}", np.zeros(tendon + 1))[tendon] for law in laws):
@@ -564,8 +596,9 @@ def _joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftO
     return {name: values for name, values in kept.items() if values}, left_out
 
 
-def _terms(scene: Scene, joint: int, left_out: list[LeftOut]) -> dict[str, float]:
-    """Values of the terms of a joint; what is no term is left out."""
+def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -> dict[str, float]:
+    """Values of the terms of a joint without its actuators; what is no term is left out."""
+    left_out = [] if left_out is None else left_out
     compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kind(joint)
     dof = int(compiled.jnt_dofadr[joint])
     springs = not _disabled(compiled, "SPRING", "PASSIVE")
@@ -610,6 +643,7 @@ def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
 def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[LeftOut]:
     """Add inertia and damping of actuators to the terms of their joints; what is left out."""
     compiled, gears, left_out = scene.compiled, list[str](), list[LeftOut]()
+    enabled = _enabled(compiled)
     laws = {
         kind: getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
         for kind, what in (("Ia", "armature"), ("Fv", "damping"))
@@ -624,9 +658,9 @@ def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[Lef
         elif any(values.values()):
             left_out.append(LeftOut(f"armature or damping of actuator {name}"))
         gear = float(compiled.actuator_gear[actuator, 0])
-        if not _is_motor(compiled, actuator):
+        if enabled[actuator] and not _is_motor(compiled, actuator):
             left_out.append(LeftOut(f"actuator {name}: its control gives no force, no motor"))
-        elif driven and abs(gear) != 1:
+        elif enabled[actuator] and driven and abs(gear) != 1:
             gears.append(f"{gear:g} of {name}")
     if gears:
         what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
@@ -642,6 +676,14 @@ def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
     if kind in DRIVES_JOINT:
         return {scene.joints[target]: gear} if gear else {}
     return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
+
+
+def _enabled(compiled: mujoco.MjModel) -> BoolArray:
+    """Which actuators can act: those of no disabled group."""
+    groups = np.asarray(compiled.actuator_group, dtype=np.int64)
+    numbered = (groups >= 0) & (groups < DISABLING_BITS)
+    bits = int(compiled.opt.disableactuator) >> np.where(numbered, groups, 0)
+    return np.asarray(~(numbered & (bits % 2 == 1)))
 
 
 def _is_motor(compiled: mujoco.MjModel, actuator: int) -> bool:

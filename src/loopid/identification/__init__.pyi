@@ -1,7 +1,4 @@
-from .consistent import (
-    ConsistentOptions as ConsistentOptions,
-    consistent_fit as consistent_fit,
-)
+from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
@@ -61,3 +58,9 @@ from .result import (
 )
 from .robust import Bisquare as Bisquare
 from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit
+from .terms import (
+    FrictionCurve as FrictionCurve,
+    TermOptions as TermOptions,
+    choose_terms as choose_terms,
+    friction_curve as friction_curve,
+)

@@ -92,7 +92,7 @@ class ConsistentOptions:
     massless: float = 1e-3
     tolerance: float = 1e-8
     settled: float = 1e-4
-    iterations: int = 100
+    iterations: int = 200
 
     def __post_init__(self) -> None:
         least, largest = self.deviations
@@ -140,14 +140,14 @@ def consistent_fit(
     Raises
     ------
     DataError
-        When arguments do not belong together, or the iteration does not converge.
+        When arguments do not belong together.
 
     Warns
     -----
     ModelWarning
         Naming bodies of the robot file that are no solid bodies, and are taken as the nearest ones.
         When the file gives no masses. When bodies would have to be so far off the file that the
-        model lacks a force.
+        model lacks a force, or none explain the forces.
 
     Examples
     --------
@@ -251,12 +251,22 @@ class _Step:
         """Of what is minimised."""
         return np.asarray(self.g - self.J.T @ self.e)
 
-    def solution(self, free: BoolArray) -> FloatArray:
-        """The best z, zero where it is not free."""
-        J, g, z = self.J[:, free], self.g[free], np.zeros(len(free))
-        U, s, V = np.linalg.svd(J, full_matrices=False)
-        z[free] = V.T @ (s / (1 + s**2) * (U.T @ (self.e + J @ g))) - g
-        return z
+    def solution(self, least: FloatArray) -> FloatArray:
+        """The best z from its least values (q,) on, where those are finite.
+
+        Values at their least stay there while the gradient asks for less.
+        """
+        free, z = (least < 0) | (self.gradient <= 0), np.zeros(len(least))
+        while True:
+            z[~free] = least[~free]
+            J, g = self.J[:, free], self.g[free]
+            U, s, V = np.linalg.svd(J, full_matrices=False)
+            e = self.e - self.J[:, ~free] @ z[~free]
+            z[free] = V.T @ (s / (1 + s**2) * (U.T @ (e + J @ g))) - g
+            below = free & (z < least)
+            if not below.any():
+                return z
+            free &= ~below
 
     @property
     def told(self) -> FloatArray:
@@ -372,20 +382,20 @@ class _Program:
 
 
 # Part of the decrease that the slope promises which a step must reach; how far it goes to where a
-# body is flat; round-off of what is minimised; least part of a step.
-ARMIJO, INSIDE, ROUND_OFF, SHORTEST = 1e-4, 0.95, 1e-14, 1e-12
+# body is flat; round-off of what is minimised; least part of a step; how much more data weigh from
+# one approach to the next.
+ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
 
 
 def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> _State:
     """Newton's method at given deviations; joint terms that would be negative stay zero."""
     value, first = program.value(state), WIDTH * len(program.file)
-    free = np.ones(first + len(program.start), dtype=bool)
+    least = np.full(first + len(program.start), -np.inf)
     for _ in range(options.iterations):
         step = program.step(state)
-        gradient = step.gradient
-        free[first:] = ~(program.positive & (state.joints <= 0) & (gradient[first:] > 0))
-        z = step.solution(free)
-        decrement = -float(gradient[free] @ z[free])
+        least[first:] = np.where(program.positive, -state.joints / program.spread, -np.inf)
+        z = step.solution(least)
+        decrement = -float(step.gradient @ z)
         if decrement <= options.tolerance + ROUND_OFF * abs(value):
             return state
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
@@ -396,17 +406,21 @@ def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> 
             if part < SHORTEST:
                 return state  # as near as round-off lets it be
             tried = program.moved(state, part * z)
-        state, value = tried, program.value(tried)
-    raise DataError(
-        f"the consistent fit does not converge in {options.iterations} iterations",
-        iterations=options.iterations,
+        before, state, value = value, tried, program.value(tried)
+        if before - value <= ROUND_OFF * abs(value):
+            return state
+    warn(
+        "no solid bodies near those of the robot file explain the forces: the fit is not at its "
+        f"best after {options.iterations} steps",
+        ModelWarning,
     )
+    return state
 
 
 def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
     common, nu = options.deviations[0], options.freedom
-    state = program.first(common)
+    state = _approached(program, program.first(common), options)
     for _ in range(options.iterations):
         state = _minimised(program, state, options)
         gamma, d = _told(program, state), 2 * program.divergences(state)
@@ -416,6 +430,18 @@ def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State,
             break
         state = replace(state, deviations=own)
     return state, common
+
+
+def _approached(program: _Program, state: _State, options: ConsistentOptions) -> _State:
+    """A state near the minimum: by data that weigh more and more, as near flat bodies steps are
+    short.
+    """
+    share = min(1.0, len(program.target) / max(program.value(state), 1.0))
+    for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
+        part = np.sqrt(weight)
+        light = replace(program, effects=part * program.effects, target=part * program.target)
+        state = _minimised(light, state, options)
+    return state
 
 
 def _told(program: _Program, state: _State) -> FloatArray:
@@ -458,7 +484,7 @@ def _result(
     kept = kept[:, sizes > 0]
     values = force_model.base.values(standard)
     # The prior as rows, whose least squares with the data are the values.
-    C = np.linalg.qr(np.hstack([told, kept]).T, mode="r")
+    C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
     R = problem.weighted(weights)
     middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
     rows = np.linalg.inv(C).T
@@ -493,7 +519,7 @@ def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> F
     own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
     shares = (own**2).sum(axis=2) / np.where(variance > 0, variance, 1.0)[:, None]
     squares = (shares**2 / (nu + _told(program, state))).sum(axis=1)
-    return np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0)
+    return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 
 # Of the mean mass: what a body has that the file gives a size but no mass; of the robot's length:
@@ -537,4 +563,7 @@ def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> N
             ModelWarning,
         )
     if found.suspicion:
-        warn(f"{name}: {found.suspicion}", ModelWarning)
+        kinds = {parameter.kind for parameter in force_model.base.parameters}
+        known = "Ia" in kinds or force_model.model == "gravity"
+        advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
+        warn(f"{name}: {found.suspicion}{advice}", ModelWarning)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -10,14 +12,14 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
-from loopid.base_parameters.choice import SearchStrategy
+from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import KINDS, ParameterSet
+from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, joint_term
@@ -28,8 +30,11 @@ from loopid.workers import Progress, ordered_map
 
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
-# Joint terms by default: Coulomb and viscous friction of the motors, and what the file gives.
-USUAL_TERMS = "Fc,Fv,file"
+# Joint terms by default: those below, and a friction law with more shape where data ask for it.
+AUTOMATIC = "auto"
+# Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
+# motion that is too slow for inertia.
+USUAL_TERMS = {"gravity": "Fc,Fv,Fo,file", "full": "Fc,Fv,Fo,Ia,file"}
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
 # Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
@@ -54,12 +59,15 @@ class ForceModel:
     joint_terms : JointTerms or None
     base : BaseParameters
         Of the p standard parameters of the bodies and the joint terms together.
+    automatic : bool
+        Whether the terms are the usual ones, beside which ``choose_terms`` may take more.
     """
 
     mechanism: Mechanism
     model: str
     joint_terms: JointTerms | None
     base: BaseParameters
+    automatic: bool = field(default=False, compare=False)
 
     def __repr__(self) -> str:
         bodies, joints = len(self.body_columns), len(self.joint_columns)
@@ -137,6 +145,49 @@ class ForceModel:
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
         return motion_regressor(self.mechanism, whole, self.model, joint_terms=self.joint_terms)
 
+    def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
+        """The same model with other joint terms.
+
+        Base parameters stay the same where they can; otherwise they are searched for.
+
+        Parameters
+        ----------
+        kinds : mapping
+            Of each joint, as of ``JointTerms``.
+        """
+        terms = JointTerms.of_kinds(kinds)
+        if terms is not None and self.joint_terms is not None:
+            own = self.joint_terms
+            terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
+        kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
+        with warnings.catch_warnings():  # the same as of this model
+            warnings.simplefilter("ignore")
+            try:
+                return find_force_model(self.mechanism, self.model, terms, search=kept)
+            except OptionError:
+                return find_force_model(self.mechanism, self.model, terms)
+
+    def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
+        """The same model with further joint terms as columns of their own, after the others.
+
+        They may be nearly the same, such as two rates of Stribeck friction: what is told apart is
+        for the data to say. Its structure is that of this model.
+        """
+        terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base
+        bodies = base.parameters.select(range(len(base.parameters) - len(self.joint_values)))
+        every = bodies + terms.parameters(self.mechanism)
+        places = {label: j for j, label in enumerate(every.labels)}
+        own = np.array([places[label] for label in base.parameters.labels], dtype=np.int64)
+        further = np.setdiff1d(np.arange(len(every)), own)
+        wide = replace(
+            base,
+            parameters=every,
+            base=np.concatenate([own[base.base], further]),
+            dependent=own[base.dependent],
+            regrouping=np.pad(base.regrouping, ((0, len(further)), (0, 0))),
+        )
+        return ForceModel(self.mechanism, self.model, terms, wide)
+
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
         states = (
@@ -206,7 +257,7 @@ class ForceModel:
 def find_force_model(
     mechanism: Mechanism,
     model: str = "gravity",
-    joint_terms: JointTerms | str | None = USUAL_TERMS,
+    joint_terms: JointTerms | str | None = AUTOMATIC,
     *,
     search: str | SearchStrategy = "exact",
     seed: int = 0,
@@ -220,8 +271,9 @@ def find_force_model(
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms or str, optional
         Friction, drive inertias, springs and offsets to be identified with the bodies, or a choice
-        as of ``JointTerms.of``; by default Coulomb and viscous friction of the motors and what the
-        robot file gives. None for none.
+        as of ``JointTerms.of``; None for none. By default ``"auto"``: of the motors Coulomb and
+        viscous friction, offsets and, in a full model, rotor inertia; what the robot file gives;
+        and in ``identify`` a friction law with more shape where the data ask for it.
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
 
@@ -236,10 +288,12 @@ def find_force_model(
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
     >>> loopid.find_force_model(robot, "full")
-    ForceModel(five_bar, full: 11 base parameters of bodies, 4 of joint terms)
+    ForceModel(five_bar, full: 9 base parameters of bodies, 8 of joint terms)
     """
+    model_kinds(model)  # refuses an unknown one
+    automatic = joint_terms == AUTOMATIC
     if isinstance(joint_terms, str):
-        joint_terms = JointTerms.of(mechanism, joint_terms)
+        joint_terms = JointTerms.of(mechanism, USUAL_TERMS[model] if automatic else joint_terms)
     warn_of_omitted(mechanism, joint_terms)
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
@@ -262,7 +316,7 @@ def find_force_model(
                 "carry: their load-dependent friction is that of the least forces in closures",
                 ModelWarning,
             )
-    return ForceModel(mechanism, model, joint_terms, base)
+    return ForceModel(mechanism, model, joint_terms, base, automatic)
 
 
 @checked

@@ -25,6 +25,7 @@ from loopid.identification.information import (
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, fit_quality, nearest_first
+from loopid.identification.terms import TermOptions, choose_terms
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -52,6 +53,8 @@ class FitOptions:
         are fitted, the rest judges.
     consistent : ConsistentOptions
         Of the fit that weighs the robot file.
+    terms : TermOptions
+        Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
         Processes that compute the regressors; the result is the same to the bit.
 
@@ -72,6 +75,7 @@ class FitOptions:
     unidentifiable: str = "prior"
     fraction: float = 0.6
     consistent: ConsistentOptions = ConsistentOptions()
+    terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
     def __post_init__(self) -> None:
@@ -133,6 +137,8 @@ class Identification:
         fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
         all fitted with the robot file weighed, every body solid.
     options : FitOptions
+    prior_deviation : float or None
+        How far the robot file is off, in parts of its bodies, where it is weighed.
     """
 
     force_model: ForceModel
@@ -144,6 +150,7 @@ class Identification:
     identifiability: Identifiability
     candidates: Mapping[str, Candidate]
     options: FitOptions
+    prior_deviation: float | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -166,14 +173,6 @@ class Identification:
         if CONSISTENT not in self.candidates:
             return self[ALL]
         return self[CONSISTENT] if self[CONSISTENT].beats_baseline else self.baseline
-
-    @property
-    def prior_deviation(self) -> float | None:
-        """How far the robot file is off, in parts of its bodies, where it is weighed."""
-        if CONSISTENT not in self.candidates:
-            return None
-        found = self[CONSISTENT].fit.deviation
-        return None if found is None else found.common
 
     @property
     def fit(self) -> FitResult:
@@ -319,6 +318,9 @@ def identify(
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
+    force_model = choose_terms(
+        force_model, friction or training, options=options.terms, n_jobs=options.n_jobs
+    )
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
     new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
@@ -335,7 +337,10 @@ def identify(
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
-    return Identification(force_model, *runs, data, new, excited, judged, options)
+    deviation = fits[CONSISTENT].deviation if CONSISTENT in fits else None
+    return Identification(
+        force_model, *runs, data, new, excited, judged, options, deviation and deviation.common
+    )
 
 
 @checked
@@ -378,7 +383,7 @@ def fit_all(
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
         return fit(data, estimator)
-    if not options.keeps_robot_file:
+    if not (options.keeps_robot_file and excited.rank):
         raise excited.refusal
     fitted = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
     warn_of_insignificant(fitted)
@@ -401,7 +406,9 @@ def fit_joint_terms(
     left = data.reduced(joints, values)
     labels = force_model.parameters.labels
     bodies = tuple(labels[j] for j in force_model.body_columns)
-    if not len(joints):
+    # A joint term may lead a combination with bodies, of which the robot file knows a part.
+    excitation = Excitation.of(force_model, left.problem) if len(joints) else None
+    if excitation is None or not excitation.rank:
         return FitResult(
             estimator=ROBOT_FILE,
             parameters=force_model.parameters,
@@ -412,12 +419,10 @@ def fit_joint_terms(
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=bodies,
+            assumed=labels,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
-    # A joint term may lead a combination with bodies, of which the robot file knows a part.
-    excitation = Excitation.of(force_model, left.problem)
     if excitation.rank == len(joints):
         terms = quiet_fit(left, estimator)
     else:
@@ -461,7 +466,9 @@ def fit_solid_bodies(
         Whether its joint terms are those of an experiment of their own, known to their errors.
     """
     if whole.noise is None:
-        raise DataError("the fit has no model of its errors that the robot file could be weighed by")
+        raise DataError(
+            "the fit has no model of its errors that the robot file could be weighed by"
+        )
     known: dict[str, FloatArray] = {}
     if terms_known:
         count = len(force_model.joint_values)

@@ -154,6 +154,11 @@ class FileDeviation(OfArrays):
         return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= self.farthest))
 
     @property
+    def rows(self) -> list[tuple[str, float]]:
+        """Each body with its deviation."""
+        return list(zip(self.bodies, self.own.tolist(), strict=True))
+
+    @property
     def suspicion(self) -> str:
         """What a deviation at its bound says: a sentence, empty where none is."""
         if self.common < self.largest and not self.far:
@@ -161,9 +166,8 @@ class FileDeviation(OfArrays):
         who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
         most = self.farthest if self.far else self.largest
         return (
-            f"{who} would have to be {most:g} times themselves off the robot file: it is of another "
-            "robot (a tool, a payload), or the model lacks a force, such as drive inertia, "
-            'terms="Fc,Fv,Ia"'
+            f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
+            "another robot (a tool, a payload), or the model lacks a force"
         )
 
 

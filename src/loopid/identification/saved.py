@@ -357,9 +357,8 @@ class SavedFit(_Section):
         )
         return ForceModel(mechanism, kind, terms, found)
 
-    @property
-    def standard_parameters_found(self) -> FloatArray:
-        """Standard parameters and joint terms (p,), every body solid, for a robot file.
+    def require_bodies(self) -> FloatArray:
+        """Standard parameters and joint terms (p,), which a robot file can be made of.
 
         Raises
         ------
@@ -479,9 +478,7 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
 
 
 @checked
-def save_fit(
-    path: str | Path, model: ForceModel, fit: FitResult | FloatArray
-) -> Path:
+def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -> Path:
     """Save a fit with all that it takes to use it: for ``read_fit`` and ``loopid export``.
 
     Parameters

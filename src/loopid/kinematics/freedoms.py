@@ -89,9 +89,12 @@ def mobility(
     jacobians = Constraint(mechanism, around).scaled()[1]
     ranks = Factorisation.of(jacobians, tolerance).rank
     generic_rank = int(ranks.max())
-    motions = null_space(jacobians[ranks.argmax()], tolerance)
     motors = mechanism.velocity_indices(mechanism.actuated)
-    held = [k for k in motors if (np.abs(motions[k]) <= MOVES).all()]
+    moving = np.zeros(mechanism.model.nv, dtype=bool)
+    # Everywhere: a crank drawn at its dead centre stands still there only.
+    for A in jacobians[ranks == generic_rank]:
+        moving |= (np.abs(null_space(A, tolerance)) > MOVES).any(axis=1)
+    held = [k for k in motors if not moving[k]]
     return Mobility(
         rows=mechanism.rows,
         rank=rank,

@@ -33,6 +33,7 @@ from loopid.loading.description import (
     merged,
 )
 from loopid.loading.files import find_files, naming
+from loopid.loading.free import why_free
 from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.parameters import KINDS
@@ -290,14 +291,8 @@ def warn_of_findings(
             f"actuated{though}; list the motors as 'name_mot' in a YAML beside it",
             ModelWarning,
         )
-    floating = mechanism.coordinates_of(mechanism.floating)
-    free = [name for name in mechanism.free if name not in floating]
-    if free:
-        warn(
-            f"{path}: the motors leave {shortened(free)} free: no force acts there, and "
-            "rows '= 0' say so; lock what does not move",
-            ModelWarning,
-        )
+    for sentence in why_free(mechanism, around, tree.near_couplings):
+        warn(f"{path}: {sentence}", ModelWarning)
     if mechanism.rows:
         _warn_of_closures(mechanism, around)
     # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.description import Description, joint_named
+from loopid.loading.description import ClosureDescription, Description, joint_named
 from loopid.robot.mechanism import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -23,6 +23,15 @@ Reference = float | list[float]
 TURNS = {"wx": "X", "wy": "Y", "wz": "Z"}
 # What takes the place of a joint: joints one after the other, each with the ending of its name.
 Chain = tuple[tuple[str, pin.JointModel], ...]
+
+
+@dataclass(frozen=True)
+class NearCoupling:
+    """A sum of joint coordinates that the file keeps in a small range, as a tendon's limits do."""
+
+    name: str  # of what keeps it
+    coupling: ClosureDescription  # in the middle of the range
+    width: float  # of the range, in rad or m
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,7 @@ class TreeSource:
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
     # Forces of the file that no model has: warned of on loading, too
     left_out: tuple[LeftOut, ...] = ()
+    near_couplings: tuple[NearCoupling, ...] = ()
     # Joints, and turns of joints, that are locked; those with one coordinate with its value
     locked: dict[str, float | None] = field(default_factory=dict)
 

@@ -218,12 +218,12 @@ def _turn_plane(model: pin.Model, index: int, axis: FloatArray) -> None:
 # XML: tags, names and numbers that are refused by name where they are not sound.
 
 
-def read_xml(path: Path) -> Element:
-    """Root of an XML file, without comments; entities are refused, as they are not read.
+def read_xml(path: Path, whole: bool = False) -> Element:
+    """Root of an XML file, without comments unless it is to be whole; entities are refused.
 
     Prefixes without a namespace are common, and harmless; other broken grammar is refused.
     """
-    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
+    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), not whole)
     options["resolve_entities"] = False
     try:
         with path.open("rb") as stream:

@@ -5,7 +5,9 @@ A format is a class, registered by its name in ``loopid.registry.log_formats``.
 
 from __future__ import annotations
 
+import csv
 import math
+import re
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,6 +33,7 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
 
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
+QUOTED = re.compile(r'"(?:[^"]|"")*"')
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
@@ -326,11 +329,10 @@ def read_header(path: Path) -> Header:
     """
     row, text, comment = _first_line(path)
     separator = _separator(text)
-    names = text.split(separator)
+    names = _names(text, separator)
     if _are_numbers(text, separator):
-        row, named = row - 1, comment.split(_separator(comment))
+        row, named = row - 1, _names(comment, _separator(comment))
         names = named if len(named) == len(names) else [str(k + 1) for k in range(len(names))]
-    names = [name.strip(AROUND_CELLS) for name in names]
     repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
     if repeated:
         raise LogError(
@@ -361,7 +363,16 @@ def _separator(line: str) -> str | None:
     """What splits a line into most cells; into numbers, where one does."""
     line = line.strip()
     numbers = [one for one in SEPARATORS if _are_numbers(line, one)]
-    return max(numbers or SEPARATORS, key=lambda separator: len(line.split(separator)))
+    bare = QUOTED.sub("quoted", line)
+    return max(numbers or SEPARATORS, key=lambda separator: len(bare.split(separator)))
+
+
+def _names(line: str, separator: str | None) -> list[str]:
+    """Names of a header; what pairs of double quotes hold is as it is written."""
+    if separator is None or not QUOTED.search(line) or line.count('"') % 2:
+        return [name.strip(AROUND_CELLS) for name in line.split(separator)]
+    (names,) = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    return [name.strip() for name in names]
 
 
 def _are_numbers(line: str, separator: str | None) -> bool:

@@ -57,7 +57,7 @@ class JointTerm:
         The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
         in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     positive : bool
-        Whether the coefficient cannot be negative, as of inertia, damping and friction.
+        Whether the coefficient cannot be negative: friction that would drive, inertia below zero.
 
     Examples
     --------
@@ -82,14 +82,14 @@ class JointTerm:
     at: float = 0.0
     positive: bool = False
 
+    @property
+    def friction(self) -> bool:
+        """Whether the law is of the rate alone."""
+        return bool(self.needs) and {*self.needs} <= {"rate", "sign"}
 
-def _friction(
-    name: str,
-    law: Callable[[JointState, float], Any],
-    needs: tuple[str, ...] = ("sign",),
-    positive: bool = True,
-) -> JointTerm:
-    return JointTerm(name, ("N", "N m"), law, needs, positive=positive)
+
+def _coulomb(name: str, law: Callable[[JointState, float], Any]) -> JointTerm:
+    return JointTerm(name, ("N", "N m"), law, ("sign",), positive=True)
 
 
 def _load_friction(name: str) -> JointTerm:
@@ -126,15 +126,15 @@ for _kind, _term in {
         ("acceleration",),
         positive=True,
     ),
-    "Fc": _friction("Coulomb friction", lambda joint, _: joint.sign()),
-    "Fc+": _friction(
+    "Fc": _coulomb("Coulomb friction", lambda joint, _: joint.sign()),
+    "Fc+": _coulomb(
         "Coulomb friction forward", lambda joint, _: joint.math.fmax(joint.sign(), 0.0)
     ),
-    "Fc-": _friction(
+    "Fc-": _coulomb(
         "Coulomb friction backward", lambda joint, _: joint.math.fmin(joint.sign(), 0.0)
     ),
-    "Fc~RATE": _friction("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
-    "Fs~RATE": _friction("Stribeck friction", _stribeck, ("rate", "sign"), positive=False),
+    "Fc~RATE": _coulomb("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
+    "Fs~RATE": JointTerm("Stribeck friction", ("N", "N m"), _stribeck, ("rate", "sign")),
     "Fl": _load_friction("load-dependent friction"),
     "Fl~RATE": _load_friction("smooth load-dependent friction"),
     "Fv": JointTerm(

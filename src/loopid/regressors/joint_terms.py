@@ -172,6 +172,20 @@ class JointTerms:
             return None
         return cls(tuple(found), each[0] if len(set(each)) == 1 else each)
 
+    def joined(self, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms:
+        """The same terms, and further kinds of some joints.
+
+        Examples
+        --------
+        >>> import loopid
+        >>> loopid.JointTerms(("elbow",), ("Fc",)).joined({"elbow": ("Fv",)}).of_joints
+        {'elbow': ('Fc', 'Fv')}
+        """
+        every = together(self.of_joints, kinds)
+        each = tuple(every.values())
+        alike = len(set(each)) == 1
+        return replace(self, joints=tuple(every), kinds=each[0] if alike else each)
+
     def choice(self, mechanism: Mechanism) -> str:
         """The same as a choice for ``of``: kinds of all motors, then what single joints have more.
 
@@ -288,6 +302,15 @@ class JointTerms:
         )
         left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
         return dict(zip(names, forces.T, strict=True)), left_open
+
+
+def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """All kinds that joints have in any of the sets."""
+    joints = dict.fromkeys(joint for each in sets for joint in each)
+    return {
+        joint: tuple(dict.fromkeys(kind for each in sets for kind in each.get(joint, ())))
+        for joint in joints
+    }
 
 
 def _clauses(

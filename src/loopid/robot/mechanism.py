@@ -540,10 +540,14 @@ def link_frames(model: pin.Model) -> dict[str, int]:
     return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
 
 
-def lock_options(mechanism: Mechanism) -> str:
-    """What locks all that the motors leave free, joints or turns of ball joints: ``lock=[...]``."""
-    free, found = set(mechanism.free), dict[str, None]()
-    for name in mechanism.free:
+def lock_options(mechanism: Mechanism, names: Iterable[str] | None = None) -> str:
+    """What locks some coordinates that the motors leave free, by default all: ``lock=[...]``.
+
+    Joints or turns of ball joints.
+    """
+    chosen = mechanism.free if names is None else tuple(names)
+    free, found = set(chosen), dict[str, None]()
+    for name in chosen:
         joint = name if name in mechanism.joints else name.rpartition(".")[0]
         ball = mechanism.joint(joint).shortname() == "JointModelSpherical"
         some = ball and not free.issuperset(mechanism.coordinates_of([joint]))

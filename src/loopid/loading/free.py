@@ -1,0 +1,116 @@
+"""Why coordinates are free of the motors: a sentence for each cause."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from loopid.arguments import FloatArray
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.poses import frame_poses
+from loopid.kinematics.projection import Factorisation, null_space
+from loopid.loading.tree import NearCoupling
+from loopid.robot.mechanism import Mechanism, link_frames, lock_options, shortened
+
+SPRING = "Ks"
+# Part of the fastest coordinate, or body, of a motion that is none: files are rounded.
+STANDS = 1e-3
+
+
+def why_free(
+    mechanism: Mechanism, around: FloatArray, near_couplings: Sequence[NearCoupling]
+) -> list[str]:
+    """Sentences about what the motors leave free but for floating bases, one for each cause.
+
+    ``around`` (n, nq) are closed configurations.
+    """
+    floating = mechanism.coordinates_of(mechanism.floating)
+    free = [name for name in mechanism.free if name not in floating]
+    if not free:
+        return []
+    q, motions = _motions(mechanism, around, free)
+    causes, springs = dict[str, list[str]](), dict[str, None]()
+    for name, motion in zip(free, motions, strict=True):
+        stirred = np.abs(motion) > STANDS * np.abs(motion).max(initial=0.0)
+        moving = [mechanism.coordinates[k] for k in np.flatnonzero(stirred)]
+        sprung = [k for k in moving if mechanism.joint_values.get(k, {}).get(SPRING)]
+        cause = _kept_by(moving, near_couplings) or (SPRUNG if sprung else "")
+        cause = cause or (SPUN if _is_spin(mechanism, q, motion) else UNKNOWN)
+        causes.setdefault(cause, []).append(name)
+        springs |= dict.fromkeys(sprung if cause == SPRUNG else ())
+    facts = {
+        "springs": shortened([*springs]),
+        "lock": lock_options(mechanism, causes.get(SPUN, ())),
+    }
+    return [
+        f"the motors leave {shortened(names)} free{cause.format(**facts)}"
+        for cause, names in causes.items()
+    ]
+
+
+SPRUNG = ', but springs of {springs} hold what moves there: terms="file" has their forces'
+SPUN = (
+    ", the spin of a rod between its ends, which moves nothing else and is harmless: {lock} takes "
+    "its row '= 0' out"
+)
+UNKNOWN = ": no force acts there, and rows '= 0' say so; lock what does not move"
+
+
+def _kept_by(moving: Sequence[str], near_couplings: Sequence[NearCoupling]) -> str:
+    """What hardly lets some coordinates move, as the end of a sentence; nothing where none does."""
+    for near in near_couplings:
+        joints = dict(near.coupling.joints or {})
+        if joints.keys() & {*moving}:
+            added = json.dumps({"joints": joints, "offset": near.coupling.offset})
+            text = (
+                f", but {near.name} keeps it within a range of {near.width:g}: where that holds "
+                f"it, a YAML beside the file says so: couplings: [{added}]"
+            )
+            return text.replace("{", "{{").replace("}", "}}")
+    return ""
+
+
+def _motions(
+    mechanism: Mechanism, around: FloatArray, free: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """A regular configuration (nq,), and motions (k, nv) of one free coordinate each.
+
+    In common units, with all other independent coordinates at rest.
+    """
+    jacobians, tolerance = (
+        Constraint(mechanism, around).scaled()[1],
+        mechanism.closure_rank_tolerance,
+    )
+    regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if mechanism.rows else 0
+    # The last of these, as the reference itself may be special.
+    motions = np.zeros((len(free), mechanism.model.nv))
+    for motion, name in zip(motions, free, strict=True):
+        others = mechanism.velocity_indices(k for k in mechanism.independent if k != name)
+        rest = np.setdiff1d(np.arange(mechanism.model.nv), others)
+        space = null_space(jacobians[regular][:, rest], tolerance)
+        own = space[list(rest).index(int(mechanism.velocity_indices([name])[0]))]
+        motion[rest] = space @ own
+    return around[regular], motions
+
+
+def _is_spin(mechanism: Mechanism, q: FloatArray, motion: FloatArray) -> bool:
+    """Whether all that a motion (nv,) moves turns as one about a line, on which closures hold it.
+
+    A rod that spins between two balls does, and a pin between two hinges.
+    """
+    frames = link_frames(mechanism.model)
+    poses = frame_poses(mechanism, q[None], [frames[link] for link in mechanism.links])
+    rates = poses.joint_jacobian[0] * motion * mechanism.coordinate_scales
+    twists = (rates @ poses.supports.T).T / np.array([mechanism.length] * 3 + [1.0] * 3)
+    sizes = np.linalg.norm(twists, axis=1)
+    moved = twists[sizes > STANDS * sizes.max(initial=0.0)]
+    if not len(moved):
+        return False
+    turn = np.linalg.norm(moved[0, 3:])
+    alike = np.abs(moved - moved[0]).max() <= STANDS * sizes.max()
+    about_a_line = turn > 0 and abs(moved[0, :3] @ moved[0, 3:]) <= STANDS * sizes.max() * turn
+    ends, supports = mechanism.closure_frames
+    held = (supports & (np.abs(motion) > STANDS * np.abs(motion).max())).any()
+    return bool(alike and about_a_line and held and ends)

@@ -1,0 +1,343 @@
+"""Joint terms in robot files: read back they are those of the fit; what has no place is named."""
+
+import shutil
+import warnings
+
+import numpy as np
+import pytest
+from feasible_changes import changed, relative
+from lxml import etree
+
+from bank_robots import few_of
+from closure_robots import body, joint, urdf
+from loopid import JointTerms, bundled_robots, load_mechanism, random_configurations
+from loopid.export import export_robot_file, updated_robot_file
+from loopid.kinematics import closed_motion, random_motions
+from loopid.regressors import motion_regressor
+
+ROUND_TRIP = 1e-9
+pytestmark = pytest.mark.filterwarnings("ignore::loopid.errors.AccuracyWarning")
+
+
+def terms_of(mechanism, kinds):
+    """Terms of all joints with one coordinate, and values unlike each other and not negative."""
+    single = [name for name in mechanism.joints if name in mechanism.coordinates]
+    terms = JointTerms(tuple(single), kinds)
+    names = terms.parameters(mechanism)
+    return terms, names, 0.1 + np.random.default_rng(5).random(len(names))
+
+
+def written(mechanism, terms, values, place, **options):
+    """The robot of a new file with other bodies and these terms; its warnings of joint terms."""
+    whole = np.concatenate([changed(mechanism), values])
+    names = mechanism.parameters() + terms.parameters(mechanism)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        export_robot_file(mechanism, whole, place, parameters=names)
+    said = [str(w.message) for w in heard if "joint terms of the new" in str(w.message)]
+    with warnings.catch_warnings(action="ignore"):
+        again = load_mechanism(options.pop("file", place), **(dict(mechanism.options) | options))
+    return again, whole, said
+
+
+def forces_by(mechanism, values, terms):
+    q = random_configurations(mechanism, 12, seed=7)
+    motion = closed_motion(mechanism, q, *random_motions(mechanism, 12, seed=8))
+    return motion_regressor(mechanism, motion, joint_terms=terms) @ values
+
+
+def assert_same(mechanism, again, whole, terms):
+    """The file's own terms and bodies give the forces of the fit in fresh poses."""
+    names = terms.parameters(mechanism)
+    given = again.joint_values
+    for parameter, value in zip(names, whole[-len(names) :], strict=True):
+        found = given.get(parameter.link, {}).get(parameter.kind, 0.0)
+        assert found == pytest.approx(value, rel=1e-12), parameter.label
+    own = JointTerms.of(again, "file")
+    mine = np.concatenate([again.standard_parameters(), own.values(again)])
+    expected = forces_by(mechanism, whole, terms)
+    assert relative(forces_by(again, mine, own), expected) < ROUND_TRIP
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta", "five_bar", "3rrr"))
+def test_friction_of_bundled_robots_comes_back(tmp_path, urdf_folder, robot, tied):
+    if tied and not load_mechanism(robot).identical:
+        pytest.skip("no links are declared alike")
+    mechanism = load_mechanism(robot, tied=tied)
+    terms, _, values = terms_of(mechanism, ("Fc", "Fv"))
+    shutil.copy(urdf_folder / f"{robot}.yaml", tmp_path)
+    again, whole, said = written(
+        mechanism, terms, values, tmp_path / f"{robot}.urdf", file=tmp_path / f"{robot}.yaml"
+    )
+    assert said == []
+    assert_same(mechanism, again, whole, terms)
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+def test_no_tag_but_dynamics_is_added(load_once, urdf_folder):
+    mechanism = load_once("five_bar")
+    terms, names, values = terms_of(mechanism, ("Fc", "Fv"))
+    whole = np.concatenate([mechanism.standard_parameters(), values])
+    new = updated_robot_file(mechanism, whole, parameters=mechanism.parameters() + names)
+    root = etree.fromstring(new)
+    added = list(root.iter("dynamics"))
+    assert [tag.getparent().get("name") for tag in added] == list(terms.joints)
+    for tag in added:
+        tag.getparent().remove(tag)
+    old = etree.parse(urdf_folder / "five_bar.urdf").getroot()
+    tags = [[(t.tag, dict(t.attrib)) for t in r.iter(etree.Element)] for r in (old, root)]
+    assert tags[0] == tags[1]
+    # On lines of their own, as their neighbours.
+    assert all(
+        line.strip().startswith(b"<dynamics") for line in new.splitlines() if b"<dyn" in line
+    )
+
+
+ARM = urdf(
+    body("upper", (0.2, 0, 0.1), 2.0),
+    body("lower", (0.2, 0, 0.1), 1.0),
+    joint("shoulder", "ground", "upper", axis=(0, 1, 0)).replace("</joint>", "SHOULDER</joint>"),
+    joint("elbow", "upper", "lower", (0.5, 0, 0), (0, 1, 0)).replace("</joint>", "ELBOW</joint>"),
+    "REST",
+)
+GEAR = (
+    '<transmission name="t"><joint name="elbow"/><actuator name="m"><drake:rotor_inertia '
+    'value="0.01"/><drake:gear_ratio value="30"/></actuator></transmission>'
+)
+SPRING = (
+    '<gazebo reference="elbow"><implicitSpringDamper>1</implicitSpringDamper>'
+    "<springStiffness>7</springStiffness><springReference>0.5</springReference></gazebo>"
+)
+
+
+def arm(folder, shoulder="", elbow="", rest="", **options):
+    text = ARM.replace("SHOULDER", shoulder).replace("ELBOW", elbow).replace("REST", rest)
+    (folder / "arm.urdf").write_text(text)
+    with warnings.catch_warnings(action="ignore"):
+        return load_mechanism(folder / "arm.urdf", **options)
+
+
+@pytest.mark.parametrize(
+    ("shoulder", "elbow", "rest", "kinds"),
+    [
+        ('<dynamics friction="3"/>', '<!-- dry --><dynamics damping="2" friction="3"/>', "", ()),
+        ('<drake:damping value="3"/>', '<dynamics damping="1"/><damping> 3 </damping>', "", ()),
+        ("", "", '<gazebo reference="elbow"><damping>3</damping></gazebo>', ()),
+        ('<dynamics armature="1"/>', '<dynamics armature="2"/>', "", ("Ia",)),
+        ('<dynamics armature="1"/>', "", GEAR, ("Ia",)),
+        ('<dynamics armature="1"/>', '<dynamics armature="2"/>', GEAR, ("Ia",)),
+    ],
+)
+def test_what_a_urdf_says_is_replaced_where_it_stands(tmp_path, shoulder, elbow, rest, kinds):
+    mechanism = arm(tmp_path, shoulder, elbow, rest)
+    terms, _, values = terms_of(mechanism, ("Fc", "Fv", *kinds))
+    again, whole, said = written(mechanism, terms, values, tmp_path / "new.urdf")
+    assert said == []
+    assert_same(mechanism, again, whole, terms)
+    old, new = ((tmp_path / f"{name}.urdf").read_text() for name in ("arm", "new"))
+    for mark in ("<!-- dry -->", "gear_ratio", "<gazebo", "drake:damping"):
+        assert new.count(mark) == old.count(mark)
+
+
+def test_springs_of_a_urdf_come_back_where_it_has_some(tmp_path):
+    mechanism = arm(tmp_path, rest=SPRING)
+    terms = JointTerms(("elbow",), ("Ks", "Fv"))
+    again, whole, said = written(mechanism, terms, np.array([5.0, 2.0, 0.3]), tmp_path / "new.urdf")
+    assert said == []
+    assert_same(mechanism, again, whole, terms)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "words"),
+    [
+        (("Ia",), "shoulder.Ia, elbow.Ia"),
+        (("Ks",), "shoulder.Ks, shoulder.Fo, elbow.Ks, elbow.Fo"),
+        (("Fv", "Fo"), "shoulder.Fo, elbow.Fo"),
+        (("Fc+", "Fc-"), "shoulder.Fc+, shoulder.Fc-, elbow.Fc+, elbow.Fc-"),
+        (("Fc", "Fs~0.1"), "shoulder.Fs~0.1, elbow.Fs~0.1"),
+        (("Fc", "Fl"), "shoulder.Fl, elbow.Fl"),
+    ],
+)
+def test_what_has_no_place_is_named_in_one_sentence(tmp_path, kinds, words):
+    mechanism = arm(tmp_path)
+    terms, _, values = terms_of(mechanism, kinds)
+    again, _, said = written(mechanism, terms, values, tmp_path / "new.urdf")
+    assert len(said) == 1
+    assert said[0].endswith(f"(a YAML's joint_terms has one), are {words}")
+    assert {k for v in again.joint_values.values() for k in v} == {*kinds} & {"Fc", "Fv"}
+
+
+def test_the_advice_for_what_has_no_place_works(tmp_path):
+    mechanism = arm(tmp_path)
+    terms, names, values = terms_of(mechanism, ("Ia", "Fc", "Fs~0.1", "Ks"))
+    rows = {}
+    for parameter, value in zip(names, values.tolist(), strict=True):
+        rows.setdefault(parameter.link, {})[parameter.kind] = value
+    (tmp_path / "new.yaml").write_text(f"urdf: new.urdf\njoint_terms: {rows}\n")
+    again, whole, _ = written(
+        mechanism, terms, values, tmp_path / "new.urdf", file=tmp_path / "new.yaml"
+    )
+    assert_same(mechanism, again, whole, terms)
+
+
+def test_negative_friction_is_zero_and_named(tmp_path):
+    mechanism = arm(tmp_path, '<dynamics damping="2" friction="0.5"/>')
+    terms = JointTerms(("shoulder", "elbow"), ("Fc", "Fv"))
+    values = np.array([0.25, -0.5, -1e-7, 2.0])
+    again, _, said = written(mechanism, terms, values, tmp_path / "new.urdf")
+    assert again.joint_values == {"shoulder": {"Fc": 0.25}, "elbow": {"Fv": 2.0}}
+    (words,) = said
+    assert "zero stands for the negative shoulder.Fv = -0.5, elbow.Fc = -1e-07" in words
+
+
+def test_what_the_fit_does_not_have_stays_and_is_named(tmp_path):
+    mechanism = arm(tmp_path, '<dynamics damping="2" friction="0.5"/>')
+    again, _, said = written(
+        mechanism, JointTerms(("elbow",), ("Fv",)), np.array([0.3]), tmp_path / "new.urdf"
+    )
+    assert again.joint_values == {"shoulder": {"Fc": 0.5, "Fv": 2.0}, "elbow": {"Fv": 0.3}}
+    assert said[0].endswith("as before, and not in the fit, are shoulder.Fv, shoulder.Fc")
+
+
+def test_a_yaml_that_overrules_is_named(tmp_path):
+    arm(tmp_path)
+    (tmp_path / "robot.yaml").write_text("urdf: arm.urdf\njoint_terms: {elbow: {Fv: 4, Ia: 0.5}}\n")
+    mechanism = load_mechanism(tmp_path / "robot.yaml")
+    terms = JointTerms(("elbow",), ("Fv", "Ia"))
+    _, _, said = written(mechanism, terms, np.array([3.0, 0.5]), tmp_path / "new.urdf")
+    assert said[0].endswith("joint_terms of robot.yaml overrule elbow.Fv")
+
+
+def test_coordinates_that_no_joint_of_the_file_has_are_named(tmp_path):
+    arm(tmp_path, '<dynamics damping="2"/>')
+    (tmp_path / "robot.yaml").write_text(
+        "urdf: arm.urdf\njoint_name: [shoulder]\njoint_type: [UJOINT_XY]\n"
+    )
+    with warnings.catch_warnings(action="ignore"):
+        mechanism = load_mechanism(tmp_path / "robot.yaml")
+    terms = JointTerms(("shoulder_X", "elbow"), ("Fv",))
+    _, _, said = written(mechanism, terms, np.array([3.0, 0.5]), tmp_path / "new.urdf")
+    assert said[0].endswith("are shoulder_X.Fv")
+
+
+def test_locked_joints_keep_what_the_file_says(tmp_path):
+    mechanism = arm(tmp_path, '<dynamics damping="2"/>', lock=["shoulder"])
+    terms = JointTerms(("elbow",), ("Fv",))
+    again, _, said = written(mechanism, terms, np.array([0.5]), tmp_path / "new.urdf", lock=())
+    assert said == []
+    assert again.joint_values == {"shoulder": {"Fv": 2.0}, "elbow": {"Fv": 0.5}}
+
+
+# Everything that MuJoCo knows of one joint: classes, degrees, polynomials, actuators, balls.
+BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'
+MODEL = f"""<mujoco model="loaded"><compiler angle="ANGLE"/>
+<default><joint damping="9" armature="0.5" frictionloss="0.3" stiffness="1" springref="10" MORE/>
+  <default class="other"><joint stiffness="4" frictionloss="0.7"/></default></default>
+<worldbody>
+<body name="a" childclass="other">{BODY.format(2)}
+  <joint name="j1" axis="0 1 0" armature="3" damping="0.2" stiffness="3" springref="20"/>
+  <body name="b" pos="0.6 0 0">{BODY.format(1)}
+    <!-- slides --><joint type="slide" axis="0 0 1" class="other" stiffness="2" ref="0.1"/>
+    <body name="c" pos="0.3 0 0">{BODY.format(0.5)}
+      <frame euler="0 0.2 0"><joint name="j3" axis="1 0 0"/></frame>
+      <joint name="j4" axis="0 1 0" armature="0"/>
+    </body>
+  </body>
+</body></worldbody>
+<actuator>
+  <motor name="m1" joint="j1" gear="5" armature="0.001" damping="0.002"/>
+  <motor name="m2" joint="j4" gear="-3"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+@pytest.mark.parametrize("angle", ["degree", "radian"])
+@pytest.mark.parametrize("more", ["", 'springdamper="0.3 1"'])
+def test_all_terms_of_an_mjcf_come_back(tmp_path, angle, more):
+    mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    (tmp_path / "arm.xml").write_text(MODEL.replace("ANGLE", angle).replace("MORE", more))
+    mechanism = load_mechanism(tmp_path / "arm.xml")
+    terms, _, values = terms_of(mechanism, ("Ia", "Fc", "Fv", "Ks"))
+    again, whole, said = written(mechanism, terms, values, tmp_path / "new.xml")
+    assert said == []
+    assert_same(mechanism, again, whole, terms)
+    assert "<!-- slides -->" in (tmp_path / "new.xml").read_text()
+    # By MuJoCo's own inverse dynamics, where joints are fast enough to slip.
+    q = random_configurations(mechanism, 20, seed=1)
+    v = np.sign(random_motions(mechanism, 20, seed=2)[0])
+    motion = closed_motion(mechanism, q, v, 0.1 * v)
+    expected = motion_regressor(mechanism, motion, joint_terms=terms) @ whole
+    felt = inverse_dynamics(mujoco, tmp_path / "new.xml", motion)
+    order = mechanism.velocity_indices(mechanism.independent)
+    assert relative(felt[:, order], expected) < ROUND_TRIP
+
+
+def inverse_dynamics(mujoco, path, motion):
+    """Forces (N, nv) by MuJoCo, with the damping of actuators and without their controls."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, found = mujoco.MjData(model), []
+    states = motion.configurations, motion.velocities, motion.accelerations
+    for q, v, a in zip(*states, strict=True):
+        data.qpos, data.qvel, data.qacc = q, v, a
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        data.qacc = a
+        mujoco.mj_inverse(model, data)
+        found.append(data.qfrc_inverse - data.qfrc_actuator)
+    return np.array(found)
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+@pytest.mark.parametrize(
+    ("old", "new", "kinds", "words"),
+    [
+        ('armature="0.001"', 'armature="0.1"', ("Ia",), "j1.Ia"),
+        (
+            "<default>",
+            '<option><flag frictionloss="disable"/></option><default>',
+            ("Fc",),
+            "j1.Fc, b_slide.Fc, j3.Fc, j4.Fc",
+        ),
+        ('damping="0.2"', 'damping="0.2 0.3"', ("Fv",), ""),
+        (
+            "",
+            "",
+            ("Fc", "Fc-"),
+            "j1.Fc, j1.Fc-, b_slide.Fc, b_slide.Fc-, j3.Fc, j3.Fc-, j4.Fc, j4.Fc-",
+        ),
+    ],
+)
+def test_what_an_mjcf_cannot_say_is_named(tmp_path, old, new, kinds, words):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    text = MODEL.replace("ANGLE", "degree").replace("MORE", "").replace(old, new, 1)
+    (tmp_path / "arm.xml").write_text(text)
+    mechanism = load_mechanism(tmp_path / "arm.xml")
+    terms, _, values = terms_of(mechanism, kinds)
+    again, _, said = written(mechanism, terms, values, tmp_path / "new.xml")
+    assert f"(a YAML's joint_terms has one), are {words}" in said[0] or not words
+    for parameter, value in zip(terms.parameters(mechanism), values, strict=True):
+        if parameter.label not in words:
+            found = again.joint_values[parameter.link].get(parameter.kind, 0.0)
+            assert found == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+def test_axes_of_a_ball_joint_have_no_place_of_their_own(tmp_path):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    text = MODEL.replace("ANGLE", "degree").replace("MORE", "").replace('joint="j4"', 'joint="j1"')
+    text = text.replace('<frame euler="0 0.2 0"><joint name="j3" axis="1 0 0"/></frame>', "")
+    text = text.replace('name="j4" axis="0 1 0" armature="0"', 'name="ball" type="ball"')
+    (tmp_path / "arm.xml").write_text(text)
+    mechanism = load_mechanism(tmp_path / "arm.xml")
+    terms = JointTerms.of(mechanism, "file")
+    names, values = terms.parameters(mechanism), terms.values(mechanism)
+    # As the file has them, all is said.
+    whole = np.concatenate([mechanism.standard_parameters(), values])
+    content = updated_robot_file(mechanism, whole, parameters=mechanism.parameters() + names)
+    assert content == (tmp_path / "arm.xml").read_bytes()
+    values[names.labels.index("ball.wy.Fv")] = 1.0
+    _, _, said = written(mechanism, terms, values, tmp_path / "new.xml")
+    assert said[0].endswith("are ball.wy.Fv")

@@ -1,0 +1,88 @@
+"""What the motors leave free is named by its cause, and what is advised helps when followed."""
+
+import re
+import warnings
+
+import pytest
+
+from linkages import five_bar, rssr
+from loopid import JointTerms, find_force_model, load_mechanism
+from loopid.kinematics import mobility
+
+INERTIAL = '<inertial pos="0.1 0.02 0.3" mass="1" diaginertia="0.1 0.2 0.25"/>'
+ADVICE = re.compile(r"lock=(\[.*?\])")
+# A waist that a tendon with hardly any room ties to a motor.
+WAIST = f"""<mujoco><worldbody><body name="hip">{INERTIAL}
+  <joint name="drive, left" axis="0 1 0"/>
+  <body name="waist" pos="0 0 0.4">{INERTIAL}<joint name="waist" axis="0 1 0"/></body></body>
+  </worldbody>
+<tendon><fixed name="link" limited="true" range="0.0999 0.1003">
+  <joint joint="drive, left" coef="2"/><joint joint="waist" coef="-1"/></fixed>
+  <fixed name="wide" limited="true" range="-3 3"><joint joint="waist" coef="1"/></fixed></tendon>
+<actuator><motor joint="drive, left"/></actuator></mujoco>"""
+HEEL = f"""<mujoco><worldbody><body name="shin">{INERTIAL}<joint name="knee" axis="0 1 0"/>
+  <body name="foot" pos="0 0 0.4">{INERTIAL}<joint name="heel" axis="0 1 0" STIFF/></body></body>
+  </worldbody><actuator><motor joint="knee"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Load text; gives the robot and what is said of what is free."""
+
+    def told(text, name="robot.xml"):
+        (tmp_path / name).write_text(text)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            robot = load_mechanism(tmp_path / name)
+        return robot, [str(w.message) for w in caught if "the motors leave" in str(w.message)]
+
+    return told
+
+
+def test_a_tendon_with_hardly_any_room_prints_its_coupling(load, tmp_path):
+    robot, (said,) = load(WAIST)
+    assert robot.free == ("waist",)
+    assert "tendon link keeps it within a range of 0.0004" in said
+    (tmp_path / "robot.yaml").write_text(said[said.index("couplings: ") :])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        coupled = load_mechanism(tmp_path / "robot.yaml")
+    assert coupled.free == ()
+    assert mobility(coupled).degrees_of_freedom == 1
+    waist, drive = (
+        coupled.reference[coupled.joint(name).idx_q] for name in ("waist", "drive, left")
+    )
+    assert 0.0999 <= 2 * drive - waist <= 0.1003
+
+
+def test_a_tendon_with_room_holds_nothing(load):
+    _, (said,) = load(WAIST.replace('range="0.0999 0.1003"', 'range="-1 1"'))
+    assert "lock what does not move" in said
+
+
+def test_a_spring_is_a_force_that_the_file_gives(load):
+    robot, (said,) = load(HEEL.replace("STIFF", 'stiffness="300"'))
+    assert robot.free == ("heel",)
+    assert 'springs of heel hold what moves there: terms="file"' in said
+    terms = JointTerms.of(robot, "file")
+    model = find_force_model(robot, "gravity", joint_terms=terms)
+    assert "heel.Ks" in model.parameters.labels
+    assert "lock what does not move" in load(HEEL.replace("STIFF", ""))[1][0]
+
+
+def test_the_spin_of_a_rod_is_harmless_and_can_be_locked(load_files):
+    parts, description = rssr("SPHERICAL")
+    robot = load_files(parts, description)
+    with pytest.warns(UserWarning, match="spin of a rod between its ends.* harmless") as caught:
+        load_mechanism(robot.path)
+    (lock,) = ADVICE.findall("".join(str(w.message) for w in caught))
+    assert load_mechanism(robot.path, lock=eval(lock)).free == ()
+
+
+def test_a_floating_base_needs_no_advice(write_files, load_files):
+    robot = load_files(*five_bar())
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        flying = load_mechanism(robot.path, floating_base=True)
+    assert len(flying.free) == 6
+    assert not [w for w in caught if "the motors leave" in str(w.message)]
