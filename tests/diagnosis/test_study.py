@@ -24,7 +24,6 @@ def test_a_study_holds_what_its_functions_say(study):
     assert study.reduction == eliminate(found)
     assert study.essential == judge_essential(found, study.reduction)
     assert study.sweep == sweep_bands(found)
-    assert study.consistent is None
 
 
 def test_a_study_is_a_value(study):

@@ -162,13 +162,9 @@ def test_units_of_length_do_not_matter(tmp_path):
         path.write_text(ARM)
         robot = load_mechanism(path)
         model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fv",)))
-        run = modelled(
-            model, wander(robot, 1, size=(1, 1)), 1.3 * model.prior + 0.1, noise=0.1
-        )
+        run = modelled(model, wander(robot, 1, size=(1, 1)), 1.3 * model.prior + 0.1, noise=0.1)
         samples = model.samples(run)
-        samples = replace(
-            samples, regressor=samples.regressor * scale, force=samples.force * scale
-        )
+        samples = replace(samples, regressor=samples.regressor * scale, force=samples.force * scale)
         noise = noise_of(samples)
         found.append(consistent_fit(model, samples, noise))
     np.testing.assert_allclose(
@@ -225,7 +221,9 @@ def test_what_no_force_depends_on_stays_as_in_the_file(arm_case, off):
 def test_a_log_that_does_not_move_gives_the_file(arm_case):
     samples = arm_case.samples(0.1)
     still = replace(
-        samples, regressor=0 * samples.regressor, force=np.random.default_rng(0).normal(size=samples.force.shape)
+        samples,
+        regressor=0 * samples.regressor,
+        force=np.random.default_rng(0).normal(size=samples.force.shape),
     )
     noise = replace(noise_of(samples), deviation=np.ones(2))
     found = consistent_fit(arm_case.model, still, noise)

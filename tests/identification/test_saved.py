@@ -246,7 +246,7 @@ def changed(record, value, *path):
         ("extra", 1, ("estimate", "quality", "extra")),
         ("values of all standard", None, ("standard_parameters", 1, "value")),
         ("common", "much", ("estimate", "deviation", "common")),
-        ("own", ["wide"], ("estimate", "deviation", "own")),
+        ("wide", ["wide"], ("estimate", "deviation", "own")),
     ],
 )
 def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value, path):

@@ -370,7 +370,7 @@ class SavedFit(_Section):
             kind = "values" if self.estimate is None else self.estimate.estimator
             raise DataError(
                 f"a fit by {kind} has base parameters, which are those of many bodies: identify "
-                "with estimator='wls', the default, and save the recommended fit, which has bodies"
+                'with estimator="wls", the default, and save the recommended fit, which has bodies'
             )
         return values
 
