@@ -39,6 +39,7 @@ from .identification import (
     FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
+    find_delay as find_delay,
     find_force_model as find_force_model,
     fit as fit,
     friction_curve as friction_curve,
@@ -52,11 +53,13 @@ from .identification import (
 from .kinematics import assemble as assemble, random_configurations as random_configurations
 from .loading import bundled_robots as bundled_robots, load_mechanism as load_mechanism
 from .logs import (
+    ExternalWrench as ExternalWrench,
     FilterOptions as FilterOptions,
     Log as Log,
     MaskOptions as MaskOptions,
     prepare_recording as prepare_recording,
     read_log as read_log,
+    wrench_forces as wrench_forces,
 )
 from .motion import (
     FourierSeries as FourierSeries,

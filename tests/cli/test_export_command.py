@@ -1,7 +1,6 @@
 """``loopid export``: from the file of a fit to robot files, base parameters and C."""
 
 import json
-import re
 import shutil
 import subprocess
 import sys

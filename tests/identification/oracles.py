@@ -46,8 +46,8 @@ def expression(phi, columns):
 def fitted(base, R, start, deviations, spread):
     """Standard parameters of least objective: the data, the divergences, and the joint terms'.
 
-    ``R`` (r + 1, r + 1) are the weighted data, ``start`` (p,) the file, ``deviations`` (bodies,) and
-    ``spread`` (k,) those of bodies and joint terms.
+    ``R`` (r + 1, r + 1) are the weighted data, ``start`` (p,) the file, ``deviations`` (bodies,)
+    and ``spread`` (k,) those of bodies and joint terms.
     """
     parameters = base.parameters
     own, phi = body_columns(parameters), cp.Variable(len(parameters))

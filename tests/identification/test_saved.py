@@ -226,7 +226,7 @@ def changed(record, value, *path):
         ("covariance must be", -1.0, ("covariance", 2, 2)),
         ("base_parameters: .*at least 1 item", [], ("base_parameters",)),
         ("rows: .*at least 1 item", [], ("force_model", "rows")),
-        ("an estimate needs a covariance", None, ("covariance",)),
+        ("an estimate and a covariance", None, ("covariance",)),
         (r"base_parameters\.0\.value: Field required", None, ("base_parameters", 0, "value")),
         (r"base_parameters\.0\.value: .*finite", float("nan"), ("base_parameters", 0, "value")),
         (r"base_parameters\.0\.terms: .*Field required", None, ("base_parameters", 0, "terms")),
@@ -244,7 +244,7 @@ def changed(record, value, *path):
         ("a state must have", [], ("check", 1, "configuration")),
         ("extra", 1, ("robot", "extra")),
         ("extra", 1, ("estimate", "quality", "extra")),
-        ("values of all standard", None, ("standard_parameters", 1, "value")),
+        ("all standard parameters have", None, ("standard_parameters", 1, "value")),
         ("common", "much", ("estimate", "deviation", "common")),
         ("wide", ["wide"], ("estimate", "deviation", "own")),
     ],
@@ -257,6 +257,111 @@ def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value,
     (tmp_path / "broken.json").write_text(json.dumps(record))
     with pytest.raises(DataError, match=f"broken.json is not a saved fit: .*{words}"):
         read_fit(tmp_path / "broken.json")
+
+
+# Files that were changed by hand.
+
+# What tells of the fit and enters into no force, interval or file: free where the digest is gone.
+INFORMATIVE = {
+    ("estimate", "condition_number"),
+    ("estimate", "quality"),
+    ("estimate", "weights"),
+    ("estimate", "noise"),
+    ("estimate", "robustness"),
+    ("estimate", "deviation"),
+}
+
+
+def numbers(content, path=()):
+    """Paths of all numbers."""
+    if isinstance(content, dict | list):
+        pairs = content.items() if isinstance(content, dict) else enumerate(content)
+        for key, part in pairs:
+            yield from numbers(part, (*path, key))
+    elif isinstance(content, int | float) and not isinstance(content, bool):
+        yield path
+
+
+def number(record, path):
+    for key in path:
+        record = record[key]
+    return record
+
+
+def mutations(record, seed=0):
+    """Each number larger by 1 % to 200 %, of the other sign, or in the place of its neighbour."""
+    rng, paths = np.random.default_rng(seed), list(numbers(record))
+    for path, after in zip(paths, [*paths[1:], paths[0]], strict=True):
+        old, next_ = number(record, path), number(record, after)
+        kind = rng.integers(3)
+        new = (-old, old * rng.uniform(1.01, 3.0), next_)[kind]
+        if isinstance(old, int):
+            new = (-old, old + 1, int(next_))[kind]
+        if new != old:
+            changed(record, new, *path)
+            if kind == 2 and path != after:
+                changed(record, old, *after)
+            yield path, record
+            changed(record, old, *path)
+            changed(record, next_, *after)
+
+
+@pytest.mark.parametrize("kind", ["correlated", "robust", "consistent", "values"])
+def test_a_number_that_was_changed_is_refused(model, fits, tmp_path, kind):
+    place, robot = tmp_path / "fit.json", model.mechanism
+    saved = SavedFit.of(model, fits["plain"].values if kind == "values" else fits[kind])
+    whole, sizes = saved.record(), np.abs(saved.matrix).max(axis=0)
+    for path, record in mutations(whole):
+        place.write_text(json.dumps(record))
+        with pytest.raises(DataError) as refused:
+            read_fit(place)
+        if path[0] in ("base_parameters", "covariance"):
+            assert refused.value.facts.get("parameter", "") in str(refused.value)
+    # Without the digest, by what it says: other forces, intervals or files come from none.
+    del whole["digest"]
+    for path, record in mutations(whole, seed=1):
+        place.write_text(json.dumps(record))
+        try:
+            read_fit(place).find_force_model(robot)
+        except DataError:
+            continue
+        harmless = path[:2] in INFORMATIVE
+        harmless |= path[-1] == "dead_zone"  # in no state of the check a joint is that slow
+        harmless |= path[0] == "standard_parameters" and sizes[path[1]] == 0  # no motor feels it
+        assert harmless, path
+
+
+def test_masses_times_three_are_refused_by_name(model, fits, tmp_path):
+    record = SavedFit.of(model, fits["consistent"]).record()
+    for entry in record["standard_parameters"]:
+        if entry["name"].endswith(".m"):
+            entry["value"] *= 3
+    (tmp_path / "fit.json").write_text(json.dumps(record))
+    with pytest.raises(DataError, match="the standard parameters make left_crank") as refused:
+        read_fit(tmp_path / "fit.json")
+    assert refused.value.facts["parameter"] == "left_crank.mx"
+
+
+@pytest.mark.parametrize(
+    ("key", "what"),
+    [
+        ("standard_error", "standard error"),
+        ("relative_std_percent", "relative deviation"),
+        ("interval_95_percent", "interval"),
+    ],
+)
+def test_uncertainty_that_is_not_the_covariances_is_refused_by_name(
+    model, fits, tmp_path, key, what
+):
+    record = SavedFit.of(model, fits["plain"]).record()
+    entry = record["base_parameters"][2]
+    low, *high = np.atleast_1d(entry[key]).tolist()
+    entry[key] = [low, high[0] * 1.01] if high else 1.01 * low
+    (tmp_path / "fit.json").write_text(json.dumps(record))
+    with pytest.raises(DataError) as refused:
+        read_fit(tmp_path / "fit.json")
+    assert refused.value.facts["parameter"] == entry["name"]
+    assert f"the {what} of {entry['name']} is not that of its" in str(refused.value)
 
 
 @pytest.mark.parametrize(

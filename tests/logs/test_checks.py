@@ -94,11 +94,41 @@ def test_two_columns_of_time(read_text, good_text):
     refused(read_text, text, columns=("time", "time_ms"))
 
 
-def test_unordered_and_repeated_times_are_named(read_text, good_text):
+def test_unordered_times_are_named(read_text, good_text):
     header, rows = lines_of(good_text)
     rows[100], rows[101] = rows[101], rows[100]
-    rows[500] = rows[499]
-    refused(read_text, joined(header, rows), rows=[103, 502])
+    refused(read_text, joined(header, rows), rows=[103])
+
+
+def repeated(rows, count, new_values):
+    """Rows of which so many are followed by one with the same time."""
+    made = list(rows)
+    for k in np.linspace(len(rows) - 10, 10, count).astype(int):
+        time, *cells = rows[k].split(",")
+        moved = [repr(float(cell) + 1e-6) for cell in cells] if new_values else cells
+        made.insert(k + 1, ",".join([time, *moved]))
+    return made
+
+
+@pytest.mark.parametrize(("part", "new_values"), [(0.01, True), (0.0145, True), (0.05, False)])
+def test_repeated_times_are_left_out(read_text, good_text, truth, part, new_values):
+    header, rows = lines_of(good_text)
+    count = int(part * len(rows))
+    message = "time stands still, with other values" if new_values else "the same time and values"
+    with pytest.warns(
+        DataWarning, match=rf"{message}.* in rows 13, .* of {len(rows) + count}: left"
+    ):
+        log = read_text(joined(header, repeated(rows, count, new_values)))
+    np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
+    np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
+    assert sum(left_out.count for left_out in log.dropped) == count
+
+
+@pytest.mark.parametrize(("part", "new_values", "most"), [(0.03, True, 0.02), (0.2, False, 0.1)])
+def test_times_that_stand_still_too_often_are_refused(read_text, good_text, part, new_values, most):
+    header, rows = lines_of(good_text)
+    spoilt = repeated(rows, int(part * len(rows)), new_values)
+    refused(read_text, joined(header, spoilt), tolerance=most)
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "0.7x", "1e300", "null", "x" * 1000])

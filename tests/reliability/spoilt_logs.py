@@ -13,7 +13,7 @@ import polars
 from material import MAPPING, spoil
 from recorded_logs import TOPIC, joint_state, write_ros1, write_ros2
 
-from loopid.logs.formats import ENDINGS as TEXT_ENDINGS
+from loopid.logs.text import ENDINGS as TEXT_ENDINGS
 
 Columns = dict[str, np.ndarray]
 

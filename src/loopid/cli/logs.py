@@ -20,7 +20,7 @@ from loopid.cli.robots import (
     numbers,
     of_robot,
     recordings,
-    save,
+    save_and_show,
 )
 from loopid.cli.shell import progress_bar, show
 from loopid.errors import LoopidError, OptionError
@@ -68,6 +68,9 @@ def identify(
     friction_log: list[str] | None = Option(
         None, metavar="LOG", help="Identify the terms from this log first."
     ),
+    undo_delay: bool = Option(
+        True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
+    ),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
     out: str | None = OUT,
     as_json: bool = JSON,
@@ -90,6 +93,7 @@ def identify(
             estimator=estimator,
             unidentifiable=unidentifiable,
             fraction=fraction,
+            undo_delay=undo_delay,
             n_jobs=n_jobs,
         ),
     )
@@ -112,8 +116,13 @@ def identify(
             progress=report,
         )
     command = excite_command(found.identification)
-    save(out, partial(identification_files, found, command))
-    show(identification_record(found, command), identification_tables(found, command), as_json)
+    save_and_show(
+        out,
+        partial(identification_files, found, command),
+        identification_record(found, command),
+        identification_tables(found, command),
+        as_json,
+    )
 
 
 def excite_command(found: Identification) -> str:
@@ -160,8 +169,8 @@ def predict(
     runs = recordings(robot, logs, mapping, cutoff, rows)
     warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
-    save(out, partial(prediction_files, robot, found))
-    show(prediction_record(found), prediction_tables(found), as_json)
+    files = partial(prediction_files, robot, found)
+    save_and_show(out, files, prediction_record(found), prediction_tables(found), as_json)
 
 
 @of_robot
@@ -267,7 +276,6 @@ def paper(
 
     require_report(out)
     found = reproduce_paper(log or (), seed, progress_bar)
-    save(out, partial(paper_files, found))
-    show({}, paper_tables(found), as_json=False)
+    save_and_show(out, partial(paper_files, found), {}, paper_tables(found), as_json=False)
     if not found.base.agrees:
         raise LoopidError("not every row of the paper's Table II was found")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Any
@@ -12,10 +12,12 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli.shell import progress_bar, show
-from loopid.errors import OptionError
+from loopid.errors import OptionError, one_line
 from loopid.files import require_other_file, write_file, write_files
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from loopid.logs.recording import Recording
     from loopid.robot.mechanism import Mechanism
 
@@ -201,7 +203,9 @@ def excite(
     ),
     collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
     noise: list[str] | None = Option(
-        None, metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."
+        None,
+        metavar="[JOINT=]S",
+        help="Standard deviation of the motors' forces; 1 % of their root mean square.",
     ),
     after: list[str] | None = Option(None, metavar="LOG", help="Add to what this log tells."),
     mapping: str | None = MAPPING,
@@ -263,8 +267,13 @@ def excite(
             payload=payload,
             progress=watch,
         )
-    save(out, partial(excitation_files, found))
-    show(excitation_record(found), excitation_tables(found), as_json)
+    save_and_show(
+        out,
+        partial(excitation_files, found),
+        excitation_record(found),
+        excitation_tables(found),
+        as_json,
+    )
 
 
 def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:
@@ -332,7 +341,19 @@ def recordings(
         )
 
 
-def save(folder: str | None, files: Callable[[], dict[str, bytes | str]]) -> None:
-    """Write files to a folder where one is asked for."""
-    if folder is not None:
-        write_files(folder, files())
+def save_and_show(
+    folder: str | None,
+    files: Callable[[], dict[str, bytes | str]],
+    record: dict[str, Any],
+    tables: Iterable[Table],
+    as_json: bool,
+) -> None:
+    """Write files to a folder where one is asked for, show tables or the record, and say where."""
+    written = [] if folder is None else write_files(folder, files())
+    show({**record, "written": [str(place) for place in written]}, tables, as_json)
+    if folder is None:
+        said = "Nothing was saved: --out DIR writes the report, figures and results to a folder."
+    else:
+        said = f"Written to {folder}: {', '.join(place.name for place in written)}"
+    if not as_json:
+        typer.echo(one_line(said))

@@ -1,5 +1,12 @@
 from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
+from .delay import (
+    Delay as Delay,
+    DelayOptions as DelayOptions,
+    find_delay as find_delay,
+    with_delay_errors as with_delay_errors,
+    without_delay as without_delay,
+)
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
     Convergence as Convergence,

@@ -433,9 +433,7 @@ def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State,
 
 
 def _approached(program: _Program, state: _State, options: ConsistentOptions) -> _State:
-    """A state near the minimum: by data that weigh more and more, as near flat bodies steps are
-    short.
-    """
+    """A state near the minimum, by data that weigh more and more."""
     share = min(1.0, len(program.target) / max(program.value(state), 1.0))
     for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
         part = np.sqrt(weight)

@@ -13,6 +13,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, warn
 from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
+from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
 from loopid.identification.force_model import ForceModel, samples_of
@@ -53,6 +54,8 @@ class FitOptions:
         are fitted, the rest judges.
     consistent : ConsistentOptions
         Of the fit that weighs the robot file.
+    undo_delay : bool
+        Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
         Which friction and offsets the data ask for (``choose_terms``).
     n_jobs : int
@@ -75,6 +78,7 @@ class FitOptions:
     unidentifiable: str = "prior"
     fraction: float = 0.6
     consistent: ConsistentOptions = ConsistentOptions()
+    undo_delay: bool = True
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
 
@@ -139,6 +143,9 @@ class Identification:
     options : FitOptions
     prior_deviation : float or None
         How far the robot file is off, in parts of its bodies, where it is weighed.
+    delay : Delay or None
+        Between forces and motion, what is clear of it undone in all recordings; None where it was
+        not looked for, and for motions without a log.
     """
 
     force_model: ForceModel
@@ -151,6 +158,7 @@ class Identification:
     candidates: Mapping[str, Candidate]
     options: FitOptions
     prior_deviation: float | None = None
+    delay: Delay | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -292,8 +300,8 @@ def identify(
     Warns
     -----
     DataWarning
-        Of unidentifiable combinations that the robot file's values are kept for, of weakly
-        identifiable ones, and of all that ``fit`` warns of.
+        Of a delay that was undone, of unidentifiable combinations that the robot file's values are
+        kept for, of weakly identifiable ones, and of all that ``fit`` warns of.
 
     Examples
     --------
@@ -315,6 +323,12 @@ def identify(
     2.0
     """
     options.require_references(len(references))
+    delay = find_delay(force_model, recordings) if options.undo_delay else None
+    recordings, friction = (
+        without_delay(force_model, runs, delay) for runs in (recordings, friction)
+    )
+    if validation is not None:
+        validation = without_delay(force_model, validation, delay)
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
@@ -333,14 +347,24 @@ def identify(
         fits[CONSISTENT] = fit_solid_bodies(
             force_model, data, excited, whole=whole, terms_known=first is not None, options=options
         )
+    fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
+    if delay is not None:
+        delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
-    deviation = fits[CONSISTENT].deviation if CONSISTENT in fits else None
     return Identification(
-        force_model, *runs, data, new, excited, judged, options, deviation and deviation.common
+        *(force_model, *runs, data, new, excited, judged, options),
+        prior_deviation=found_deviation(fits),
+        delay=delay,
     )
+
+
+def found_deviation(fits: Mapping[str, FitResult]) -> float | None:
+    """How far the robot file is off, where a fit weighs it."""
+    found = fits[CONSISTENT].deviation if CONSISTENT in fits else None
+    return None if found is None else found.common
 
 
 @checked

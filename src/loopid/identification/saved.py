@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 
-from loopid.arguments import FloatArray, Number, checked, finite, frozen
+from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
@@ -42,11 +42,15 @@ from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml, yaml_writer
 
 ENDINGS = (".yaml", ".yml", ".json")
+LARGEST_JSON = 5 * LARGE  # bytes: a line a number
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns up to which a robot is the same.
 SAME_ROBOT = 1e-6
 NO_EFFECT = 1e-10  # of a column, relative to the largest
+# Relative difference of numbers of a file that follow from others: they are written to the bit.
+FOLLOWS = 1e-9
 
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
 Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
@@ -97,7 +101,7 @@ class SavedStandard(_Section):
 
     name: str
     unit: str
-    value: float | None = None
+    value: Finite | None = None
 
 
 class SavedBase(_Section):
@@ -106,11 +110,11 @@ class SavedBase(_Section):
     name: str
     unit: str
     expression: str
-    value: float
+    value: Finite
     standard_error: Number = math.nan
     relative_std_percent: Number = math.nan
     interval_95_percent: tuple[Number, Number] = (math.nan, math.nan)
-    terms: dict[str, float]
+    terms: dict[str, Finite]
 
 
 class SavedState(_Section):
@@ -153,6 +157,8 @@ class SavedFit(_Section):
     check : tuple of SavedState
     estimate : SavedEstimate or None
         Where a ``FitResult`` was saved.
+    digest : str or None
+        SHA-256 of all but names and paths of the robot, by which changed numbers are known.
     """
 
     format: Literal["loopid fit"] = "loopid fit"
@@ -165,6 +171,7 @@ class SavedFit(_Section):
     covariance: Array | None = None
     check: tuple[SavedState, ...] = Field(min_length=1)
     estimate: SavedEstimate | None = None
+    digest: str | None = None
 
     @classmethod
     def of(cls, model: ForceModel, fit: FitResult | FloatArray) -> SavedFit:
@@ -209,23 +216,87 @@ class SavedFit(_Section):
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
         labels, dof = self.standard.labels, len(self.force_model.rows)
+        units = {entry.name: entry.unit for entry in self.standard_parameters}
         for base in self.base_parameters:
             if not base.terms.keys() <= set(labels) or base.terms.get(base.name) != 1:
-                raise ValueError(f"the terms of {base.name} are not those of a base parameter")
-        C, count = self.covariance, len(self.base_parameters)
-        if C is not None and (C.shape != (count, count) or (np.diag(C) < 0).any()):
-            raise ValueError(f"the covariance must be that of {count} parameters")
+                raise DataError(
+                    f"the terms of {base.name} are not those of a base parameter",
+                    parameter=base.name,
+                )
+            if base.unit != units[base.name]:
+                unit = units[base.name]
+                raise DataError(
+                    f"{base.name} is in {unit}, not {base.unit}", parameter=base.name, valid=unit
+                )
         nq = len(self.check[0].configuration)
         for state in self.check:
             if [len(part) for _, part in state] != [nq, dof, dof, dof]:
                 raise ValueError(f"a state must have {nq} coordinates, and {dof} rates and forces")
-        if self.estimate is not None and self.covariance is None:
-            raise ValueError("an estimate needs a covariance")
-        given = np.isfinite(self.standard_values)
-        if given.any() and not given.all():
-            raise ValueError("a fit has the values of all standard parameters, or of none")
-        _ = self.result  # refused where its columns do not fit together
+        if (self.estimate is None) != (self.covariance is None):
+            raise ValueError("an estimate and a covariance come together, or none of them")
+        if self.estimate is not None:
+            quality = self.estimate.quality
+            columns = (quality.residual_rms, quality.r_squared, quality.samples)
+            if {*map(np.shape, (*columns, self.estimate.weights))} != {(dof,)}:
+                raise ValueError(f"quality and weights of an estimate must be of {dof} actuators")
+        self._require_standard_values()
+        self._require_covariance()
+        self._require_uncertainty()
         return self
+
+    def _require_standard_values(self) -> None:
+        """Refuse standard parameters that do not give the base parameters."""
+        M, standard = self.matrix, self.standard_values
+        if np.isnan(standard).all():
+            return
+        if np.isnan(standard).any():
+            name = self.standard.labels[int(np.isnan(standard).argmax())]
+            raise DataError(f"all standard parameters have values but {name}", parameter=name)
+        size = np.abs(M) @ np.abs(standard) + np.abs(self.values)
+        apart = np.abs(M @ standard - self.values) > FOLLOWS * size
+        if apart.any():
+            k = int(apart.argmax())
+            name, given = self.parameters.labels[k], self.values[k]
+            raise DataError(
+                f"the standard parameters make {name} {(M @ standard)[k]:.6g}, not {given:.6g}",
+                parameter=name,
+            )
+
+    def _require_covariance(self) -> None:
+        """Refuse what no estimates of the base parameters can have as covariance."""
+        if self.covariance is None:
+            return
+        C, count = self.covariance, len(self.base_parameters)
+        if C.shape != (count, count) or (np.diag(C) < 0).any():
+            raise ValueError(f"the covariance must be that of {count} parameters")
+        size = np.sqrt(np.diag(C))
+        scale = np.outer(size, size)
+        apart = np.abs(C - C.T) + np.maximum(np.abs(C) - scale, 0.0) > FOLLOWS * scale
+        if apart.any():
+            one, two = (self.parameters.labels[k] for k in np.argwhere(apart)[0])
+            raise DataError(
+                f"the covariance of {one} and {two} is none that two estimates can have",
+                parameter=one,
+            )
+
+    def _require_uncertainty(self) -> None:
+        """Refuse errors and intervals that do not belong to the covariance."""
+        result = self.result
+        estimates = result.estimates if isinstance(result, FitResult) else ()
+        for base, estimate in zip_longest(self.base_parameters, estimates):
+            given = base.standard_error, base.relative_std_percent, *base.interval_95_percent
+            meant = (np.nan,) * 4
+            if estimate is not None:
+                meant = estimate.standard_error, estimate.relative_std, *estimate.interval
+            size = max(abs(base.value), *(abs(x) for x in meant if np.isfinite(x)), 0.0)
+            words = "standard error", "relative deviation", "interval", "interval"
+            for what, one, other in zip(words, given, meant, strict=True):
+                if not _same(one, other, size if what == "interval" else 0.0):
+                    raise DataError(
+                        f"the {what} of {base.name} is not that of its value, covariance and "
+                        "degrees of freedom",
+                        parameter=base.name,
+                    )
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -376,8 +447,8 @@ class SavedFit(_Section):
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""
-        record: dict[str, Any] = _plain(self.model_dump())
-        return record
+        record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
+        return record | {"digest": _digest(record)}
 
     def content(self, path: str | Path) -> str:
         """The content of a file of that name."""
@@ -434,6 +505,13 @@ class SavedFit(_Section):
         return DataError(
             f"this is a fit of {self.robot.name}, not of {mechanism.path}{files}: {difference}"
         )
+
+
+def _same(one: float, other: float, size: float) -> bool:
+    """Whether numbers agree, also relative to a size; what is not finite is null in files."""
+    if not (math.isfinite(one) and math.isfinite(other)):
+        return math.isfinite(one) == math.isfinite(other)
+    return abs(one - other) <= FOLLOWS * max(abs(one), abs(other), size)
 
 
 def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
@@ -539,14 +617,22 @@ def read_fit(path: str | Path) -> SavedFit:
     """
     document = _document(Path(path))
     try:
-        return SavedFit.model_validate_json(document)
+        saved = SavedFit.model_validate_json(document)
     except ValidationError as error:
         detail = error.errors(include_url=False)[0]
-        where = "".join(f"{key}." for key in detail["loc"])[:-1]
-        found = f"{where}: {detail['msg']}" if where else detail["msg"]
-        raise DataError(f"{path} is not a saved fit: {found}", field=where) from error
+        where = ".".join(map(str, detail["loc"]))
+        found = ": ".join(filter(None, (where, detail["msg"].removeprefix("Value error, "))))
+        facts = getattr(detail.get("ctx", {}).get("error"), "facts", {})
+        raise DataError(f"{path} is not a saved fit: {found}", field=where, **facts) from error
     except (TypeError, OverflowError) as error:  # of whole numbers that are none
         raise DataError(f"{path} is not a saved fit: {error}") from error
+    if saved.digest not in (None, _digest(json.loads(document))):
+        raise DataError(
+            f"{path} was changed after it was written: its digest is that of other numbers, so "
+            "write it anew by save_fit",
+            field="digest",
+        )
+    return saved
 
 
 def _document(path: Path) -> bytes | str:
@@ -556,7 +642,19 @@ def _document(path: Path) -> bytes | str:
     if reason := why_no_file(path):
         kind = FileError if reason == "does not exist" else DataError
         raise kind(f"{path} {reason}", file=path)
-    return path.read_bytes()
+    with path.open("rb") as stream:
+        content = stream.read(LARGEST_JSON + 1)
+    if len(content) > LARGEST_JSON:
+        raise DataError(f"{path} is longer than the {LARGEST_JSON / 1e6:g} MB that are read")
+    return content
+
+
+def _digest(record: dict[str, Any]) -> str:
+    """SHA-256 of a record but for where its robot was, which may move."""
+    place = ("name", "path", "files")
+    robot = {key: value for key, value in record["robot"].items() if key not in place}
+    rest = {key: value for key, value in record.items() if key != "digest"} | {"robot": robot}
+    return sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
 def _ending(path: str | Path) -> str:

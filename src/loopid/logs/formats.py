@@ -1,21 +1,16 @@
-"""Formats of logs: named streams, each a table of cells; text, NumPy and Parquet.
+"""Formats of logs: named streams, each a table of cells; NumPy and Parquet.
 
 A format is a class, registered by its name in ``loopid.registry.log_formats``.
 """
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from abc import ABC, abstractmethod
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager
 from decimal import Decimal
 from functools import cached_property
-from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from zipfile import ZipFile
@@ -25,7 +20,7 @@ from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import require_plausible, text_blocks, why_no_file
+from loopid.files import require_plausible
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -33,19 +28,19 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
 
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
-QUOTED = re.compile(r'"(?:[^"]|"")*"')
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
-UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # in ns
+NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+LOOKED_AT = 20  # first lines of a text, and cells of a time, that tell how it is written
 NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
 WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
-ENDINGS = (".csv", ".txt", ".tsv")
-COMMENT = "#"
-# Of separators that split a header into equally many cells, the first is taken; None is any space.
-SEPARATORS = ("\t", ";", ",", None)
-NO_NUMBERS = ("", "nan", "+nan", "-nan")
+# A time of the day, perhaps behind a date.
+CLOCK = (
+    r"^(?:(\d{4}[-/]\d\d?[-/]\d\d?)[T ])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)"
+    r"(?:Z|[+-]\d\d:?\d\d)?$"
+)
 
 
 class Table(NamedTuple):
@@ -114,11 +109,12 @@ def numbers_in(source: str, column: polars.Series) -> FloatArray:
 
     if column.dtype != polars.String and not column.dtype.is_numeric():
         raise _other_kind(source, column.name, column.dtype, "numbers")
-    values = _floats(column).fill_null(np.nan).to_numpy()
+    values = floats(column).fill_null(np.nan).to_numpy()
     return np.where(np.abs(values) <= LARGEST_NUMBER, values, np.nan)
 
 
-def _floats(column: polars.Series) -> polars.Series:
+def floats(column: polars.Series) -> polars.Series:
+    """A column of numbers or text as floats, null for other cells."""
     import polars
 
     text = column.dtype == polars.String
@@ -136,22 +132,66 @@ def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
 
     kind = column.dtype
     if kind in (polars.Datetime, polars.Duration, polars.Time):
-        whole, unit = column.to_physical(), UNITS[getattr(kind, "time_unit", "ns")]
-    elif kind.is_integer():
-        whole = column
+        own = NANOSECONDS[getattr(kind, "time_unit", "ns")]
+        return _within_centuries(column.to_physical(), own)
+    if kind.is_integer():
+        stamps = _within_centuries(column, unit)
     elif kind == polars.String or kind.is_numeric():
         # Epoch times have more digits than a float. Polars' decimals take no exponents.
         text = column.cast(polars.String).str.strip_chars(AROUND_CELLS)
+        if text.head(LOOKED_AT).str.contains(CLOCK).any():
+            return _within_centuries(_clock(text), 1)
         if text.str.contains("[eE]").any():
-            return np.array([_exact(cell, unit) for cell in text.to_list()], dtype=np.int64)
-        decimals = text.cast(polars.Decimal(38, len(str(unit)) - 1), strict=False)
-        whole, unit = decimals.to_physical(), 1
+            stamps = np.array([_exact(cell, unit) for cell in text.to_list()], dtype=np.int64)
+        else:
+            decimals = text.cast(polars.Decimal(38, len(str(unit)) - 1), strict=False)
+            stamps = _within_centuries(decimals.to_physical(), 1)
     else:
         raise _other_kind(source, column.name, kind, "times")
+    if len(stamps) and (stamps == NO_STAMP).all():
+        _require_possible(source, column, unit)
+    return stamps
+
+
+def _within_centuries(whole: polars.Series, unit: int) -> IntArray:
+    """Whole numbers in units as nanoseconds (R,)."""
+    import polars
+
     whole = whole.cast(polars.Int64, strict=False).fill_null(NO_STAMP)
     cells, largest = whole.to_numpy(), LARGEST_STAMP // unit
     valid = (cells >= -largest) & (cells <= largest)
     return np.where(valid, np.where(valid, cells, 0) * unit, NO_STAMP)
+
+
+def _require_possible(source: str, column: polars.Series, unit: int) -> None:
+    """Refuse times of which none is within centuries of the epoch."""
+    least = floats(column).abs().min()
+    if isinstance(least, float) and least * unit > LARGEST_STAMP:
+        raise LogError(
+            f"{source}: times in column {column.name!r} are {least:.3g} and more, which is too "
+            "much in its unit: give the unit of the time in a mapping, such as ns",
+            file=source,
+            column=column.name,
+            given=least,
+        )
+
+
+def _clock(text: polars.Series) -> polars.Series:
+    """Times of the day in nanoseconds, from the dates before them."""
+    import polars
+
+    parts = polars.select(
+        date=text.str.extract(CLOCK, 1).str.replace_all("/", "-").str.to_date(strict=False),
+        hours=text.str.extract(CLOCK, 2).cast(polars.Int64),
+        minutes=text.str.extract(CLOCK, 3).cast(polars.Int64),
+        seconds=text.str.extract(CLOCK, 4)
+        .str.replace(",", ".")
+        .cast(polars.Decimal(38, 9))
+        .to_physical()
+        .cast(polars.Int64),
+    )
+    days = parts["date"].to_physical().cast(polars.Int64).fill_null(0)
+    return ((days * 24 + parts["hours"]) * 60 + parts["minutes"]) * (60 * 10**9) + parts["seconds"]
 
 
 def _exact(cell: str | None, unit: int) -> int:
@@ -163,13 +203,19 @@ def _exact(cell: str | None, unit: int) -> int:
 
 
 def array_table(
-    source: str | Path, columns: Mapping[str, NDArray[Any]], rows: IntArray | None = None
+    source: str | Path,
+    columns: Mapping[str, NDArray[Any] | polars.Series],
+    rows: IntArray | None = None,
 ) -> Table:
     """Columns (R,) of numbers or times as a table; their rows are counted from 1 by default."""
     import polars
 
-    cells, count = {}, _common_length(source, {name: len(c) for name, c in columns.items()})
+    cells: dict[str, Any] = {}
+    count = _common_length(source, {name: len(c) for name, c in columns.items()})
     for name, column in columns.items():
+        if isinstance(column, polars.Series):
+            cells[name] = column
+            continue
         if column.dtype.kind not in "biufUmM":
             raise _other_kind(source, name, column.dtype, "numbers")
         # Polars takes neither every size and order of bytes, nor every unit of time.
@@ -226,162 +272,6 @@ def optional(package: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise MissingExtraError.of(package, "logs") from error
-
-
-# ---- text --------------------------------------------------------------------------------------
-
-
-class TextFormat(LogFormat):
-    """One table of text: a header if any, then one sample a line."""
-
-    endings = (*ENDINGS, *(f"{ending}{PACKED}" for ending in ENDINGS))
-
-    @cached_property
-    def _files(self) -> dict[str, Path]:
-        return {stream_name(self.path): self.path}
-
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream: read_header(file).names for stream, file in self._files.items()}
-
-    def source(self, stream: str) -> str:
-        return str(self._files[stream])
-
-    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        return [_read_table(self._files[stream], times, values)]
-
-
-class FolderFormat(TextFormat):
-    """A folder with one table of text a stream, each with time stamps of its own."""
-
-    @classmethod
-    def accepts(cls, path: Path) -> bool:
-        return path.is_dir()
-
-    @cached_property
-    def _files(self) -> dict[str, Path]:
-        files = [file for file in sorted(self.path.glob("*")) if TextFormat.accepts(file)]
-        for file in files:
-            if reason := why_no_file(file):
-                raise LogError(f"{file} {reason}", file=file)
-        if not files:
-            raise LogError(
-                f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz",
-                file=self.path,
-                valid=self.endings,
-            )
-        return {stream_name(file): file for file in files}
-
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
-        for stream, file in self._files.items():
-            with suppress(LogError):  # matters only if its columns are needed
-                found[stream] = read_header(file).names
-        return found
-
-
-def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
-    """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
-    import polars
-
-    header, read, cut_off = read_header(path), 0, None
-    separator, width = header.separator, len(header.names)
-    tables, rows, garbled = [], [], []
-    with closing(text_blocks(path)) as blocks:
-        for block in blocks:
-            text, whole = block.decode("utf-8", "replace"), block.endswith(b"\n")
-            lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
-            row = np.arange(read + 1, read + len(lines) + 1)
-            read += len(lines)
-            if separator != ",":
-                lines = lines.str.replace_all(",", ".", literal=True)  # decimal commas
-            filled = lines.str.contains(r"\S").to_numpy() & (row > header.lines)
-            cut_off = None if whole or not filled[-1] else int(row[-1])
-            filled[-1] &= whole
-            if separator is None:
-                cells = lines.str.extract_all(r"\S+")
-            else:
-                cells = lines.str.split(separator)
-            fine = filled & (cells.list.len() == width).to_numpy()
-            cells = cells.filter(fine).list
-            columns = {name: cells.get(header.names.index(name)) for name in (*times, *values)}
-            numbers = {name: _floats(columns[name]) for name in values}
-            tables.append(polars.DataFrame(columns | numbers))
-            rows.append(row[fine])
-            garbled.append(row[filled & ~fine])
-    table = Table(polars.concat(tables), np.concatenate(rows), np.concatenate(garbled), cut_off)
-    if not len(table.rows):
-        raise LogError(f"{path} has no rows of {width} cells below its header", file=path)
-    return table
-
-
-class Header(NamedTuple):
-    """Names of the columns, what separates cells, and lines before the first sample."""
-
-    names: tuple[str, ...]
-    separator: str | None
-    lines: int
-
-
-def read_header(path: Path) -> Header:
-    """The first line that is no comment or, above bare numbers, the last comment.
-
-    A comment with another number of cells names no columns: then they are called 1, 2, 3.
-    """
-    row, text, comment = _first_line(path)
-    separator = _separator(text)
-    names = _names(text, separator)
-    if _are_numbers(text, separator):
-        row, named = row - 1, _names(comment, _separator(comment))
-        names = named if len(named) == len(names) else [str(k + 1) for k in range(len(names))]
-    repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
-    if repeated:
-        raise LogError(
-            f"{path}: its header names column {repeated[0]!r} more than once",
-            file=path,
-            column=repeated[0],
-        )
-    return Header(tuple(names), separator, row)
-
-
-def _first_line(path: Path) -> tuple[int, str, str]:
-    """Number and text of the first line that is no comment, and the last comment above it."""
-    comment = ""
-    with closing(text_blocks(path)) as blocks:
-        for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
-            line = data.decode("utf-8", "replace").rstrip("\r\n")
-            line = line.removeprefix("\ufeff") if row == 1 else line
-            if not line.replace("\t", " ").isprintable():
-                raise LogError(f"{path} is no text: row {row} is {line!r:.60}", file=path, row=row)
-            if line.startswith(COMMENT):
-                comment = line.lstrip(COMMENT).strip()
-            elif line.strip():
-                return row, line, comment
-    raise LogError(f"{path} is empty{', but for comments' if comment else ''}", file=path)
-
-
-def _separator(line: str) -> str | None:
-    """What splits a line into most cells; into numbers, where one does."""
-    line = line.strip()
-    numbers = [one for one in SEPARATORS if _are_numbers(line, one)]
-    bare = QUOTED.sub("quoted", line)
-    return max(numbers or SEPARATORS, key=lambda separator: len(bare.split(separator)))
-
-
-def _names(line: str, separator: str | None) -> list[str]:
-    """Names of a header; what pairs of double quotes hold is as it is written."""
-    if separator is None or not QUOTED.search(line) or line.count('"') % 2:
-        return [name.strip(AROUND_CELLS) for name in line.split(separator)]
-    (names,) = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return [name.strip() for name in names]
-
-
-def _are_numbers(line: str, separator: str | None) -> bool:
-    """Whether all cells of a line are numbers or empty."""
-    line = line if separator == "," else line.replace(",", ".")
-    cells = [cell.strip(AROUND_CELLS) for cell in line.split(separator)]
-    return any(cells) and all(
-        cell.casefold() in NO_NUMBERS or not np.isnan(number(cell)) for cell in cells
-    )
 
 
 # ---- NumPy and Parquet -------------------------------------------------------------------------

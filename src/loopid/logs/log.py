@@ -13,22 +13,25 @@ from numpy.typing import ArrayLike
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
 from loopid.errors import DataError, OptionError
 from loopid.logs.formats import array_table
-from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping
-from loopid.logs.streams import Dropped, LogTolerances, Stream, align, make_stream, on_joints
+from loopid.logs.headers import UNITS, unit_names, unit_of
+from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping, wrench_name
+from loopid.logs.streams import (
+    Dropped,
+    LogTolerances,
+    Stream,
+    align,
+    make_stream,
+    on_joints,
+    with_increasing_stamps,
+)
+from loopid.logs.wrenches import COMPONENTS, ExternalWrench
 from loopid.records import record
 
-# Units of each quantity, in s, m or rad, N or N m.
-DEGREE = np.pi / 180
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": DEGREE}
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "position": LENGTHS,
-    "force": {"N": 1.0, "kN": 1e3, "N m": 1.0, "N mm": 1e-3, "kN m": 1e3},
-    "velocity": {f"{unit}/s": scale for unit, scale in LENGTHS.items()} | {"rpm": np.pi / 30},
-    "acceleration": {f"{unit}/s^2": scale for unit, scale in LENGTHS.items()},
-}
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
+# Degree of the spline between samples, off by 5e-4 of a signal at a fifth of the rate; and part of
+# a step by which a delay of whole steps may be off one, and needs none.
+DEGREE, WHOLE = 5, 1e-6
 
 
 @record(kw_only=True, checked=True)
@@ -58,6 +61,8 @@ class Log:
         default a twentieth of the motor's own usual top speed.
     dropped : tuple of Dropped
         What was left out on the way here.
+    wrenches : tuple of ExternalWrench
+        Of N samples, that the surroundings exerted on the robot.
 
     Examples
     --------
@@ -79,6 +84,7 @@ class Log:
     saturation: FloatArray | None = None
     idle_speed: NotNegative | None = None
     dropped: tuple[Dropped, ...] = ()
+    wrenches: tuple[ExternalWrench, ...] = ()
 
     def __post_init__(self) -> None:
         time = _increasing(self.time)
@@ -92,6 +98,8 @@ class Log:
             if name in ("position", "force") or getattr(self, name) is not None:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, values)
+        for wrench in self.wrenches:
+            samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
         if self.saturation is not None:
             limits = samples(self.saturation, len(self.joints), "saturation", 1)[0]
             if not limits.min() > 0:
@@ -115,6 +123,7 @@ class Log:
         stretches: ArrayLike | None = None,
         saturation: ArrayLike | None = None,
         idle_speed: float | None = None,
+        wrenches: Sequence[ExternalWrench] = (),
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -122,7 +131,7 @@ class Log:
         Parameters
         ----------
         time : array
-            (N,), increasing.
+            (N,), increasing; up to 2 % of the samples may repeat the time of the one before.
         position, force : array
             (N, m), or (N,) of a single motor.
         joints : sequence of str
@@ -140,6 +149,8 @@ class Log:
             (m,) in N or N m, see ``Log``.
         idle_speed : float, optional
             In m/s or rad/s, see ``Log``.
+        wrenches : sequence of ExternalWrench
+            Of N samples, that the surroundings exert on the robot.
 
         Raises
         ------
@@ -160,13 +171,19 @@ class Log:
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
-        at = _increasing(time) * _scale("time", units.get("time", "s"), joints)
+        at = _row(time) * _scale("time", units.get("time", "s"), joints)
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals = {
             quantity: _columns(values, len(joints), quantity, len(at))
             * _scale(quantity, units.get(quantity), joints)
             for quantity, values in given.items()
             if values is not None
+        }
+        signals |= {
+            wrench_name(k): samples(
+                one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
+            )
+            for k, one in enumerate(wrenches)
         }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
@@ -175,7 +192,7 @@ class Log:
             name=name,
             joints=joints,
             time=at,
-            **signals,
+            **_by_field(signals, wrenches),
             stretches=np.asarray(stretches),
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
@@ -198,7 +215,7 @@ class Log:
         ----------
         frame : DataFrame
             Of Polars or pandas, or what else has columns by name: a dictionary of arrays, an array
-            with fields.
+            with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
         mapping : LogMapping, optional
@@ -224,14 +241,14 @@ class Log:
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
         """
         mapping, joints = mapping or LogMapping(), tuple(joints)
-        names = _names_of(frame)
-        finder = ColumnFinder(name, {name: tuple(map(str, names))}, mapping)
+        mapping.stream_delays(name, joints, [name])
+        columns = _columns_of(frame)
+        finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
         ((_, channels),) = finder.channels(mapping.measured(name, joints)).items()
         time = finder.time(name)
         wanted = {*time.names, *(channel.column for channel in channels)}
-        columns = {str(n): np.asarray(frame[n]) for n in names if str(n) in wanted}
-        table = array_table(name, columns)
-        stream = make_stream(name, table, time, tuple(channels), tolerances.bad_rows)
+        table = array_table(name, {one: _cells(columns[one]) for one in columns if one in wanted})
+        stream = make_stream(name, table, time, tuple(channels), tolerances)
         streams = [on_joints(stream, mapping.joint_maps)]
         return cls.from_streams(name, streams, joints, mapping, tolerances)
 
@@ -249,16 +266,21 @@ class Log:
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
         aligned = align(streams, joints, tolerances.gap)
-        return cls(
+        wrenches = [
+            ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
+            for k, one in enumerate(mapping.wrenches)
+        ]
+        log = cls(
             name=name,
             joints=joints,
             time=aligned.time,
-            **aligned.signals,
+            **_by_field(aligned.signals, wrenches),
             stretches=aligned.stretches,
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
         )
+        return log.delayed(mapping.force_delays(joints))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -278,7 +300,51 @@ class Log:
             if (values := getattr(self, name)) is not None
         }
         kept["stretches"] = renumbered(self.stretches, good)
+        kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
+
+    def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
+        """The log with forces that come late put back to the motion that they belong to.
+
+        Parameters
+        ----------
+        delay : float, mapping or array
+            In s, by which forces of motors are later than positions, of all, by joint, or (m,);
+            negative where positions are late.
+
+        Returns
+        -------
+        Log
+            At the same times, but for those at the ends of stretches whose forces are not known.
+
+        Raises
+        ------
+        OptionError
+            When a joint is not of the log.
+        DataError
+            When no stretch is longer than the delay.
+
+        Examples
+        --------
+        >>> import numpy as np, loopid
+        >>> time = np.arange(0, 2, 0.01)
+        >>> late = loopid.Log.from_arrays(time, np.sin(time), np.sin(time - 0.035), ["crank_joint"])
+        >>> log = late.delayed(0.035)
+        >>> len(late) - len(log), bool(abs(log.force - log.position).max() < 1e-6)
+        (4, True)
+        """
+        shifts = _delays(delay, self.joints)
+        force, known = self.force.copy(), np.ones(len(self), dtype=bool)
+        for part in self.parts():
+            for k in np.flatnonzero(shifts):
+                force[part, k], there = _moved(self.force[part, k], shifts[k] * self.rate(part))
+                known[part] &= there
+        if not known.any():
+            raise DataError(f"{self.name}: no stretch is longer than the delay", argument="delay")
+        if known.all():
+            return replace(self, force=force)
+        lost = Dropped.at("no force at the corrected time", self.time[~known])
+        return replace(self, force=force).select(known, lost)
 
     def parts(self) -> list[slice]:
         """The samples of each stretch, in order."""
@@ -298,12 +364,46 @@ def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
     return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
 
 
+def _delays(delay: float | Mapping[str, float] | ArrayLike, joints: tuple[str, ...]) -> FloatArray:
+    """Delays (m,), zero for joints that are not named."""
+    if isinstance(delay, Mapping):
+        unknown = [joint for joint in delay if joint not in joints]
+        if unknown:
+            raise OptionError.unknown("joint", unknown[0], joints)
+        delay = [delay.get(joint, 0.0) for joint in joints]
+    return np.array(np.broadcast_to(finite(delay, "delay"), len(joints)))
+
+
+def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
+    """Values (N,) from so many steps later, and which there are."""
+    from scipy.interpolate import make_interp_spline  # slow to import
+
+    count, at = len(values), np.arange(len(values)) + steps
+    nearest = np.clip(np.round(at), 0, count - 1).astype(np.int64)
+    known = (at > -WHOLE) & (at < count - 1 + WHOLE)
+    if abs(steps - round(steps)) < WHOLE or count <= DEGREE:
+        return values[nearest], known
+    before = np.clip(np.floor(at), 0, max(count - 2, 0)).astype(np.int64)
+    between = make_interp_spline(np.arange(count), values, k=DEGREE)(np.clip(at, 0, count - 1))
+    # Values that are clipped or held stay what they are.
+    flat = values[before] == values[before + 1]
+    return np.where(flat, values[before], between), known
+
+
 # ---- arrays and tables of others ---------------------------------------------------------------
 
 
 def _increasing(time: ArrayLike) -> FloatArray:
+    values = _row(time)
+    if (np.diff(values) <= 0).any():
+        raise DataError("the time of a log must be a row of increasing numbers", argument="time")
+    return values
+
+
+def _row(time: ArrayLike) -> FloatArray:
+    """Times (N,), which do not go back."""
     values = finite(time, "time")
-    if values.ndim != 1 or not len(values) or (np.diff(values) <= 0).any():
+    if values.ndim != 1 or not len(values) or (np.diff(values) < 0).any():
         raise DataError("the time of a log must be a row of increasing numbers", argument="time")
     return values
 
@@ -323,28 +423,40 @@ def _scale(quantity: str, unit: str | Mapping[str, str] | None, joints: Sequence
         return np.array([_scale(quantity, unit.get(joint), joints) for joint in joints])
     if unit is None:
         return 1.0
-    if unit not in UNITS[quantity]:
-        raise OptionError.unknown(f"unit of the {quantity}", unit, UNITS[quantity])
-    return UNITS[quantity][unit]
+    known = unit_of(quantity, unit)
+    if known is None:
+        raise OptionError.unknown(f"unit of the {quantity}", unit, unit_names(quantity))
+    return known.scale
 
 
 def _on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
     """Times, signals and stretches, as they are where the steps are even between gaps."""
-    steps, gap = np.diff(time), LogTolerances().gap
+    steps, allowed = np.diff(time), LogTolerances()
     median = float(np.median(steps)) if len(steps) else 0.0
-    stretches = np.cumsum(np.append(False, steps > gap * median))
-    if all(off <= EVEN * median for off in _off_even(time, stretches)):
+    stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
+    if all(off <= EVEN * median for off in _off_even(time, stretches)) and (steps > 0).all():
         return time, signals, stretches, ()
     channels = [
-        Channel(what, joint, f"{joint}.{what}", 1.0, 0.0) for what in signals for joint in joints
+        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
+        for what in signals
+        for name in (joints if what in QUANTITIES else COMPONENTS)
     ]
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     columns = [column for values in signals.values() for column in values.T]
     stream = Stream(name, tuple(channels), np.arange(1, len(time) + 1), stamps, tuple(columns))
-    aligned = align([stream], joints, gap)
+    aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+
+
+def _by_field(
+    signals: Mapping[str, FloatArray], wrenches: Sequence[ExternalWrench]
+) -> dict[str, Any]:
+    """Signals on the grid as fields of a log, those of the wrenches in these."""
+    placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
+    found: dict[str, Any] = {name: signals[name] for name in signals if name in QUANTITIES}
+    return {**found, "wrenches": tuple(placed)}
 
 
 def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:
@@ -353,8 +465,10 @@ def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:
         yield float(np.abs(part - np.linspace(part[0], part[-1], len(part))).max())
 
 
-def _names_of(frame: Any) -> list[Any]:
-    """Names of the columns of a DataFrame, a dictionary, or an array with fields."""
+def _columns_of(frame: Any) -> dict[str, Any]:
+    """Columns by name of a DataFrame, a dictionary, or an array with fields."""
+    if hasattr(frame, "collect_schema") and hasattr(frame, "collect"):  # lazy, of Polars
+        frame = frame.collect()
     fields = getattr(getattr(frame, "dtype", None), "names", None)
     keys = frame.keys() if isinstance(frame, Mapping) else getattr(frame, "columns", fields)
     if keys is None:
@@ -362,4 +476,26 @@ def _names_of(frame: Any) -> list[Any]:
             f"a frame has columns with names, as a DataFrame has, not {type(frame).__name__}",
             given=type(frame).__name__,
         )
-    return list(keys)
+    columns = {str(key): frame[key] for key in keys}
+    index: Any = getattr(frame, "index", None)
+    if hasattr(index, "name"):  # of pandas; numbers of rows have no name
+        dates = getattr(getattr(index, "dtype", None), "kind", "") in "mM"
+        name = index.name or ("time" if dates else None)
+        columns |= {} if name is None or str(name) in columns else {str(name): index}
+    return columns
+
+
+def _cells(column: Any) -> Any:
+    """A column as an array (N,) of numbers or times, or as one of Polars."""
+    import polars
+
+    if isinstance(column, polars.Series):
+        return column
+    if getattr(getattr(column, "dtype", None), "tz", None) is not None:  # of pandas
+        return np.asarray(column, dtype="datetime64[ns]")
+    values = np.asarray(column)
+    if values.dtype.kind != "O":
+        return values
+    missing = ("NAType", "NaTType")  # of pandas
+    cells = [None if type(cell).__name__ in missing else cell for cell in values.tolist()]
+    return polars.Series(cells, strict=False)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, count, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
@@ -12,8 +13,10 @@ import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import IntArray, NotNegative, Positive, checked
-from loopid.errors import LogError, OptionError
-from loopid.logs.formats import MOST_LISTED, NO_STAMP, UNITS, stamps_in
+from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
+from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
+from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import Section, first_problem, read_yaml
@@ -23,18 +26,31 @@ if TYPE_CHECKING:
 
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")
+# Of the wrenches, in the order of the mapping.
+wrench_name = "wrench {}".format
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
 
-# Names that are known without a mapping, whatever their case: of the time,
-TIME_PAIRS = (("time_sec", "time_nanosec"), ("sec", "nanosec"), ("secs", "nsecs"))
-TIMES = {"time": "s", "t": "s", "timestamp": "s"} | {f"time_{unit}": unit for unit in UNITS}
-# with the name of a joint, or with the number of a motor as in "force_0".
-WITH_JOINT = {"position": ("position",), "force": ("force", "effort", "torque")}
-WITH_NUMBER = {
-    "position": ("position", "joint_position"),
-    "force": ("force", "effort", "torque", "control_action"),
+# Names that are known without a mapping, as ``words``: of the time,
+TIME_PAIRS = tuple(
+    (f"{prefix}{seconds}", f"{prefix}{rest}")
+    for prefix in ("time_", "", "stamp_", "header_stamp_")
+    for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs"))
+)
+TIMES = {"time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time", "header_stamp"}
+# of quantities, with the name of a joint,
+WITH_JOINT = {
+    "position": ("position", "pos", "angle", "q"),
+    "force": ("force", "effort", "torque", "tau"),
 }
+# or with the number of a motor, from 0 or from 1 on, as in "force_0", "tau1" and "joint 1 torque".
+WITH_NUMBER = {
+    "position": ("position", "joint_position", "pos", "angle", "joint_angle", "q", "actual_q"),
+    "force": ("force", "effort", "torque", "control_action", "joint_torque", "tau", "tau_j"),
+}
+NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
+# Relative difference of scales that are the same: how many digits people give.
+SAME_SCALE = 1e-2
 
 
 # ---- what a mapping says ----------------------------------------------------------------------
@@ -44,7 +60,7 @@ class TimeColumns(Section):
     """One column with a unit, or two that add up."""
 
     column: str | None = None
-    unit: Literal["s", "ms", "us", "ns"] = "s"
+    unit: Literal["s", "ms", "us", "ns"] | None = None
     seconds: str | None = None
     nanoseconds: str | None = None
 
@@ -99,6 +115,35 @@ class JointMap(Section):
         return self
 
 
+class WrenchColumns(StreamColumns):
+    """Six columns, force x, y, z and moment x, y, z, that the surroundings exert on a frame.
+
+    Moments are about the frame's origin, or a point of the world. Values times the scale, of all or
+    of each, plus the offset, are in N and N m.
+    """
+
+    frame: str
+    axes: Literal["frame", "world"] = "frame"
+    about: tuple[float, float, float] | None = None
+    scale: float | list[float] | None = None
+    offset: float | list[float] = 0.0
+
+    @model_validator(mode="after")
+    def _six_numbers(self) -> WrenchColumns:
+        if self.columns is not None and len(self.columns) != len(COMPONENTS):
+            raise ValueError(f"'columns' must be the six of {', '.join(COMPONENTS)}")
+        for key in ("scale", "offset"):
+            given = getattr(self, key)
+            if isinstance(given, list) and len(given) != len(COMPONENTS):
+                raise ValueError(f"'{key}' must be a number, or six")
+        return self
+
+    def six(self, key: str) -> list[Any]:
+        """The scale or the offset of each column."""
+        given = getattr(self, key)
+        return given if isinstance(given, list) else [given] * len(COMPONENTS)
+
+
 def _columns_tag(value: Any) -> str:
     listed = isinstance(value, StreamColumns)
     listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
@@ -129,7 +174,12 @@ class LogMapping(Section):
     ``stream:column``, or list the columns in the order of the motors; so do ``velocity`` and
     ``acceleration`` where those that were measured are to be used. Values times the scale, plus
     the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
+    Without a scale, columns are in the unit of their header, or else in these units.
+    In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
+    are what the surroundings exert on frames of the robot, each of six columns.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move.
+    ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
+    late the time stamps of whole streams are, by their names.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
 
     Raises
@@ -146,17 +196,19 @@ class LogMapping(Section):
     force: Columns | None = None
     velocity: Columns | None = None
     acceleration: Columns | None = None
-    position_scale: OneOrEach[float] = 1.0
+    position_scale: OneOrEach[float] | None = None
     position_offset: OneOrEach[float] = 0.0
-    force_scale: OneOrEach[float] = 1.0
+    force_scale: OneOrEach[float] | None = None
     force_offset: OneOrEach[float] = 0.0
-    velocity_scale: OneOrEach[float] = 1.0
+    velocity_scale: OneOrEach[float] | None = None
     velocity_offset: OneOrEach[float] = 0.0
-    acceleration_scale: OneOrEach[float] = 1.0
+    acceleration_scale: OneOrEach[float] | None = None
     acceleration_offset: OneOrEach[float] = 0.0
     saturation: OneOrEach[Positive] | None = None
     idle_speed: NotNegative | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
+    wrenches: list[WrenchColumns] = Field(default_factory=list)
+    delay: OneOrEach[float] = 0.0
 
     def __init__(self, **content: Any) -> None:
         try:
@@ -201,6 +253,27 @@ class LogMapping(Section):
             )
         return names
 
+    def stream_delays(
+        self, source: str, joints: Sequence[str], streams: Sequence[str]
+    ) -> dict[str, float]:
+        """Delays of the time stamps of some streams, in s; not those of joints."""
+        given = self.delay if isinstance(self.delay, Mapping) else {}
+        for name in given:
+            if name not in (*joints, *streams):
+                raise LogError(
+                    f"{source}: delay of the mapping names {name!r}: give joints among "
+                    f"{', '.join(joints)}, or streams among {', '.join(streams)}",
+                    source=source,
+                    key="delay",
+                    valid=(*joints, *streams),
+                )
+        return {name: delay for name, delay in given.items() if name not in joints}
+
+    def force_delays(self, joints: Sequence[str]) -> list[float]:
+        """By how much forces of joints are later than their positions, in s."""
+        given = self.delay
+        return [given.get(j, 0.0) if isinstance(given, Mapping) else given for j in joints]
+
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors."""
         given = getattr(self, key)
@@ -244,6 +317,7 @@ class Channel(NamedTuple):
     column: str
     scale: float
     offset: float
+    straight: bool | None = None  # whether the header's unit is of slides; None where it says none
 
 
 class TimeColumn(NamedTuple):
@@ -264,7 +338,7 @@ class TimeColumn(NamedTuple):
         if self.rest is None:
             return stamps
         rest = stamps_in(source, cells[self.rest], 1)
-        valid = (stamps != NO_STAMP) & (rest >= 0) & (rest < UNITS["s"])
+        valid = (stamps != NO_STAMP) & (rest >= 0) & (rest < NANOSECONDS["s"])
         return np.where(valid, stamps + np.where(valid, rest, 0), NO_STAMP)
 
 
@@ -281,25 +355,32 @@ class ColumnFinder:
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
         """The columns of all quantities by stream, that of the first position first."""
         found: dict[Place, Channel] = {}
-        for quantity in QUANTITIES:
-            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None:
-                for place, channel in self._channels_of(quantity, joints):
-                    if place in found:
-                        raise self._refused(
-                            f"column {place.column!r} is mapped twice: each {quantity} has a "
-                            "column of its own",
-                            column=place.column,
-                        )
-                    found[place] = channel
+        wanted = [
+            quantity
+            for quantity in QUANTITIES
+            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
+        ]
+        of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
+        for place, channel in chain(*of_motors, self._wrenches()):
+            if place in found:
+                raise self._refused(
+                    f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
+                    "column of its own",
+                    column=place.column,
+                )
+            found[place] = channel
         streams: dict[str, list[Channel]] = {}
         for place, channel in found.items():
-            if channel.column in self.time(place.stream).names:
-                raise self._refused(
-                    f"column {channel.column!r} is the time, so that it cannot be the "
-                    f"{channel.quantity} of {channel.joint}, too",
-                    column=channel.column,
-                )
             streams.setdefault(place.stream, []).append(channel)
+        for stream, channels in streams.items():
+            times = self.time(stream).names
+            for channel in channels:
+                if channel.column in times:
+                    raise self._refused(
+                        f"column {channel.column!r} is the time, so that it cannot be the "
+                        f"{channel.quantity} of {channel.joint}, too",
+                        column=channel.column,
+                    )
         return streams
 
     def _channels_of(
@@ -316,22 +397,81 @@ class ColumnFinder:
             )
         scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
         offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
-        for joint, place, *linear in zip(joints, places, scales, offsets, strict=True):
-            yield place, Channel(quantity, joint, place.column, *linear)
+        for joint, place, scale, offset in zip(joints, places, scales, offsets, strict=True):
+            said = heading(place.column, joint)
+            linear = self._linear(quantity, place.column, said, scale, f"{quantity}_scale")
+            yield place, Channel(quantity, joint, place.column, linear[0], offset, linear[1])
+
+    def _wrenches(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of the wrenches, each of them a quantity."""
+        for k, given in enumerate(self.mapping.wrenches):
+            places = self._listed_columns(given)
+            if len(places) != len(COMPONENTS):
+                raise self._refused(
+                    f"there are {len(places)} columns for the wrench on {given.frame}, but it "
+                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}",
+                    columns=tuple(map(str, places)),
+                )
+            numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
+            for place, component, scale, offset in numbers:
+                column, said = place.column, heading(place.column)
+                scale, straight = self._linear("force", column, said, scale, "scale of wrenches")
+                if straight is not None and straight != component.startswith("force"):
+                    raise self._refused(
+                        f"the unit of column {column!r} is not that of the {component} on "
+                        f"{given.frame}: forces stand before moments",
+                        column=column,
+                    )
+                yield place, Channel(wrench_name(k), component, column, scale, offset)
+
+    def _linear(
+        self, quantity: str, column: str, said: Heading, given: float | None, key: str
+    ) -> tuple[float, bool | None]:
+        """Scale of a column, as the mapping or else its header says, and what that unit is of."""
+        known = None if said.unit is None else unit_of(quantity, said.unit)
+        if given is not None:
+            if known is not None and abs(abs(given) / known.scale - 1) > SAME_SCALE:
+                warn(
+                    f"{self.source}: column {column!r} is in {known.name}, which is "
+                    f"{known.scale:.4g}, but {key} of the mapping says {given:.4g}: the mapping "
+                    "holds",
+                    DataWarning,
+                )
+            return given, None
+        if known is not None:
+            return known.scale, known.straight
+        if said.unit is not None and said.sure:
+            raise self._refused(
+                f"column {column!r} is in {said.unit!r}, which is no known unit of a {quantity} "
+                f"({', '.join(unit_names(quantity))}): give {key} in a mapping",
+                column=column,
+                unit=said.unit,
+                valid=tuple(unit_names(quantity)),
+            )
+        return 1.0, None
+
+    @cached_property
+    def _times(self) -> dict[str, TimeColumn]:
+        return {}
 
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
-        if self.mapping.time is not None:
-            return self._given_time(self.mapping.time, stream)
+        if stream not in self._times:
+            given = self.mapping.time
+            found = self._found_time(stream) if given is None else self._given_time(given, stream)
+            self._times[stream] = found
+        return self._times[stream]
+
+    def _found_time(self, stream: str) -> TimeColumn:
         here = self.streams[stream]
         for pair in TIME_PAIRS:
-            both = [name for name in here if name.casefold() in pair]
-            if len(both) == 2 and len({name.casefold() for name in both}) == 2:
-                seconds, rest = sorted(both, key=lambda name: pair.index(name.casefold()))
-                return TimeColumn(seconds, UNITS["s"], rest)
-        found = [name for name in here if name.casefold() in TIMES]
+            names = [name for name in here if words(name) in pair]
+            both = {words(name): name for name in names}
+            if len(names) == len(both) == 2:
+                return TimeColumn(both[pair[0]], NANOSECONDS["s"], both[pair[1]])
+        found = [name for name in here if {words(name), words(heading(name).name)} & TIMES]
         if len(found) == 1:
-            return TimeColumn(found[0], UNITS[TIMES[found[0].casefold()]])
+            return TimeColumn(found[0], self._nanoseconds(found[0]))
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
         raise self._refused(
             f"{stream} has {problem}: call one column time, or name it in a mapping; "
@@ -342,15 +482,25 @@ class ColumnFinder:
 
     def _given_time(self, given: TimeColumns, stream: str) -> TimeColumn:
         columns = [n for n in (given.column, given.seconds, given.nanoseconds) if n is not None]
+        here = {heading(name).name: name for name in self.streams[stream]}
+        here |= {name: name for name in self.streams[stream]}
         for name in columns:
-            if name not in self.streams[stream]:
+            if name not in here:
                 raise self._refused(
                     f"{stream} has no column {name!r} for the time: {self._choices()}",
                     stream=stream,
                     given=name,
                 )
-        unit = UNITS[given.unit] if given.column is not None else UNITS["s"]
-        return TimeColumn(columns[0], unit, *columns[1:])
+        first, *rest = (here[name] for name in columns)
+        unit = NANOSECONDS["s"] if rest else self._nanoseconds(first, given.unit)
+        return TimeColumn(first, unit, *rest)
+
+    def _nanoseconds(self, column: str, given: str | None = None) -> int:
+        """The unit of a column of times, as the mapping or else its header says."""
+        said = heading(column)
+        scale = None if given is None else NANOSECONDS[given] / NANOSECONDS["s"]
+        scale, _ = self._linear("time", column, said, scale, "the unit of the time")
+        return round(scale * NANOSECONDS["s"])
 
     def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
         """Columns of a quantity in the order of the motors."""
@@ -365,7 +515,12 @@ class ColumnFinder:
                 f"it starts with numbers: name its columns by their numbers in a mapping; "
                 f"{self._choices()}"
             )
-        return self._numbered(quantity) or [self._of_joint(joint, quantity) for joint in joints]
+        own = [self._of_joint(joint, quantity) for joint in joints]
+        if not all(own) and (numbered := self._numbered(quantity)):
+            return numbered
+        return [
+            self._only(joint, quantity, found) for joint, found in zip(joints, own, strict=True)
+        ]
 
     def _listed_columns(self, given: StreamColumns) -> list[Place]:
         """Columns in the order of the motors; by default all of a stream but its time."""
@@ -390,33 +545,36 @@ class ColumnFinder:
         return [Place(given.stream, name) for name in names if name not in times]
 
     def _numbered(self, quantity: str) -> list[Place]:
-        """Columns such as position_0, position_1, ..."""
-        for prefix in WITH_NUMBER.get(quantity, ()):
-            places: list[Place] = []
-            while found := self._matching([f"{prefix}_{len(places)}"]):
-                places.append(self._only(f"motor {len(places)}", quantity, found))
-            if places:
-                return places
+        """Columns such as position_0, position_1, ... or tau1, tau2, ..."""
+        for word, pattern in product(WITH_NUMBER.get(quantity, ()), NUMBERED):
+            for first in (0, 1):
+                places: list[Place] = []
+                for k in count(first):
+                    found = self._matching([pattern.format(word=word, k=k)])
+                    if not found:
+                        break
+                    places.append(self._only(f"motor {k}", quantity, found))
+                if places:
+                    return places
         return []
 
-    def _of_joint(self, joint: str, quantity: str) -> Place:
-        """A column such as leg1.force, leg1_force, force.leg1; a position may be leg1, too."""
+    def _of_joint(self, joint: str, quantity: str) -> list[Place]:
+        """Columns such as leg1.force, leg1_force, force.leg1; a position may be leg1, too."""
         names = [
             pattern.format(joint, word)
             for word in WITH_JOINT[quantity]
             for pattern in ("{}.{}", "{}_{}", "{1}.{0}", "{1}_{0}")
         ]
-        found = self._matching([*names, joint] if quantity == "position" else names)
+        return self._matching(names, (joint,) if quantity == "position" else ())
+
+    def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
         if not found:
             raise self._refused(
-                f"there is no {quantity} of {joint}: call a column {names[0]}, or name it in a "
-                f"mapping; {self._choices()}",
+                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, or name it "
+                f"in a mapping; {self._choices()}",
                 quantity=quantity,
                 joint=joint,
             )
-        return self._only(joint, quantity, found)
-
-    def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
         if len(found) > 1:
             several = self.choice is not None and len(self.streams) > 1
             also = f", or a {self.choice}," if several else ""
@@ -430,8 +588,14 @@ class ColumnFinder:
         return found[0]
 
     def _called(self, reference: str) -> Place:
-        """The column called ``column`` or ``stream:column``."""
+        """The column called ``column`` or ``stream:column``, with or without its unit."""
         found = [place for place in self._places if reference in (place.column, str(place))]
+        found = found or [
+            place
+            for place in self._places
+            for name in (heading(place.column).name,)
+            if reference in (name, f"{place.stream}:{name}")
+        ]
         if len(found) != 1:
             columns = tuple(map(str, found))
             choice = f"write {' or '.join(columns)}" if found else self._choices()
@@ -439,22 +603,38 @@ class ColumnFinder:
             raise self._refused(f"{said}: {choice}", given=reference, columns=columns)
         return found[0]
 
-    def _matching(self, names: Iterable[str]) -> list[Place]:
-        """Columns with one of the names, whatever their case."""
-        wanted = dict.fromkeys(name.casefold() for name in names)
-        return [place for name in wanted for place in self._by_name.get(name, ())]
+    def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:
+        """Columns with one of the names: as they are, by their words, or at the end of a path.
+
+        Some names stand alone only.
+        """
+        wanted = [name.casefold() for name in (*names, *alone)]
+        by_words = [words(name) for name in (*names, *alone)]
+        paths = [words(name) for name in names]
+        for found, keys in zip(self._by_name, (wanted, by_words, paths), strict=True):
+            places = [place for key in dict.fromkeys(keys) for place in found.get(key, ())]
+            if places:
+                return list(dict.fromkeys(places))
+        return []
 
     @cached_property
     def _places(self) -> list[Place]:
         return [Place(stream, column) for stream, names in self.streams.items() for column in names]
 
     @cached_property
-    def _by_name(self) -> dict[str, list[Place]]:
-        """Columns by name, whatever the case."""
-        found: dict[str, list[Place]] = {}
+    def _by_name(self) -> tuple[dict[str, list[Place]], ...]:
+        """Columns by name whatever the case, by words, and by the words at the end of a path."""
+        whole: dict[str, list[Place]] = {}
+        by_words: dict[str, list[Place]] = {}
+        by_end: dict[str, list[Place]] = {}
         for place in self._places:
-            found.setdefault(place.column.casefold(), []).append(place)
-        return found
+            whole.setdefault(place.column.casefold(), []).append(place)
+            name = heading(place.column).name
+            for key in {words(place.column), words(name)}:
+                by_words.setdefault(key, []).append(place)
+            for key in endings(name):
+                by_end.setdefault(key, []).append(place)
+        return whole, by_words, by_end
 
     def _choices(self) -> str:
         """The columns, for messages."""

@@ -13,8 +13,9 @@ from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.formats import LogFormat, stream_name
 from loopid.logs.log import Log
-from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
+from loopid.logs.mapping import QUANTITIES, ColumnFinder, LogMapping, read_mapping
 from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
+from loopid.logs.wrenches import frame_index
 from loopid.registry import log_formats
 from loopid.robot.mechanism import Mechanism, lock_options
 
@@ -94,6 +95,8 @@ def read_log(
         raise LogError(f"log {place} {reason}", file=place)
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    for wrench in mapping.wrenches:
+        frame_index(robot, wrench.frame)
     found = read_streams(place, robot.actuated, mapping, rows=rows, tolerances=tolerances)
     streams = [check_stream(robot, stream, tolerances) for stream in found]
     check_moving(streams)
@@ -120,7 +123,9 @@ def read_streams(
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
     streams: list[Stream] = []
-    for name, channels in finder.channels(mapping.measured(source, joints)).items():
+    channels_of = finder.channels(mapping.measured(source, joints))
+    delays = mapping.stream_delays(source, joints, [*channels_of])
+    for name, channels in channels_of.items():
         time = finder.time(name)
         columns = [channel.column for channel in channels]
         for table in log.tables(name, time.names, columns):
@@ -129,7 +134,8 @@ def read_streams(
                 table = table.between(*rows)
                 source = f"{source}[{rows[0]}:{'' if rows[1] is None else rows[1]}]"
             here = tuple(c for c in channels if c.column in table.cells.columns)
-            stream = make_stream(source, table, time, here, tolerances.bad_rows)
+            stream = make_stream(source, table, time, here, tolerances)
+            stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
@@ -190,6 +196,7 @@ COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of 
 def check_stream(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
     _require_usual_step(stream, allowed)
+    _require_units(robot, stream)
     stream = _inside_limits(robot, stream, allowed)
     stream = _unwrapped(robot, _without_glitches(stream, allowed))
     seconds, model = np.diff(stream.stamps) / 1e9, robot.model
@@ -218,6 +225,22 @@ def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
             step=step,
             fitting=tuple(fitting),
         )
+
+
+def _require_units(robot: Mechanism, stream: Stream) -> None:
+    """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
+    for what in (one for one in stream.channels if one.quantity in QUANTITIES):
+        straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
+        if what.straight is not None and what.straight != straight:
+            said = ("turns", "slides") if what.straight else ("slides", "turns")
+            raise LogError(
+                f"{stream.source}: the unit of column {what.column!r} is that of a joint that "
+                f"{said[1]}, but {what.joint} {said[0]}: give {what.quantity}_scale in a mapping "
+                "if the column is right",
+                source=stream.source,
+                joint=what.joint,
+                column=what.column,
+            )
 
 
 def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:

@@ -17,6 +17,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative
 from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.formats import NO_STAMP, Table, numbers_in
 from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
+from loopid.logs.wrenches import COMPONENTS
 from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
@@ -28,6 +29,9 @@ class LogTolerances:
     """How far a log may be from a perfect one, and still be one."""
 
     bad_rows: NotNegative = 0.1  # part of the rows that may be left out
+    # Part of the rows that may have the time stamp of the row before and other values: loggers that
+    # are late do so in one row of a hundred; a clock that is too coarse in most.
+    repeated_stamps: NotNegative = 0.02
     gap: NotNegative = 5.0  # median steps: a longer one between time stamps is a gap
     # Seconds between stamps, at the median: others mean another unit of the time.
     shortest_step: NotNegative = 1e-5
@@ -87,6 +91,10 @@ class Stream:
             if channel.quantity == quantity:
                 yield channel.joint, values
 
+    def earlier(self, delay: float) -> Stream:
+        """The stream with stamps that are so many s too late put right."""
+        return replace(self, stamps=self.stamps - round(1e9 * delay)) if delay else self
+
     def without(self, bad: BoolArray, reason: str, most: float) -> Stream:
         """The stream without some rows (R,), which a warning names; a LogError for too many."""
         if not bad.any():
@@ -103,7 +111,11 @@ class Stream:
 
 
 def make_stream(
-    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...], most_bad: float
+    source: str,
+    table: Table,
+    time: TimeColumn,
+    channels: tuple[Channel, ...],
+    allowed: LogTolerances,
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     values = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
@@ -118,7 +130,7 @@ def make_stream(
     }
     left_out = [(reason, rows) for reason, rows in reasons.items() if len(rows)]
     for reason, rows in left_out:
-        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, most_bad)
+        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, allowed.bad_rows)
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
@@ -128,15 +140,28 @@ def make_stream(
             rows=int(fine.sum()),
         )
     numbers, stamps, signals = table.rows[fine], stamps[fine], tuple(c[fine] for c in values)
-    wrong = np.flatnonzero(np.diff(stamps) <= 0) + 1
+    stream = Stream(source, channels, numbers, stamps, signals, tuple(left_out))
+    return with_increasing_stamps(stream, allowed)
+
+
+def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows that repeat a time stamp; a LogError where the time goes back."""
+    same = np.append(False, np.diff(stream.stamps) == 0)
+    for values in stream.values:
+        same[1:] &= values[1:] == values[:-1]
+    stream = stream.without(same, "the same time and values as in the row before", allowed.bad_rows)
+    again = np.append(False, np.diff(stream.stamps) == 0)
+    reason = "time stands still, with other values,"
+    stream = stream.without(again, reason, allowed.repeated_stamps)
+    wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
         raise LogError(
-            f"{source}: time must increase from row to row, but goes back or stands still "
-            f"{len(wrong)} times, in {rows_text(numbers[wrong])}",
-            source=source,
-            rows=numbers[wrong].tolist(),
+            f"{stream.source}: time must increase from row to row, but goes back {len(wrong)} "
+            f"times, in {rows_text(stream.rows[wrong])}",
+            source=stream.source,
+            rows=stream.rows[wrong].tolist(),
         )
-    return Stream(source, channels, numbers, stamps, signals, tuple(left_out))
+    return stream
 
 
 def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
@@ -158,7 +183,7 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
                 )
             moved = factors @ np.array([stream.values[k] for k in here]) if here else ()
             for place, joint, values in zip(here, one.joints, moved, strict=bool(here)):
-                channels[place] = channels[place]._replace(joint=joint)
+                channels[place] = channels[place]._replace(joint=joint, straight=None)
                 signals[place] = values
     return replace(stream, channels=tuple(channels), values=tuple(signals))
 
@@ -191,7 +216,7 @@ class Aligned(NamedTuple):
     """Streams on one grid."""
 
     time: FloatArray  # (N,) in s from the first stamp of the first stream
-    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor
+    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor, or a component
     stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
@@ -223,12 +248,13 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
     there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
-    tables = {quantity: np.empty((len(time), len(joints))) for quantity in there}
+    columns = {name: joints if name in QUANTITIES else COMPONENTS for name in there}
+    tables = {name: np.empty((len(time), len(columns[name]))) for name in there}
     dropped = []
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():
             for joint, values in stream.signals(quantity):
-                table[:, joints.index(joint)] = np.interp(time, stamps, values)
+                table[:, columns[quantity].index(joint)] = np.interp(time, stamps, values)
         for reason, numbers in stream.left_out:  # rows without a time lie between others
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))

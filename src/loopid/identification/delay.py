@@ -1,0 +1,473 @@
+"""The delay between forces and motion, found by the fit itself.
+
+Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
+forces is not d, the best fit leaves residuals, whatever the base parameters φ: all of them are
+fitted at each shift, beside friction, an offset and the inertia of each drive, lest what a force
+model lacks looks like a delay. One factor of W serves all shifts, whose forces are right-hand sides
+of it. From the best of them Newton's method goes on with derivatives of the predicted forces by
+time, in a column a motor; their estimates have intervals that allow for autocorrelated errors as
+all others do (``correlation.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked
+from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.identification.estimator import chosen_estimator, solved
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import FitResult
+from loopid.logs.preparing import on_independent, prepare_again
+from loopid.logs.recording import FilterOptions, Recording
+from loopid.motion.filtering import LowPass
+from loopid.observation import triangular_factor
+from loopid.parameters import ParameterSet
+from loopid.records import record
+from loopid.robot.mechanism import Mechanism
+from loopid.workers import one_blas_thread
+
+LEAST_PERIOD = 5.0  # samples of a log a period of the cut-off
+NORMAL = 1.96  # standard errors to the end of a 95 % interval
+DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
+
+
+@record(kw_only=True, checked=True)
+class DelayOptions:
+    """How delays are looked for, and which of them are clear.
+
+    Attributes
+    ----------
+    power : float
+        Part of the power of a motor's position that is below the frequency of its motion; that of
+        the median motor counts.
+    bands : float
+        The cut-off at which delays are looked for, in that frequency: noise of positions, which
+        looks like anything, grows fast with it, and most of what a delay does is below.
+    longest : float
+        Shifts in s that are looked at.
+    part : float
+        The same as a part of the longest stretch: longer ones leave too little of a log.
+    tried : int
+        Shifts of all forces that are tried first, an odd number.
+    iterations : int
+        Of Newton's method at most.
+    settled : float
+        Change in steps of the log that ends them.
+    least : float
+        Delay in steps of the log that is worth a correction.
+    clear : float
+        The least ratio of a clear delay to half of its 95 % interval.
+    alone : float
+        The same of a motor that differs from the others, for which its delay is undone alone.
+    chance : float
+        Probability that delays of motors that agree seem to differ; the interval of the common one
+        is then wider by as much as they do.
+    known : float
+        Singular value of the scaled regressor, relative to the largest, below which a combination
+        of its columns counts for nothing.
+    """
+
+    power: Positive = 0.999
+    bands: Positive = 6.0
+    longest: Positive = 0.25
+    part: Positive = 0.05
+    tried: int = 51
+    iterations: int = 15
+    settled: Positive = 1e-3
+    least: NotNegative = 0.2
+    clear: Positive = 1.75
+    alone: Positive = 6.0
+    chance: Positive = 0.01
+    known: Positive = 1e-6
+
+
+@record
+class Delay:
+    """How much later than the motion the forces of a log are.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        The motors.
+    common : float
+        In s, of all motors together; negative where positions are late.
+    interval : tuple of float
+        Of 95 %; infinite where the recordings do not tell.
+    each : FloatArray
+        (m,), of each motor by itself.
+    intervals : FloatArray
+        (m, 2), of 95 %.
+    step : float
+        Of the log, in s.
+    undone : FloatArray
+        (m,), what is clear: the common one, or where motors differ clearly their own; 0 otherwise.
+    """
+
+    joints: tuple[str, ...]
+    common: float
+    interval: tuple[float, float]
+    each: FloatArray
+    intervals: FloatArray
+    step: float
+    undone: FloatArray
+
+    @property
+    def clear(self) -> bool:
+        """Whether there is anything to undo."""
+        return bool(self.undone.any())
+
+    @property
+    def sentence(self) -> str:
+        """What is clear, with its intervals; empty where nothing is."""
+        if not self.clear:
+            return ""
+        numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
+        said = [_late(joint, *found) for joint, *found, undone in numbers if undone]
+        if np.ptp(self.undone) == 0:
+            said = [_late("all motors", self.common, self.interval)]
+        return (
+            f"forces do not belong to the positions of their time, those of {'; '.join(said)}: "
+            "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
+        )
+
+    def warn(self) -> None:
+        """Tell what is clear."""
+        if self.clear:
+            warn(self.sentence, DataWarning)
+
+
+def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
+    """As in "the crank are 5.1 ms late (95 %: 4.9 to 5.3 ms)"."""
+    sign = 1.0 if delay > 0 else -1.0
+    low, high = sorted(1e3 * sign * float(end) for end in interval)
+    return (
+        f"{whose} are {1e3 * abs(delay):.3g} ms {'late' if delay > 0 else 'early'} "
+        f"(95 %: {low:.3g} to {high:.3g} ms)"
+    )
+
+
+@checked
+def find_delay(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    *,
+    options: DelayOptions = DelayOptions(),
+) -> Delay | None:
+    """How much later than the motion the forces are, of all motors and of each.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    recordings : sequence of Recording
+        From ``prepare_recording``, of one robot and one way of logging.
+    options : DelayOptions, optional
+
+    Returns
+    -------
+    Delay or None
+        None for motions that are known exactly, which have no log, and for too few samples.
+
+    Examples
+    --------
+    Forces that are two rows late:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
+    >>> series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.joint_motion(robot, series.motion(10.0, 100.0))
+    >>> run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01))
+    >>> late = run.time[2:], run.position[2:], run.force[:-2]
+    >>> log = loopid.Log.from_arrays(*late, robot.actuated)
+    >>> model = loopid.find_force_model(robot, "full")
+    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, log)])
+    >>> round(found.common, 3)
+    0.02
+    """
+    robot = force_model.mechanism
+    with one_blas_thread():
+        try:
+            runs = [_in_band(robot, one, options) for one in recordings if one.log is not None]
+            if not runs:
+                return None
+            search = _Search(force_model, [_Run(force_model, one) for one in runs], options)
+            return search.result()
+        except (DataError, RankError):  # too few samples, or a motion without any change
+            return None
+
+
+def without_delay(
+    force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
+) -> tuple[Recording, ...]:
+    """The recordings with what is clear of a delay undone in their logs."""
+    if delay is None or not delay.clear:
+        return tuple(recordings)
+    return tuple(
+        prepare_again(force_model.mechanism, one, log=one.log.delayed(delay.undone))
+        if one.log is not None
+        else one
+        for one in recordings
+    )
+
+
+def _in_band(robot: Mechanism, recording: Recording, options: DelayOptions) -> Recording:
+    """The recording filtered at a few times the frequency of its motion."""
+    log, filtered = recording.log, recording.filter or FilterOptions()
+    assert log is not None
+    part = max(log.parts(), key=lambda part: part.stop - part.start)
+    rate, position = log.rate(part), log.position[part]
+    window = np.hanning(len(position) + 2)[1:-1, None]
+    power = np.abs(np.fft.rfft(window * (position - position.mean(axis=0)), axis=0)) ** 2
+    share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    counts = np.sort((share < options.power).sum(axis=0))
+    frequency = max(int(counts[(len(counts) - 1) // 2]), 1) * rate / len(position)
+    cutoff = min(options.bands * frequency, rate / LEAST_PERIOD)
+    return prepare_again(robot, recording, filter=replace(filtered, cutoff=cutoff))
+
+
+@checked
+def with_delay_errors(
+    fit: FitResult, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
+) -> FitResult:
+    """A fit to recordings whose delay was undone, what is not known of that in its covariance.
+
+    An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
+    by C Σ xᵀ D / σ², with C their covariance and σ² the variance of so many independent errors as
+    would determine a mean as well.
+
+    Parameters
+    ----------
+    data : FitSamples
+        What was fitted, of these recordings.
+    """
+    noise, exact = fit.noise, [one.log is None for one in recordings]
+    if delay is None or not delay.clear or noise is None or all(exact):
+        return fit
+    rates = _rates(data, data.predicted(fit.values), [one.motion.time for one in recordings])
+    counts = np.maximum(noise.samples, 1) * np.where(noise.deviation > 0, noise.deviation, 1.0) ** 2
+    weights = data.used * np.nan_to_num(noise.effective_samples / counts)
+    together = np.ptp(delay.undone) == 0
+    errors = np.ptp(np.array([delay.interval]) if together else delay.intervals, axis=1)
+    errors = np.where(together | (delay.undone != 0), errors, 0.0) / 2 / NORMAL
+    moved = np.einsum("tik,ti->ik", data.regressor, weights * rates)
+    moved = fit.covariance @ (moved.sum(axis=0)[:, None] if together else moved.T) * errors
+    return replace(fit, covariance=fit.covariance + moved @ moved.T)
+
+
+def _rates(samples: FitSamples, force: FloatArray, times: Sequence[FloatArray]) -> FloatArray:
+    """Derivatives by time of forces (N, dof) of samples, whose recordings have times."""
+    from scipy.interpolate import CubicSpline  # slow to import
+
+    rates, time = np.zeros_like(force), np.concatenate(times)
+    for piece in samples.pieces:
+        if piece.stop - piece.start > 1:
+            rates[piece] = CubicSpline(time[piece], force[piece])(time[piece], 1)
+    return rates
+
+
+class _Run:
+    """A recording: its regressor with what may look like a delay, and its forces at any shift."""
+
+    def __init__(self, force_model: ForceModel, recording: Recording) -> None:
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        log = recording.log
+        assert log is not None
+        self.recording, self.robot = recording, force_model.mechanism
+        self.time = np.asarray(recording.motion.time)
+        regressor = force_model.samples(recording).regressor
+        self.regressor = np.concatenate([regressor, _of_drives(recording)], axis=2)
+        parts = log.parts()
+        self.steps = [1 / log.rate(part) for part in parts if part.stop - part.start > 1]
+        self.lengths = [float(np.ptp(log.time[part])) for part in parts]
+        part_of = np.searchsorted([log.time[part.start] for part in parts], self.time, "right") - 1
+        self.signals = []
+        for k in np.unique(part_of):
+            force, rate = log.force[parts[k]], log.rate(parts[k])
+            if recording.cutoff is not None:
+                order = 2 if recording.filter is None else recording.filter.order
+                force = LowPass(recording.cutoff, order).apply(force, rate)
+            signal = make_interp_spline(log.time[parts[k]], force, k=DEGREE, axis=0)
+            self.signals.append((np.flatnonzero(part_of == k), signal))
+
+    def force(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Forces (N, dof) of times that are shifts (m,) later, and which can be used."""
+        force = np.empty((len(self.time), len(shifts)))
+        known = np.empty(force.shape, dtype=bool)
+        for rows, signal in self.signals:
+            first, last = signal.t[[0, -1]]
+            for shift in np.unique(shifts):
+                at, mine = self.time[rows] + shift, np.flatnonzero(shifts == shift)
+                known[np.ix_(rows, mine)] = ((at >= first) & (at <= last))[:, None]
+                force[np.ix_(rows, mine)] = signal(np.clip(at, first, last))[:, mine]
+        force, known = on_independent(self.robot, self.recording.motion, force, known)
+        return force, known & self.recording.used
+
+
+def _of_drives(recording: Recording) -> FloatArray:
+    """Friction, an offset and inertia of each drive (N, dof, 4 dof), filtered as the forces are."""
+    motion, history = recording.motion, recording.history
+    sign = np.sign(motion.velocities)
+    for j, name in enumerate(recording.actuators):
+        if history is not None and name in history.joints:
+            rate = history.velocity[:, history.joints.index(name)]
+            sign[:, j] = history.lowpassed(np.sign(rate))
+    signals = np.stack([sign, motion.velocities, np.ones_like(sign), motion.accelerations], axis=2)
+    table = signals[:, :, None, :] * np.eye(sign.shape[1])[:, :, None]
+    return np.asarray(table.reshape(*sign.shape, -1))
+
+
+class _Search:
+    """The samples of all recordings, their forces at any shift."""
+
+    def __init__(self, force_model: ForceModel, runs: list[_Run], options: DelayOptions) -> None:
+        robot = force_model.mechanism
+        self.runs, self.options, self.joints = runs, options, robot.actuated
+        self.step = min(step for run in runs for step in run.steps)
+        longest = options.part * max(length for run in runs for length in run.lengths)
+        self.longest = min(options.longest, longest)
+        # Motors that act on all coordinates together are not told apart.
+        self.count = 1 if robot.redundant else len(robot.independent)
+        samples = FitSamples.combined([_samples(run, robot.independent) for run in runs])
+        self.motion = self._told(samples)
+
+    def _told(self, samples: FitSamples) -> FitSamples:
+        """The samples of those combinations of columns only that the motion tells."""
+        sizes = samples.problem.force_rms
+        weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+        R = samples.problem.weighted(weights)[:-1, :-1]
+        norms = np.linalg.norm(R, axis=0)
+        norms[norms == 0] = np.inf
+        _, values, right = np.linalg.svd(R / norms)
+        kept = values > self.options.known * values[0]
+        turn = (right[kept] / values[kept, None]).T / norms[:, None]
+        return replace(
+            samples,
+            parameters=_numbered("motion", turn.shape[1]),
+            regressor=samples.regressor @ turn,
+        )
+
+    def shifted(self, shifts: FloatArray) -> FitSamples:
+        """The samples with forces of times that are shifts (count,) later."""
+        each = np.broadcast_to(shifts, len(self.joints))
+        force, used = zip(*(run.force(each) for run in self.runs), strict=True)
+        return replace(self.motion, force=np.concatenate(force), used=np.concatenate(used))
+
+    def best_shift(self) -> float:
+        """Shift of all forces that leaves the least residuals, of those that are tried."""
+        shifts = np.linspace(-self.longest, self.longest, self.options.tried)
+        tried = [self.shifted(shift) for shift in shifts[:, None]]
+        used = np.all([each.used for each in tried], axis=0)
+        samples = replace(self.motion, used=used)
+        weights = chosen_estimator("wls").fit(samples.problem).weights
+        columns = [samples.regressor, *(each.force[:, :, None] for each in tried)]
+        table = np.concatenate(columns, axis=2) * (weights * used)[:, :, None]
+        R = triangular_factor(table.reshape(-1, table.shape[2]))
+        width = samples.regressor.shape[2]
+        left = np.linalg.norm(R[width:, width:], axis=0)
+        return float(shifts[int(left.argmin())])
+
+    def refined(self, shift: float, *, together: bool) -> tuple[FloatArray, FloatArray]:
+        """Delays (k,) from a shift on, of all motors or each, and their 95 % intervals (k, 2)."""
+        shifts, width = (
+            np.full(1 if together else self.count, shift),
+            self.motion.regressor.shape[2],
+        )
+        reach = 2 * self.longest / (self.options.tried - 1)
+        start = chosen_estimator("wls").fit(self.shifted(shifts).problem)
+        values, weights = start.values, start.weights
+        for _ in range(self.options.iterations):
+            samples = self._with_rates(self.shifted(shifts), values, len(shifts))
+            found, _ = solved(samples.problem, weights)
+            values, change = found[:width], np.clip(found[width:], -reach, reach)
+            shifts = np.clip(shifts + change, -self.longest, self.longest)
+            if np.abs(change).max() <= self.options.settled * self.step:
+                fitted = quiet_fit(self._with_rates(self.shifted(shifts), values, len(shifts)))
+                delays, intervals = fitted.values[width:], fitted.intervals()[width:]
+                return shifts + delays, shifts[:, None] + intervals
+        return shifts, np.tile([-np.inf, np.inf], (len(shifts), 1))
+
+    def _with_rates(self, samples: FitSamples, values: FloatArray, count: int) -> FitSamples:
+        """With columns of what a delay of all motors, or of each, does to the forces at values."""
+        rates = _rates(samples, samples.predicted(values), [run.time for run in self.runs])
+        columns = -rates[:, :, None] * (1.0 if count == 1 else np.eye(count))
+        names = samples.parameters.parameters + _numbered("delay", count).parameters
+        return replace(
+            samples,
+            parameters=ParameterSet(names),
+            regressor=np.concatenate([samples.regressor, columns], axis=2),
+        )
+
+    def result(self) -> Delay:
+        """The delay of all motors, and of each."""
+        shift = self.best_shift()
+        common, (interval,) = self.refined(shift, together=True)
+        each, intervals = self.refined(common[0], together=self.count == 1)
+        # Motors that disagree by more than their errors: what no model has looks like a delay.
+        errors = np.ptp(intervals, axis=1) / 2 / NORMAL
+        interval = common + self._disagreement(each, errors) * (interval - common)
+        undone = np.zeros(len(each))
+        alone = [k for k in range(len(each)) if self._stands_out(k, each, errors)]
+        if alone:
+            undone[alone] = each[alone]
+        elif self._clear(common[0], float(np.ptp(interval)) / 2):
+            undone[:] = common
+        m = len(self.joints)
+        return Delay(
+            joints=self.joints,
+            common=float(common[0]),
+            interval=(float(interval[0]), float(interval[1])),
+            each=np.array(np.broadcast_to(each, m)),
+            intervals=np.array(np.broadcast_to(intervals, (m, 2))),
+            step=self.step,
+            undone=np.array(np.broadcast_to(undone, m)),
+        )
+
+    def _disagreement(self, delays: FloatArray, errors: FloatArray) -> float:
+        """How many times as far as their errors let expect delays (k,) differ, where clearly."""
+        from scipy.special import chdtri  # slow to import
+
+        if len(delays) < 2 or not np.isfinite(errors).all():
+            return 1.0
+        mean = np.average(delays, weights=errors**-2)
+        square, freedom = float((((delays - mean) / errors) ** 2).sum()), len(delays) - 1
+        return np.sqrt(square / freedom) if square > chdtri(freedom, self.options.chance) else 1.0
+
+    def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
+        """Whether a motor has clearly a delay of its own, and the others none like it."""
+        others = np.delete(np.arange(len(delays)), k)
+        if not (len(others) and np.isfinite(errors).all()):
+            return False
+        mean = np.average(delays[others], weights=errors[others] ** -2)
+        scale = self._disagreement(delays[others], errors[others]) * NORMAL * self.options.alone
+        own = self._clear(delays[k], NORMAL * errors[k])
+        return own and abs(delays[k] - mean) > scale * np.hypot(
+            errors[k], (errors[others] ** -2).sum() ** -0.5
+        )
+
+    def _clear(self, delay: float, half: float) -> bool:
+        """Whether a delay is clear, by half of its 95 % interval."""
+        return bool(abs(delay) > max(self.options.clear * half, self.options.least * self.step))
+
+
+def _samples(run: _Run, actuators: tuple[str, ...]) -> FitSamples:
+    """All samples of a recording."""
+    recording, names = run.recording, _numbered("column", run.regressor.shape[2])
+    return FitSamples.of(
+        names,
+        actuators,
+        run.regressor,
+        recording.force,
+        used=recording.used,
+        stretches=recording.stretches,
+    )
+
+
+def _numbered(what: str, count: int) -> ParameterSet:
+    return ParameterSet.from_labels(f"{what}.{k}" for k in range(count))

@@ -1,0 +1,308 @@
+"""Logs as tables of text, and folders of them: what separates cells, and which line names them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from contextlib import closing, suppress
+from functools import cached_property
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+import numpy as np
+
+from loopid.arguments import number
+from loopid.errors import LogError
+from loopid.files import text_blocks, why_no_file
+from loopid.logs.formats import (
+    AROUND_CELLS,
+    CLOCK,
+    LOOKED_AT,
+    PACKED,
+    LogFormat,
+    Table,
+    floats,
+    stream_name,
+)
+from loopid.logs.headers import is_unit
+
+if TYPE_CHECKING:  # slow to import, and only needed to read a log
+    import polars
+
+ENDINGS = (".csv", ".txt", ".tsv")
+COMMENTS = ("#", "%")
+# Of separators that do equally well, the first is taken; None is any space.
+SEPARATORS = ("\t", ";", ",", None)
+QUOTED = r'"(?:[^"]|"")*"'
+NO_NUMBERS = ("", "nan", "+nan", "-nan")
+AROUND_UNITS = "[](){} "
+NO_UNITS = ("", "-", "1")  # of columns without one, in a line of units
+# Commas of thousands look like decimal ones in a cell between quotes; of these neither is read.
+THOUSANDS = r"^[+-]?[1-9]\d{0,2}(?:,\d{3})+$"
+Item = TypeVar("Item", bound=Hashable)
+
+
+class TextFormat(LogFormat):
+    """One table of text: a header if any, then one sample a line."""
+
+    endings = (*ENDINGS, *(f"{ending}{PACKED}" for ending in ENDINGS))
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        return {stream_name(self.path): self.path}
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {stream: read_header(file).names for stream, file in self._files.items()}
+
+    def source(self, stream: str) -> str:
+        return str(self._files[stream])
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        return [_read_table(self._files[stream], times, values)]
+
+
+class FolderFormat(TextFormat):
+    """A folder with one table of text a stream, each with time stamps of its own."""
+
+    @classmethod
+    def accepts(cls, path: Path) -> bool:
+        return path.is_dir()
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        files = [file for file in sorted(self.path.glob("*")) if TextFormat.accepts(file)]
+        for file in files:
+            if reason := why_no_file(file):
+                raise LogError(f"{file} {reason}", file=file)
+        if not files:
+            raise LogError(
+                f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz",
+                file=self.path,
+                valid=self.endings,
+            )
+        return {stream_name(file): file for file in files}
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
+        for stream, file in self._files.items():
+            with suppress(LogError):  # matters only if its columns are needed
+                found[stream] = read_header(file).names
+        return found
+
+
+def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
+    """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
+    import polars
+
+    header, read, cut_off = read_header(path), 0, None
+    width = len(header.names)
+    tables, rows, garbled = [], [], []
+    with closing(text_blocks(path)) as blocks:
+        for block in blocks:
+            text, whole = _decoded(block), block.endswith(b"\n")
+            lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
+            row = np.arange(read + 1, read + len(lines) + 1)
+            read += len(lines)
+            filled = lines.str.contains(r"\S").to_numpy() & (row > header.lines)
+            cut_off = None if whole or not filled[-1] else int(row[-1])
+            filled[-1] &= whole
+            cells = _split(lines, header.separator, quoted='"' in text)
+            fine = filled & (cells.list.len() == width).to_numpy()
+            cells = cells.filter(fine).list
+            columns = {name: cells.get(header.names.index(name)) for name in (*times, *values)}
+            numbers = {name: floats(columns[name]) for name in values}
+            tables.append(polars.DataFrame(columns | numbers))
+            rows.append(row[fine])
+            garbled.append(row[filled & ~fine])
+    table = Table(polars.concat(tables), np.concatenate(rows), np.concatenate(garbled), cut_off)
+    if not len(table.rows):
+        raise LogError(
+            f"{path} has no rows of {width} cells below row {header.lines}, as its header has: "
+            "decimal commas, or names with a separator that are not in quotes?",
+            file=path,
+            columns=width,
+        )
+    return table
+
+
+def _decoded(data: bytes) -> str:
+    """Text in UTF-8, or else in the code page of Windows."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
+def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> polars.Series:
+    """Cells of lines, with decimal points; what is between quotes is in one cell."""
+    import polars
+
+    if not quoted:
+        if separator != ",":
+            lines = lines.str.replace_all(",", ".", literal=True)
+        return lines.str.extract_all(r"\S+") if separator is None else lines.str.split(separator)
+    cells = ((separator or "") + lines).str.extract_all(_cell(separator))
+    own = polars.element().str.strip_prefix(separator or "").str.strip_chars(AROUND_CELLS)
+    points = own.str.replace_all(",", ".", literal=True)
+    thousands = own.str.contains(THOUSANDS) if separator == "," else polars.lit(value=False)
+    return cells.list.eval(polars.when(thousands).then(own).otherwise(points))
+
+
+def _cell(separator: str | None) -> str:
+    """Pattern of a cell with the separator before it, so that none is empty."""
+    if separator is None:
+        return rf"{QUOTED}|\S+"
+    return rf"{separator} *(?:{QUOTED}[^{separator}]*|[^{separator}]*)"
+
+
+# ---- the header -------------------------------------------------------------------------------
+
+
+class Header(NamedTuple):
+    """Names of the columns, what separates cells, and lines before the first sample."""
+
+    names: tuple[str, ...]
+    separator: str | None
+    lines: int
+
+
+class Line(NamedTuple):
+    """A line that is not blank."""
+
+    row: int
+    text: str
+
+    def cells(self, separator: str | None) -> list[str]:
+        """What is between separators that stand outside of quotes."""
+        found = re.findall(_cell(separator), (separator or "") + self.text)
+        return [_content(cell.removeprefix(separator or "").strip()) for cell in found]
+
+    def numbers(self, separator: str | None) -> tuple[bool, ...]:
+        """Which cells are numbers, times of the day, or empty."""
+        cells = self.cells(separator)
+        return tuple(_is_number(c if separator == "," else c.replace(",", ".")) for c in cells)
+
+
+def _content(cell: str) -> str:
+    """A cell without its quotes, between which two stand for one."""
+    if re.fullmatch(QUOTED, cell):
+        return cell[1:-1].replace('""', '"').strip()
+    return cell.strip(AROUND_CELLS)
+
+
+def _is_number(cell: str) -> bool:
+    known = cell.casefold() in NO_NUMBERS or re.match(CLOCK, cell)
+    return bool(known) or not np.isnan(number(cell))
+
+
+def read_header(path: Path) -> Header:
+    """The names of the columns: in a line above the samples, or the last comment there.
+
+    That has as many cells as the samples; a line of units below adds them to the names. Columns
+    without names are called 1, 2, 3.
+    """
+    comment, lines = _first_lines(path)
+    separator = _separator(lines)
+    width = _usual(len(line.cells(separator)) for line in lines[1:] or lines)
+    numbers = [line.numbers(separator) for line in lines]
+    usual = _usual(each for each in numbers[1:] or numbers if len(each) == width)
+    # Samples have numbers where most lines have them.
+    samples = [k for k, each in enumerate(numbers) if each == usual and any(each)]
+    above = lines[: samples[0]] if samples else lines[:1]
+    # Whether all samples end with a separator.
+    ends = [not lines[k].cells(separator)[-1] for k in samples]
+    spare = bool(ends) and all(ends)
+    found = [_names(line, separator, width, spare) for line in above]
+    named = next((k for k, names in enumerate(found) if names), None)
+    if named is not None:
+        names, last = found[named], above[named].row
+        below = above[named + 1].cells(separator) if named + 1 < len(above) else []
+        units = [cell.strip(AROUND_UNITS) for cell in below]
+        if len(units) == len(names) and _are_units(units):
+            last = above[named + 1].row
+            told = zip(names, units, strict=True)
+            names = [name if unit in NO_UNITS else f"{name} [{unit}]" for name, unit in told]
+        return _header(path, names, separator, last)
+    garbled = [line for line in above if any(map(_is_number, filter(None, line.cells(separator))))]
+    if above and not garbled and len(names := above[-1].cells(separator)) > 1:
+        return _header(path, names, separator, above[-1].row)  # rows below may be garbled
+    first = (garbled or lines[len(above) :])[0].row
+    names = _names(Line(0, comment), separator, width, spare) or [str(k + 1) for k in range(width)]
+    return _header(path, names, separator, first - 1)
+
+
+def _header(path: Path, names: Sequence[str], separator: str | None, lines: int) -> Header:
+    """The header, whose names must differ."""
+    repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
+    if repeated:
+        raise LogError(
+            f"{path}: its header names column {repeated[0]!r} more than once",
+            file=path,
+            column=repeated[0],
+        )
+    return Header(tuple(names), separator, lines)
+
+
+def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[str]:
+    """So many names in a line, with that separator or any other; empty where there are not.
+
+    Separators at the end of the line, or of all samples, which have a spare cell, do not count.
+    """
+    for one in (separator, *SEPARATORS):
+        cells = line.cells(one)
+        if len(cells) == width + 1 and not cells[-1]:
+            cells = cells[:-1]
+        if len(cells) == width - 1 and spare:
+            cells = [*cells, ""]
+        if len(cells) == width and not all(line.numbers(one)):
+            return cells
+    return []
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether cells of a line below the header are units, some perhaps unknown."""
+    told = [cell for cell in cells if cell not in NO_UNITS]
+    return bool(told) and 2 * sum(map(is_unit, told)) > len(told)
+
+
+def _first_lines(path: Path) -> tuple[str, list[Line]]:
+    """The last comment at the head of a file, and the first lines below it."""
+    comment, lines = "", list[Line]()
+    with closing(text_blocks(path)) as blocks:
+        for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
+            text = _decoded(data).rstrip("\r\n")
+            text = text.removeprefix("\ufeff") if row == 1 else text
+            if not lines and not text.replace("\t", " ").isprintable():
+                wide = ": is it in UTF-16? Save it in UTF-8" if "\x00" in text else ""
+                said = f"{path} is no text: row {row} is {text!r:.60}{wide}"
+                raise LogError(said, file=path, row=row)
+            if not lines and text.startswith(COMMENTS):
+                comment = text.lstrip("".join(COMMENTS)).strip()
+            elif text.strip():
+                lines.append(Line(row, text))
+            if len(lines) == LOOKED_AT:
+                break
+    if not lines:
+        raise LogError(f"{path} is empty{', but for comments' if comment else ''}", file=path)
+    return comment, lines
+
+
+def _separator(lines: Sequence[Line]) -> str | None:
+    """What splits samples into most numbers, and the header into as many names."""
+
+    def merit(separator: str | None) -> tuple[bool, bool, bool, int]:
+        rows = lines[1:] or lines
+        width = _usual(len(line.cells(separator)) for line in rows)
+        numeric = sum(all(line.numbers(separator)) for line in rows)
+        named = len(lines[0].cells(separator)) == width
+        return 2 * numeric > len(rows), width > 1, named, width
+
+    return max(SEPARATORS, key=merit)
+
+
+def _usual(items: Iterable[Item]) -> Item:
+    """The most frequent of some items, the first of those that are equally so."""
+    return Counter(items).most_common(1)[0][0]

@@ -1,0 +1,120 @@
+"""Delays of forces: found within their intervals, undone, and not seen elsewhere."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from loopid import FitOptions, JointTerms, find_delay, find_force_model, identify
+from loopid.errors import DataWarning
+from loopid.identification import DelayOptions
+from loopid.logs import Log, Recording, prepare_recording
+from loopid.motion import scaled_bodies
+from made_runs import simulated, wander
+
+RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
+FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
+
+
+@pytest.fixture(scope="module", params=["five_bar", "delta"])
+def case(request, load_once):
+    """A force model, its true values, and a log without noise."""
+    robot = load_once(request.param)
+    terms = JointTerms(robot.actuated, ("Fc", "Fv"))
+    model = find_force_model(robot, "full", terms)
+    size = SIZE if robot.name == "five_bar" else (0.04, 0.04, 0.04)
+    motion = wander(robot, 2, 20.0, RATE, size=size)
+    values = np.tile(FRICTION[robot.name], len(robot.actuated))
+    bodies = scaled_bodies(robot, 0.2)
+    run = simulated(robot, motion, None, standard=bodies, terms=(terms, values))
+    truth = model.base.values(np.concatenate([bodies, values]))
+    return model, truth, Log.from_arrays(run.time, run.position, run.exact_force, robot.actuated)
+
+
+def noisy(log, delay=0.0, seed=0, noise=NOISE):
+    """The log with late forces, and noise of the sensors."""
+    late = log.delayed(-np.asarray(delay))
+    error = noise * np.random.default_rng(seed).normal(size=late.force.shape)
+    return Log.from_arrays(late.time, late.position, late.force + error, late.joints)
+
+
+def prepared(model, log):
+    return prepare_recording(model.mechanism, log)
+
+
+@pytest.mark.parametrize("delay", [-0.02, 0.0, 0.005, 0.0173, 0.05])
+def test_a_delay_is_found_within_its_interval(case, delay):
+    model, _, log = case
+    found = find_delay(model, [prepared(model, noisy(log, delay))])
+    half = np.ptp(found.interval) / 2
+    assert abs(found.common - delay) < 1.7 * half < 0.005
+    assert (np.abs(found.each - delay) < 1.7 * np.ptp(found.intervals, axis=1) / 2).all()
+    assert found.clear == (abs(delay) > DelayOptions().clear * half)
+
+
+def test_intervals_hold_the_delay(case):
+    model, _, log = case
+    inside = []
+    for seed in range(20):
+        found = find_delay(model, [prepared(model, noisy(log, 0.01, seed))])
+        inside.append(found.interval[0] < 0.01 < found.interval[1])
+    assert sum(inside) >= 16  # by chance fewer in one of 400
+
+
+def test_the_fit_of_late_forces_is_that_of_good_ones(case):
+    model, truth, log = case
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", DataWarning)
+        found = identify(model, [prepared(model, noisy(log, 0.02, noise=NOISE / 5))])
+    assert any("those of all motors are" in str(each.message) for each in said)
+    assert found.delay.clear
+    assert np.ptp(found.delay.undone) == 0
+    fit = found["all parameters"].fit
+    assert (np.abs(fit.values - truth) < 4.5 * fit.standard_errors).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        kept = identify(
+            model,
+            [prepared(model, noisy(log, 0.02, noise=NOISE / 5))],
+            options=FitOptions(undo_delay=False),
+        )
+    assert kept.delay is None
+    worst = np.abs((kept["all parameters"].fit.values - truth) / fit.standard_errors).max()
+    assert worst > 10
+
+
+def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case):
+    model, _, log = case
+    alone = np.zeros(len(log.joints))
+    alone[0] = 0.03
+    found = find_delay(model, [prepared(model, noisy(log, alone, noise=NOISE / 5))])
+    assert found.undone[0] == found.each[0] == pytest.approx(0.03, abs=0.001)
+    assert not found.undone[1:].any()
+
+
+def test_forces_that_the_model_lacks_are_no_delay(case):
+    """Viscous friction, drive inertia and offsets that no term has, and friction that is curved."""
+    model, _, log = case
+    bare = find_force_model(model.mechanism, "full", None)
+    velocity = np.gradient(log.position, 1 / RATE, axis=0)
+    acceleration = np.gradient(velocity, 1 / RATE, axis=0)
+    curved = 0.1 * np.sign(velocity) * np.exp(-((velocity / 0.1) ** 2))
+    more = log.force + 0.5 + 0.3 * velocity + 0.05 * acceleration + curved
+    spoilt = noisy(Log.from_arrays(log.time, log.position, more, log.joints))
+    found = find_delay(bare, [prepared(bare, spoilt)])
+    assert not found.clear
+
+
+def test_a_log_that_stands_nearly_still_tells_no_delay(case):
+    model, _, log = case
+    time = np.linspace(0, 60, len(log))
+    slow = Log.from_arrays(time, log.position, np.zeros_like(log.force), log.joints)
+    found = find_delay(model, [prepared(model, noisy(slow))])
+    assert found is None or not found.clear
+
+
+def test_motions_that_are_known_exactly_have_no_delay(case):
+    model, _, log = case
+    recording = prepared(model, noisy(log))
+    exact = Recording.of_motion(recording.motion, recording.force, recording.actuators)
+    assert find_delay(model, [exact]) is None
