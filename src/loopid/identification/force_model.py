@@ -23,7 +23,7 @@ from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
+from loopid.regressors.joint_terms import JointTerms, joint_state, warn_of_omitted
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map
@@ -243,13 +243,22 @@ class ForceModel:
         for k, j in enumerate(jumping):
             joint, law = self.parameters[j].link, joint_term(self.parameters[j].kind)
 
-            def load(motion: ClosedMotion, joint: str = joint) -> FloatArray:
-                return terms.loads(self.mechanism, motion)[0][joint]
+            def of_joint(what: str, joint: str = joint) -> Any:
+                """A field of the joint's state, or its load, at the rate of the log."""
+
+                def field_of(motion: ClosedMotion) -> FloatArray:
+                    if what == "load":
+                        return terms.loads(self.mechanism, motion)[0][joint]
+                    return np.asarray(getattr(joint_state(self.mechanism, motion, joint), what))
+
+                return history.of_motion(self.mechanism, field_of)
 
             rate = history.of_joint(self.mechanism, joint)
-            loads = history.of_motion(self.mechanism, load) if "load" in law.needs else None
-            signal = law.law(terms.state(JointState(None, rate, None), loads), law.at)
-            stepped[:, :, j] = shares[:, k] * history.lowpassed(np.asarray(signal))[:, None]
+            more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in law.needs}
+            load = more.pop("load", None)
+            state = terms.state(JointState(None, rate, None)._replace(**more), load)
+            signal = law.signal(state, len(rate))
+            stepped[:, :, j] = shares[:, k] * history.lowpassed(signal)[:, None]
         return stepped
 
 

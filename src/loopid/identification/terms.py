@@ -2,9 +2,9 @@
 
 Friction is a curve F(q̇) of each joint. Coulomb and viscous friction make a line on either side of
 standstill; what bends it is Stribeck friction, which falls off over a rate that nobody knows
-[Armstrong1994]. Two Stribeck terms of neighbouring rates follow all between them, the rate and its
-uncertainty included, and stay linear in the parameters. A joint has such a pair where it is clearly
-significant beside all that the model has.
+[Armstrong1994]. Stribeck terms of a series of rates follow all such laws, also others than
+Stribeck's, and stay linear in the parameters. A joint has them where a pair of neighbouring rates
+is clearly significant beside all that the model has.
 
 An offset hardly differs from gravity, or from Coulomb friction where a motor moves one way, in
 motions that excite little. Errors of both would be large and opposite, and add up on other motions:
@@ -39,7 +39,7 @@ from loopid.regressors.joint_terms import JointTerms, terms_of_file, together
 from loopid.workers import one_blas_thread
 
 STRIBECK, OFFSET = "Fs~", "Fo"
-# Rates of a decade that are tried: neighbours are so near that a pair follows all between them.
+# Rates of a decade: neighbours are so near that they follow all between them.
 SERIES = (1.0, 2.0, 5.0)
 
 
@@ -52,6 +52,8 @@ class TermOptions:
     false_alarm : float
         Probability that any joint has more shape, or a badly known offset, where none has; 0 for
         the usual terms whatever the data say.
+    further : float
+        Probability that one more joint has more shape by chance, where another clearly has.
     slowest : float
         Of the rates that are tried, relative to the joint's largest rate in the data: below it
         there are too few samples.
@@ -67,14 +69,15 @@ class TermOptions:
     """
 
     false_alarm: float = 0.01
-    slowest: float = 0.02
-    known_offset: float = 0.02
+    further: float = 0.05
+    slowest: float = 0.01
+    known_offset: float = 0.05
     own_effect: float = 1e-4
 
     def __post_init__(self) -> None:
-        for name in ("false_alarm", "slowest", "known_offset", "own_effect"):
+        for name in ("false_alarm", "further", "slowest", "known_offset", "own_effect"):
             value = getattr(self, name)
-            if not 0 <= value < 1 or (name == "slowest" and not value):
+            if not 0 <= value < 1 or (name in ("further", "slowest") and not value):
                 raise OptionError(f"{name} must be from 0 on and below 1, not {value}", given=value)
 
 
@@ -131,7 +134,7 @@ def choose_terms(
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> chosen = loopid.identification.choose_terms(loopid.find_force_model(robot), [run])
     >>> [kind for kind in chosen.joint_terms.of_joints["left_crank_joint"] if "Fs" in kind]
-    ['Fs~0.02', 'Fs~0.05']
+    ['Fs~0.001', 'Fs~0.002', 'Fs~0.005', 'Fs~0.01', 'Fs~0.02', 'Fs~0.05']
     """
     usual = force_model.joint_terms
     if usual is None or not (force_model.automatic and options.false_alarm):
@@ -146,7 +149,7 @@ def choose_terms(
     dropped = evidence.unknown(force_model.parameters.labels, offsets, least, options)
     gone = {label for each in dropped for label in each.labels}
     labels = [label for label in force_model.parameters.labels if label not in gone]
-    chosen = evidence.significant(labels, pairs, least, options)
+    chosen = evidence.shaped(labels, pairs, least, options)
     if not (dropped or chosen):
         return force_model
     own = together(usual.of_joints, _kinds(chosen))
@@ -261,21 +264,27 @@ class _Evidence(NamedTuple):
                 found.append(each)
         return found
 
-    def significant(
-        self, labels: Sequence[str], terms: Sequence[Terms], least: float, options: TermOptions
+    def shaped(
+        self, labels: Sequence[str], pairs: Sequence[Terms], least: float, options: TermOptions
     ) -> list[Terms]:
-        """Terms that are significant beside the columns of labels, the clearest first."""
-        taken, left = list[Terms](), list(terms)
+        """All rates of joints with a pair that is significant beside columns, the clearest first.
+
+        One pair follows one law, such as that of its rates; all of them follow any, with as wide a
+        band as the data leave.
+        """
+        taken, left, columns = list[Terms](), list(pairs), list(labels)
         while left:
-            inside = self._span([*labels, *(label for each in taken for label in each.labels)])
+            inside = self._span(columns)
             parts = [self._own(each, inside, options) for each in left]
             chances = [0.0 if own is None else self._chance(own) for own in parts]
             best = int(np.argmin(chances))
-            if chances[best] >= least:
+            if chances[best] >= (np.log(options.further) if taken else least):
                 break
-            taken.append(left[best])
-            labels_of_it = {*left[best].labels}
-            left = [each for each in left if not labels_of_it & {*each.labels}]
+            joint = left[best].joint
+            kinds = _kinds(each for each in left if each.joint == joint)
+            taken.append(Terms(joint, kinds[joint]))
+            columns += taken[-1].labels
+            left = [each for each in left if each.joint != joint]
         return taken
 
     def _span(self, labels: Iterable[str]) -> FloatArray:
@@ -379,7 +388,7 @@ def friction_curve(
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
-    laws = np.stack([term.law(state, term.at) for term in own.values()], axis=1)
+    laws = np.stack([term.signal(state, len(rate)) for term in own.values()], axis=1)
     columns = list(own)
     values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
     error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))

@@ -7,7 +7,12 @@ from .closed_loop import (
     motion_parameters as motion_parameters,
     motion_regressor as motion_regressor,
 )
-from .joint_laws import JOINT_TERMS as JOINT_TERMS, JointState as JointState, JointTerm as JointTerm
+from .joint_laws import (
+    JOINT_TERMS as JOINT_TERMS,
+    JointState as JointState,
+    JointTerm as JointTerm,
+    length_term as length_term,
+)
 from .joint_terms import (
     FileForce as FileForce,
     JointTerms as JointTerms,

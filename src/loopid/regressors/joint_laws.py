@@ -2,17 +2,22 @@
 
 The motors give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
 [Khalil2004, ch. 12]. ``JOINT_TERMS`` is the registry of the laws: a new one is an entry there, from
-anywhere.
+anywhere. What is wrong with it is told at registration, or when it first meets a joint.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import isfinite, nan
 from typing import Any, NamedTuple
 
-from loopid.errors import OptionError
+import numpy as np
+
+from loopid.arguments import FloatArray
+from loopid.errors import DataError, LoopidError, OptionError
+from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.registry import Registry
 
@@ -36,7 +41,15 @@ class JointState(NamedTuple):
         return sign * (self.math.fabs(self.rate) > self.dead_zone) if self.dead_zone else sign
 
 
-@record
+# What coefficients are measured in, such as N s²/m² or kg m².
+ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
+UNIT = re.compile(rf"(?:1|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
+NEEDS = "position", "rate", "acceleration", "load", "sign"
+# Relative step of central differences, and the part of the largest slope that they may be off.
+STEP, SAME_SLOPE = 1e-6, 1e-4
+
+
+@record(checked=True)
 class JointTerm:
     """A law of a force in a joint.
 
@@ -58,6 +71,11 @@ class JointTerm:
         in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     positive : bool
         Whether the coefficient cannot be negative: friction that would drive, inertia below zero.
+
+    Raises
+    ------
+    OptionError
+        When a unit or a need is unknown.
 
     Examples
     --------
@@ -81,6 +99,44 @@ class JointTerm:
     beside: tuple[str, ...] = ()
     at: float = 0.0
     positive: bool = False
+
+    def __post_init__(self) -> None:
+        for unit in self.units:
+            if not UNIT.fullmatch(unit):
+                raise OptionError(
+                    f"the unit of {self.name} must be made of N, m, rad, s and kg, such as "
+                    f"N s²/m², not {unit!r}",
+                    given=unit,
+                )
+        for need in self.needs:
+            if need not in NEEDS:
+                raise OptionError.unknown(f"need of {self.name}", need, NEEDS)
+
+    def signal(self, joint: JointState, count: int) -> FloatArray:
+        """What the coefficient multiplies in so many states of a joint, (count,).
+
+        Raises
+        ------
+        DataError
+            When the law gives something else, or what is not finite.
+        """
+        found = np.asarray(self.law(joint, self.at), dtype=np.float64)
+        if found.shape not in ((), (count,)):
+            raise DataError(
+                f"the law of {self.name} must give shape ({count},), not {found.shape}",
+                given=found.shape,
+            )
+        if not np.isfinite(found).all():
+            k = int(np.argmin(np.isfinite(np.broadcast_to(found, count))))
+            state = joint._asdict()
+            place = ", ".join(f"{n} {np.broadcast_to(state[n], count)[k]:.6g}" for n in self._used)
+            raise DataError(f"the law of {self.name} is not finite at {place or 'any state'}")
+        return np.broadcast_to(found, count)
+
+    @property
+    def _used(self) -> tuple[str, ...]:
+        """Fields of the state that it needs."""
+        return tuple(dict.fromkeys("rate" if need == "sign" else need for need in self.needs))
 
     @property
     def friction(self) -> bool:
@@ -113,11 +169,144 @@ def _stribeck(joint: JointState, at: float) -> Any:
     return joint.math.exp(-((joint.rate / at) ** 2)) * joint.sign()
 
 
+class JointTermRegistry(Registry[JointTerm]):
+    """Joint terms by their kinds, each tried when it is registered."""
+
+    def register(self, name: str, entry: JointTerm | str) -> None:
+        """Add a joint term, or put it in the place of one of the same kind.
+
+        Parameters
+        ----------
+        name : str
+            The kind: letters, digits and signs, and for a law with a number ``~RATE`` or
+            ``@POSITION`` at its end.
+        entry : JointTerm
+
+        Raises
+        ------
+        OptionError
+            When the kind cannot be one, or the law fails with what it says that it needs.
+        DataError
+            When the law does not give a number for each state.
+        """
+        if not KIND.fullmatch(name) or name in (*KINDS, *WORDS):
+            raise OptionError(
+                f"a kind of joint term must be a word such as Fd, Fd~RATE or Kd@POSITION, other "
+                f"than those of bodies and than {', '.join(WORDS)}, not {name!r}",
+                given=name,
+            )
+        if isinstance(entry, JointTerm):
+            _try(name, entry)
+        super().register(name, entry)
+
+
+# Words of a choice of terms, and what a kind may look like.
+WORDS = "file", "none", "passive", "auto"
+KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION)?")
+# A joint that a law is tried with.
+TRIED = {"position": (-0.4, 0.1, 0.7), "rate": (0.5, -1.0, 0.2), "acceleration": (1.0, 0.3, -2.0)}
+TRIED |= {"load": (3.0, 1.0, 2.0)}
+TRIED_AT = 0.3
+
+
+def _try(kind: str, term: JointTerm) -> None:
+    """Refuse a law that fails with what it needs; where it is finite depends on the joint."""
+    given: dict[str, Any] = {name: np.array(TRIED[name]) for name in term._used}
+    blank: dict[str, Any] = dict.fromkeys(TRIED)
+    with np.errstate(all="ignore"):
+        try:
+            found = term.law(JointState(**blank | given, math=np), TRIED_AT)
+            shape = np.asarray(found, dtype=np.float64).shape
+        except LoopidError:
+            raise
+        except (AttributeError, TypeError, ValueError) as error:
+            needs = ", ".join(term.needs) or "nothing of the joint"
+            raise OptionError(
+                f"the law of joint term {kind} fails with arrays of what it needs ({needs}): "
+                f"{error}",
+                given=kind,
+                needs=term.needs,
+            ) from error
+    if shape not in ((), (3,)):
+        raise DataError(
+            f"the law of joint term {kind} must give shape (3,) for 3 states, not {shape}",
+            given=shape,
+        )
+
+
+def length_term(
+    name: str,
+    length: Callable[[Any], Any],
+    slope: Callable[[Any], Any],
+    *,
+    stiff: bool = False,
+) -> JointTerm:
+    """A force along a line between two points, such as a gas spring's or a cable's.
+
+    The line has the length l(q) at a position q of the joint, and pulls with a force F: by virtual
+    work the joint feels F dl/dq. The coefficient is F, or with ``stiff`` the k of F = k l; a spring
+    that is slack at another length has both terms.
+
+    Parameters
+    ----------
+    name : str
+        In sentences.
+    length : callable
+        l in m, of positions (N,) in m or rad.
+    slope : callable
+        Its derivative dl/dq. It is checked by central differences at the positions that it is used
+        at: an OptionError tells where it is wrong.
+
+    Examples
+    --------
+    A gas spring from a point 0.3 m beside a hinge to one on the link, 0.1 m from the hinge:
+
+    >>> import loopid, numpy as np
+    >>> from loopid.regressors import JOINT_TERMS, length_term
+    >>> def length(q):
+    ...     return (0.1 - 0.06 * np.cos(q)) ** 0.5
+    >>> def slope(q):
+    ...     return 0.03 * np.sin(q) / length(q)
+    >>> JOINT_TERMS.register("Gas", length_term("gas spring", length, slope))
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> terms = loopid.JointTerms.of(robot, "Fc,Fv; left_crank_joint: Gas")
+    >>> terms.parameters(robot)[2].unit
+    'N'
+    """
+
+    def law(joint: JointState, at: float) -> Any:
+        slopes = slope(joint.position)
+        if joint.math is np:
+            _require_slope(name, length, np.asarray(joint.position), np.asarray(slopes))
+        return length(joint.position) * slopes if stiff else slopes
+
+    unit = "N/m" if stiff else "N"
+    return JointTerm(name, (unit, unit), law, ("position",))
+
+
+def _require_slope(
+    name: str, length: Callable[[Any], Any], q: FloatArray, slopes: FloatArray
+) -> None:
+    """Refuse a derivative that central differences of the length contradict."""
+    step = STEP * np.maximum(1.0, np.abs(q))
+    expected = np.asarray((length(q + step) - length(q - step)) / (2 * step))
+    off = np.abs(slopes - expected)
+    if not (off > SAME_SLOPE * np.abs(expected).max(initial=0.0) + STEP).any():
+        return
+    k = int(np.argmax(off))
+    given = float(np.broadcast_to(slopes, expected.shape).ravel()[k])
+    raise OptionError(
+        f"the slope of {name} must be the derivative of its length, {expected.ravel()[k]:.6g} at "
+        f"position {q.ravel()[k]:.6g}, not {given:.6g}",
+        given=given,
+    )
+
+
 # By their kinds, which label the parameters and are written in files; in place of the words in
 # capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
 # stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
 # is more near standstill [Armstrong1994].
-JOINT_TERMS: Registry[JointTerm] = Registry("joint term")
+JOINT_TERMS = JointTermRegistry("joint term")
 for _kind, _term in {
     "Ia": JointTerm(
         "drive inertia",

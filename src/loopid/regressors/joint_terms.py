@@ -272,7 +272,7 @@ class JointTerms:
             state = self.state(joint_state(mechanism, motion, name), loads.get(name))
             for kind in kinds:
                 term = joint_term(kind)
-                signal = np.broadcast_to(term.law(state, term.at), len(G))
+                signal = term.signal(state, len(G))
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)
 

@@ -1,0 +1,152 @@
+"""Joint terms of one's own: what is wrong with them is told, what is right is fitted and saved."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, find_force_model, prepare_recording, read_fit, read_log, save_fit
+from loopid.errors import DataError, LoopidError, OptionError
+from loopid.identification import quiet_fit
+from loopid.kinematics import random_configurations
+from loopid.kinematics.projection import closed_motion
+from loopid.kinematics.sampling import random_motions
+from loopid.regressors import JOINT_TERMS, JointTerm, length_term
+from made_runs import modelled, wander
+
+LOG = Path(__file__).parents[2] / "urdf" / "logs" / "five_bar.csv"
+BESIDE, OUT = 0.3, 0.1  # m, of the ends of a gas spring from a hinge
+
+
+@pytest.fixture
+def register():
+    """Registers terms that go after the test."""
+    known = dict(JOINT_TERMS._entries)
+    yield JOINT_TERMS.register
+    JOINT_TERMS._entries.clear()
+    JOINT_TERMS._entries.update(known)
+
+
+def length(q):
+    return (BESIDE**2 + OUT**2 - 2 * BESIDE * OUT * np.cos(q)) ** 0.5
+
+
+def slope(q):
+    return BESIDE * OUT * np.sin(q) / length(q)
+
+
+term = partial(JointTerm, "mine", ("N", "N m"))
+
+
+@pytest.mark.parametrize("unit", ["Nm", "N m s^2", "lb", "", "N//m", "N m/"])
+def test_units_that_nobody_understands_are_refused(unit):
+    with pytest.raises(OptionError) as refused:
+        JointTerm("drag", ("N", unit), lambda joint, _: joint.rate, ("rate",))
+    assert refused.value.facts["given"] == unit
+
+
+@pytest.mark.parametrize(
+    "kind", ["", "m", "Ixx", "file", "auto", "a b", "a,b", "F~0.1", "a.b", "2"]
+)
+def test_kinds_that_choices_could_not_name_are_refused(register, kind):
+    with pytest.raises(OptionError) as refused:
+        register(kind, term(lambda joint, _: joint.rate, ("rate",)))
+    assert refused.value.facts["given"] == kind
+    assert kind not in JOINT_TERMS
+
+
+@pytest.mark.parametrize(
+    ("law", "needs"),
+    [
+        (lambda joint, _: joint.position * joint.rate, ("rate",)),  # position is not asked for
+        (lambda joint, _: joint.speed, ("rate",)),
+        (lambda joint, _: np.ones((2, 2)), ()),
+        (lambda joint, _: "much", ()),
+        (lambda joint, _: joint.rate, ("velocity",)),
+    ],
+)
+def test_laws_that_fail_are_refused_before_they_are_used(register, law, needs):
+    with pytest.raises(LoopidError):
+        register("Mine", term(law, needs))
+    assert "Mine" not in JOINT_TERMS
+
+
+def test_where_a_law_is_not_finite_is_told(register, load_once):
+    register("Root", term(lambda joint, _: np.sqrt(joint.position - 10.0), ("position",)))
+    robot = load_once("five_bar")
+    with (
+        pytest.raises(DataError, match="mine is not finite at position"),
+        np.errstate(all="ignore"),
+    ):
+        find_force_model(robot, "gravity", JointTerms(robot.actuated, ("Root",)))
+
+
+@pytest.mark.parametrize("factor", [1.01, -1.0])
+def test_a_wrong_slope_is_refused(register, factor):
+    with pytest.raises(OptionError, match="slope of gas spring") as refused:
+        register("Gas", length_term("gas spring", length, lambda q: factor * slope(q)))
+    assert refused.value.facts["given"] / factor == pytest.approx(slope(0.7))
+
+
+def test_a_slope_that_is_wrong_far_away_is_refused_there(register, load_once):
+    far = length_term("gas spring", length, lambda q: slope(q) * (1.0 + (np.abs(q) > 1.0)))
+    register("Gas", far)
+    robot = load_once("five_bar")
+    with pytest.raises(OptionError, match="slope of gas spring"):
+        find_force_model(robot, "gravity", JointTerms(robot.actuated, ("Gas",)))
+
+
+def test_the_force_of_a_line_does_its_work(register, load_once):
+    """Power of the joint is force times rate of length, whatever the force."""
+    register("Gas", length_term("gas spring", length, slope))
+    register("Line", length_term("spring", length, slope, stiff=True))
+    robot = load_once("five_bar")
+    name = robot.actuated[0]
+    terms = JointTerms((name,), ("Gas", "Line"))
+    assert [p.unit for p in terms.parameters(robot)] == ["N", "N/m"]
+    motion = closed_motion(robot, random_configurations(robot, 9), *random_motions(robot, 9))
+    q = motion.configurations[:, robot.joint(name).idx_q]
+    rate = motion.velocities[:, robot.velocity_indices([name])[0]]
+    forces = terms.columns(robot, motion)[:, 0]
+    step = 1e-7
+    stretched = (length(q + step * rate) - length(q - step * rate)) / (2 * step)
+    np.testing.assert_allclose(forces[:, 0] * rate, stretched, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(forces[:, 1] * rate, length(q) * stretched, rtol=1e-6, atol=1e-9)
+
+
+def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_path):
+    register("Gas", length_term("gas spring", length, slope))
+    robot = load_once("five_bar")
+    model = find_force_model(robot, "full", "Fc,Fv; left_crank_joint: Gas")
+    truth = model.prior.copy()
+    place = model.parameters.labels.index("left_crank_joint.Gas")
+    truth[place] = 80.0
+    run = modelled(model, wander(robot, 4, 20.0, 20.0, size=(0.5, 0.5), harmonics=8), truth, 0.0)
+    found = quiet_fit(model.samples(run))
+    np.testing.assert_allclose(found.values, truth, rtol=1e-6, atol=1e-7)
+    path = save_fit(tmp_path / "fit.yaml", model, found)
+    assert read_fit(path).find_force_model(robot).parameters == model.parameters
+    del JOINT_TERMS._entries["Gas"]
+    with pytest.raises(LoopidError, match="Gas"):
+        read_fit(path)
+
+
+def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
+    """A law of sign and position has both where steps are filtered at the rate of the log."""
+    law = lambda joint, _: joint.sign() * (1.0 + joint.position)  # noqa: E731
+    register("Fq", term(law, ("sign", "position")))
+    robot = load_once("five_bar")
+    log = read_log(LOG, robot)
+    recording = prepare_recording(robot, log)
+    models = [find_force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
+    W, plain = (model.samples(recording) for model in models)
+    name = robot.actuated[0]
+    q = recording.motion.configurations[:, robot.joint(name).idx_q]
+    j, k = (
+        each.parameters.labels.index(f"{name}.{kind}") for each, kind in ((W, "Fq"), (plain, "Fc"))
+    )
+    steady = np.abs(plain.regressor[:, 0, k]) > 0.999  # far from any change of sign
+    assert steady.mean() > 0.3
+    expected = (plain.regressor[:, 0, k] * (1.0 + q))[steady]
+    np.testing.assert_allclose(W.regressor[steady, 0, j], expected, rtol=0.02)
