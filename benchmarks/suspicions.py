@@ -5,7 +5,7 @@
 Each row is a robot with bodies that are some 20 % off its file and with friction, whose logs hold a
 mistake of the second motor, of all or of the time axis, or none: in which part of the logs the
 mistake is named first, and in which anything else is. Delays that are undone count as named. Cases
-are those of ``intervals.py`` at 100 Hz with encoders of 10 to 17 bit; seeds draw encoders and noise.
+are those of ``intervals.py`` at 100 Hz with encoders of 10 to 17 bit; seeds draw zeros and noise.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from intervals import MOTIONS, Case
 from loopid import find_delay, prepare_recording

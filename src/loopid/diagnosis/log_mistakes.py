@@ -4,8 +4,9 @@ In the band of the motion, the forces are explained by the bodies of the robot f
 parameters may be off by half, by friction of each motor, which is projected out, and by small
 offsets. Then each mistake that is often made is undone in turn, at the value that explains the
 forces best: forces of a motor in other units or with another sign, columns of two motors exchanged,
-positions of a motor times another ratio, a time axis that is a factor off. One that raises the evidence [MacKay1992] of the data clearly is suspected, and undone before the next is
-looked for. Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
+positions of a motor times another ratio, a time axis that is a factor off. One that raises the
+evidence [MacKay1992] of the data clearly is suspected, and undone before the next is looked for.
+Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import exp, inf, log, pi, sqrt
+from math import inf, log, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -592,7 +593,7 @@ def _sentence(model: _Model, mistake: _Mistake, size: float, reach: float) -> st
     if kind == "ratio":
         return (
             f"the positions of {names} are {value} times what the forces let expect: look for "
-            f"another unit, ratio or sign (position_scale {1 / size:.3g} in a mapping would undo it)"
+            f"another unit, ratio or sign (position_scale {1 / size:.3g} in a mapping undoes it)"
         )
     return (
         f"the {kind} of {names.replace(', ', ' and ')} look exchanged: the bodies explain the "
