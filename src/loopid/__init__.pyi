@@ -55,11 +55,13 @@ from .identification import (
 from .kinematics import assemble as assemble, random_configurations as random_configurations
 from .loading import bundled_robots as bundled_robots, load_mechanism as load_mechanism
 from .logs import (
+    ExternalWrench as ExternalWrench,
     FilterOptions as FilterOptions,
     Log as Log,
     MaskOptions as MaskOptions,
     prepare_recording as prepare_recording,
     read_log as read_log,
+    wrench_forces as wrench_forces,
 )
 from .motion import (
     FourierSeries as FourierSeries,

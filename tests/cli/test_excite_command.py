@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ def test_files_say_what_the_record_says(run, tmp_path):
     assert record.keys() >= KEYS
     assert record["violations"] == 0
     assert record["duration"] == 6.0
+    assert {Path(place) for place in record["written"]} == {*tmp_path.iterdir()}
     assert {file.name for file in tmp_path.iterdir()} >= {
         "motion.csv",
         "motion.yaml",
@@ -43,7 +45,8 @@ def test_files_say_what_the_record_says(run, tmp_path):
     np.testing.assert_allclose(np.transpose(columns), whole, atol=1e-9)
     followed = loopid.joint_motion(robot, motion)
     model = loopid.find_force_model(robot, joint_terms=None)
-    W = model.regressor(followed).reshape(-1, len(model.parameters))
+    noise = np.array([record["noise"][motor] for motor in robot.actuated])
+    W = (model.regressor(followed) / noise[:, None]).reshape(-1, len(model.parameters))
     assert np.isclose(np.linalg.cond(W), record["condition_number"], rtol=1e-6)
     assert np.isclose(np.linalg.slogdet(W.T @ W)[1], record["log_det"])
     assert loopid.review_motion(robot, followed).problems == ()
@@ -83,3 +86,15 @@ def test_what_cannot_be_done_is_one_line(run):
         assert done.code == 2
         assert done.err.startswith("loopid: error: ")
         assert done.err.count("\n") == 1
+
+
+@pytest.mark.usefixtures("blank_figures")
+def test_what_was_saved_and_assumed_is_said(run, tmp_path):
+    """The noise is a hundredth of the forces, and the last line names folder and files."""
+    bare = run("excite", "five_bar", "--duration", "6", *QUICK)
+    assert "Nothing was saved: --out DIR" in bare.out.splitlines()[-1]
+    assert "noise that they assume" in bare.out
+    saved = run("excite", "five_bar", "--duration", "6", *QUICK, "--out", tmp_path)
+    last = saved.out.splitlines()[-1]
+    assert last.startswith(f"Written to {tmp_path}: ")
+    assert all(file.name in last for file in tmp_path.iterdir())

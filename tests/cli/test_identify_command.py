@@ -71,11 +71,11 @@ def test_tables_and_files_say_the_same(written, tmp_path):
     assert "all parameters by wls" in out
     page = files["report.md"].decode()
     links = LINK.findall(page)
-    assert len(links) == 4
+    assert len(links) == 5
     assert all(len(files[link]) > 1000 for link in links)
     pictures = {
         f"{figure}.{kind}"
-        for figure in ("filter", "forces", "parameters", "spectrum")
+        for figure in ("filter", "forces", "friction", "parameters", "spectrum")
         for kind in ("svg", "png")
     }
     fits = {"parameters.yaml", "all_parameters.yaml"}
@@ -429,3 +429,19 @@ def test_advice_can_be_followed_as_it_is_printed(kind, run, arm_files, elbow_log
     assert advice
     done = run("identify", *words, *advice)
     assert done.code == 0, done.err
+
+
+def test_that_nothing_was_saved_is_said(run, arm_files):
+    done = run("identify", *arm_files[:2])
+    assert done.code == 0
+    assert done.out.splitlines()[-1].startswith("Nothing was saved: --out DIR")
+    record = json.loads(run("identify", *arm_files[:2], "--json").out)
+    assert record["written"] == []
+
+
+@pytest.mark.usefixtures("blank_figures")
+def test_what_was_saved_is_said(run, arm_files, tmp_path):
+    out = tmp_path / "results"
+    last = run("identify", *arm_files[:2], "--out", out).out.splitlines()[-1]
+    assert last.startswith(f"Written to {out}: ")
+    assert {*last.split(": ")[1].split(", ")} == {file.name for file in out.iterdir()}

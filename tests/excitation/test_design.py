@@ -333,3 +333,16 @@ def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     with pytest.warns(DataWarning, match=r"does not excite .*position of wrist_joint"):
         found = design_excitation(wrist, limits=still, options=replace(QUICK, evaluations=3))
     assert np.isinf(found.standard_errors).any()
+
+
+def test_without_other_word_noise_is_a_share_of_the_forces(full):
+    """Errors are in proportion to it, and it is of the size of the forces of any good motion."""
+    one, two = (
+        design_excitation(full, options=replace(FINE, evaluations=4, noise_share=share))
+        for share in (0.01, 0.02)
+    )
+    np.testing.assert_allclose(two.noise, 2 * one.noise)
+    np.testing.assert_allclose(two.before.standard_errors, 2 * one.before.standard_errors)
+    shares = one.noise / np.sqrt((one.forces**2).mean(axis=0))
+    assert (shares > 0.01 / 3).all()
+    assert (shares < 0.01 * 3).all()

@@ -12,14 +12,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from loopid import load_mechanism
 from loopid.diagnosis import examine
 from loopid.errors import MissingExtraError
-from loopid.identification import find_force_model, identifiability, identify
+from loopid.identification import find_force_model, friction_curve, identifiability, identify
 from loopid.report import identify as identify_figures, look as figures
-from loopid.report.identify import draw_forces, draw_parameters, draw_spectrum
+from loopid.report.identify import draw_forces, draw_friction, draw_parameters, draw_spectrum
 from loopid.report.look import COLUMN, MOST_POINTS, RESOLUTION, thinned
 from made_runs import ARM, modelled, quietly, stand, wander
 
 DRAWERS = {
     "forces": (draw_forces, "study"),
+    "friction": (draw_friction, "identification"),
     "parameters": (draw_parameters, "identification"),
     "spectrum": (draw_spectrum, "support"),
 }
@@ -207,3 +208,28 @@ def test_names_are_drawn_as_they_are_but_not_too_long():
         assert figures.rendered(figure, "odd").keys() == {"odd.svg", "odd.png"}
         assert axes[0, 0].get_title().startswith("a$_$b \\nope 腕")
         assert len(axes[0, 0].get_title()) < 60
+
+
+def test_friction_is_drawn_with_what_it_explains(monkeypatch, study):
+    """Curve and band are those of the fit; dots are forces less all other parts of the model."""
+    found = study.identification
+    axes = axes_of(monkeypatch, identify_figures, draw_friction, found)
+    assert [ax.get_title() for ax in axes] == list(found.force_model.mechanism.actuated)
+    fit, labels = found.fit, found.fit.parameters.labels
+    for k, (ax, joint) in enumerate(zip(axes, found.data.actuators, strict=True)):
+        dots, *halves = ax.lines
+        for half in halves:
+            curve = friction_curve(fit, joint, half.get_xdata())
+            np.testing.assert_allclose(half.get_ydata(), curve.values, rtol=1e-12)
+        others = fit.values.copy()
+        others[[labels.index(f"{joint}.{kind}") for kind in ("Fc", "Fv")]] = 0.0
+        left = found.data.residual(others)[:, k]
+        for rate, force in zip(*dots.get_data(), strict=True):
+            assert np.abs(left - force).min() < 1e-9 * np.abs(left).max()
+            assert np.abs(found.training[0].motion.velocities[:, k] - rate).min() == 0.0
+
+
+def test_a_robot_without_friction_has_no_picture_of_it(knee):
+    model = find_force_model(knee, joint_terms=None)
+    run = modelled(model, wander(knee, 1), model.prior)
+    assert draw_friction(quietly(identify, model, [run])) == {}

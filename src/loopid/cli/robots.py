@@ -203,7 +203,9 @@ def excite(
     ),
     collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
     noise: list[str] | None = Option(
-        None, metavar="[JOINT=]S", help="Standard deviation of the motors' forces; 1."
+        None,
+        metavar="[JOINT=]S",
+        help="Standard deviation of the motors' forces; 1 % of their root mean square.",
     ),
     after: list[str] | None = Option(None, metavar="LOG", help="Add to what this log tells."),
     mapping: str | None = MAPPING,

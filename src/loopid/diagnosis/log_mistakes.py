@@ -280,6 +280,7 @@ class _Signals:
     rates: FloatArray  # (N, d, 3), filtered sign, velocity, acceleration
     force: FloatArray  # (N, d)
     used: BoolArray  # (N, d)
+    external: FloatArray  # (N, d), of measured wrenches, which no mistake of a motor changes
     size: FloatArray  # (d,), of the measured forces, in the root mean square
     gain: FloatArray  # (d,), by which the forces were divided
     columns: _Columns | None = None  # None where they are other ones now
@@ -384,13 +385,13 @@ class _Model:
         self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
         self.names: tuple[str, ...] = recordings[0].actuators
         parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
-        q, rates, force, used = map(np.concatenate, zip(*parts, strict=True))
+        q, rates, force, used, external = map(np.concatenate, zip(*parts, strict=True))
         # Of joints that turn without end, too.
         position = np.unwrap(JointCoordinates(mechanism, self.names).read(q.copy()), axis=0)
         self.range = np.ptp(position, axis=0)
         counts = np.maximum(used.sum(axis=0), 1)
         size = np.sqrt(np.where(used, force**2, 0.0).sum(axis=0) / counts)
-        signals = _Signals(q, position, rates, force, used, size, np.ones(len(size)))
+        signals = _Signals(q, position, rates, force, used, external, size, np.ones(len(size)))
         counted = np.isin(self.names, mechanism.actuated) & (counts >= options.least_samples)
         self.present = np.flatnonzero(counted & (size > 0)).tolist()
         self.independent = np.full(len(self.names), float(LEAST_INDEPENDENT))  # samples of each
@@ -419,8 +420,9 @@ class _Model:
             speeds = [history.velocity[:, history.joints.index(name)] for name in self.names]
             sign = np.column_stack([history.lowpassed(np.sign(speed)) for speed in speeds])
         rates = [rate[rows] for rate in (sign, motion.velocities, motion.accelerations)]
-        q, force, used = motion.configurations, recording.force, recording.used
-        return [q[rows], np.stack(rates, axis=2), force[rows], used[rows]]
+        q, force, used = motion.configurations, recording.motor_force, recording.used
+        external = recording.force - force
+        return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
 
     def _regressor(self, signals: _Signals, q: FloatArray) -> FloatArray:
         whole = closed_motion(self.mechanism, q, signals.rates[:, :, 1], signals.rates[:, :, 2])
@@ -431,7 +433,8 @@ class _Model:
         K = self._regressor(signals, q)
         offsets = np.broadcast_to(np.diag(OFFSET * self.expected), (len(K), *(K.shape[1],) * 2))
         terms = np.concatenate([K @ self.unknowns, offsets], axis=2)
-        return _Columns(K[:, :, : len(self.bodies)] @ self.bodies, terms, closed)
+        known = K[:, :, : len(self.bodies)] @ self.bodies - signals.external
+        return _Columns(known, terms, closed)
 
     def columns(self, signals: _Signals) -> _Columns | None:
         """What explains the forces at the positions as they are; None where loops do not close."""

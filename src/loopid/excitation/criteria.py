@@ -222,15 +222,16 @@ class Known:
         rate: float,
         *,
         noise: float | Mapping[str, float] | None,
+        assumed: FloatArray,
         after: Sequence[Recording],
     ) -> Known:
-        """Of logs, and of noise that is given, else that of the logs, else 1.
+        """Of logs, and of noise that is given, else that of the logs, else assumed (motors,).
 
         Errors of filtered logs are autocorrelated: independent ones at the rate stand for them that
         have as much of an effect on a mean.
         """
         mechanism = model.mechanism
-        deviations = dict.fromkeys(mechanism.actuated, 1.0)
+        deviations = dict(zip(mechanism.actuated, assumed.tolist(), strict=True))
         told = FitSamples.combined([model.samples(each) for each in after]) if after else None
         spacing = 0.0
         if told is not None:

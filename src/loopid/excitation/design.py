@@ -15,7 +15,14 @@ from loopid.errors import AccuracyWarning, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
 from loopid.excitation.problem import Coordinates, DesignOptions, Problem, file_forces
-from loopid.excitation.search import Check, DesignProgress, find_poses, search
+from loopid.excitation.search import (
+    Check,
+    DesignProgress,
+    Poses,
+    feasible_start,
+    find_poses,
+    search,
+)
 from loopid.excitation.shapes import SHAPES, PosesShape
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.measured import JointCoordinates
@@ -36,6 +43,8 @@ from loopid.workers import one_blas_thread
 DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6, "spline": 10}
 # Random poses, by which margins, reaches and pairs of links are told.
 POSES = 128
+# Part of the largest force of a motor, below which another's is round-off.
+NO_FORCE = 1e-6
 # Bounds that a warning names.
 NAMED_BOUNDS = 3
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -102,7 +111,7 @@ class ExcitationDesign:
     after_logs : bool
         Whether there were logs before.
     noise : FloatArray
-        (motors,) in N or N m.
+        (motors,) in N or N m, at the rate of the run; what the expected errors assume.
     checks : tuple of Check
         All bounds, on a grid ten times finer than that of the design.
     solver : str
@@ -223,7 +232,6 @@ def design_excitation(
     with one_blas_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
-        known = Known.of(model, unknown.basis, options.rate, noise=options.noise, after=after)
         poses = random_configurations(
             model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
         )
@@ -240,12 +248,22 @@ def design_excitation(
                 model.mechanism, _with_margin(limits, model, poses), poses, model.model == "gravity"
             ),
             criterion=criterion,
-            noise=known.noise,
+            noise=np.ones(len(model.mechanism.actuated)),
             basis=unknown.basis,
-            prior=known.information,
+            prior=np.zeros((unknown.basis.shape[1],) * 2),
             options=options,
         )
-        found = search(problem, find_poses(problem, poses), progress)
+        regular = find_poses(problem, poses)
+        known = Known.of(
+            model,
+            unknown.basis,
+            options.rate,
+            noise=options.noise,
+            assumed=_assumed_noise(problem, regular),
+            after=after,
+        )
+        problem = replace(problem, noise=known.noise, prior=known.information)
+        found = search(problem, regular, progress)
         run = _run(problem, found.X)
         if after:
             before = ExpectedFit.of(_root(known.information), _root(known.information))
@@ -302,6 +320,23 @@ def _require_designable(
             given=options.criterion,
             valid=("D",),
         )
+
+
+def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
+    """Deviations (motors,) of the forces: a share of those on a motion that keeps all bounds.
+
+    Where the robot file knows no force of a motor, it is the share of the largest one, or of 1.
+    """
+    mechanism = problem.force_model.mechanism
+    y, near = feasible_start(problem, poses, 0)
+    x, v, a = problem.functions @ problem.variables(y)
+    motion = problem.coordinates.follow(x, v, a, near)
+    sizes = np.zeros(len(mechanism.actuated))
+    if motion is not None:
+        sizes = np.sqrt((file_forces(mechanism, motion) ** 2).mean(axis=0))
+    largest = sizes.max()
+    known = sizes > NO_FORCE * largest
+    return problem.options.noise_share * np.where(known, sizes, largest or 1.0)
 
 
 def _with_margin(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> MotionLimits:

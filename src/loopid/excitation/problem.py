@@ -71,7 +71,10 @@ class DesignOptions:
         ``"joints"``, or ``"platform"`` for the platform coordinates.
     noise : float or mapping, optional
         Standard deviation of each motor's force in N or N m at the rate of the run, one for all or
-        by joint (``"all"``: the others); by default that of the logs, or 1.
+        by joint (``"all"``: the others); by default that of the logs, or
+    noise_share : float
+        this part of the root mean square of the motor's force, by the robot file, on the motion
+        that the search starts from: drives with current sensors are off by a hundredth or so.
     starts : int
         Random motions to begin with, one after the other; the best result counts.
     evaluations : int
@@ -106,6 +109,7 @@ class DesignOptions:
     rate: float = 100.0
     coordinates: str = "joints"
     noise: float | Mapping[str, float] | None = None
+    noise_share: float = 0.01
     starts: int = 4
     evaluations: int = 400
     time_limit: float | None = None
@@ -131,6 +135,7 @@ class DesignOptions:
             ("duration", self.duration is None or self.duration > 0, "above 0 s"),
             ("rate", self.rate > 0, "above 0 Hz"),
             ("time_limit", self.time_limit is None or self.time_limit > 0, "above 0 s"),
+            ("noise_share", self.noise_share > 0, "above 0"),
             ("inset", 0 <= self.inset < 0.5, "a part below a half"),
             ("noise", all(each is None or each > 0 for each in noise), "above 0"),
         ):

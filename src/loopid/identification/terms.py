@@ -375,21 +375,15 @@ def friction_curve(
     """
     from scipy.special import stdtrit  # slow to import
 
-    terms = {
-        j: joint_term(name.kind)
-        for j, name in enumerate(fit.parameters)
-        if name.kind not in KINDS and joint_term(name.kind).friction
-    }
-    own = {j: term for j, term in terms.items() if fit.parameters[j].link == joint}
-    if not own:
-        known = dict.fromkeys(fit.parameters[j].link for j in terms)
-        raise OptionError.unknown("joint with friction", joint, known)
+    columns = friction_columns(fit, joint)
+    if not columns:
+        raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
     rate = finite(rates, "rates")
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
-    laws = np.stack([term.signal(state, len(rate)) for term in own.values()], axis=1)
-    columns = list(own)
+    terms = [joint_term(fit.parameters[j].kind) for j in columns]
+    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
     values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
     error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
     freedom = float(fit.degrees_of_freedom[columns].min())
@@ -398,3 +392,18 @@ def friction_curve(
     }
     reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
+
+
+def frictional_joints(fit: FitResult) -> tuple[str, ...]:
+    """Joints with terms that depend on the rate alone."""
+    return tuple(dict.fromkeys(name.link for name in fit.parameters if _friction(name.kind)))
+
+
+def friction_columns(fit: FitResult, joint: str) -> list[int]:
+    """Columns of a joint's terms that depend on the rate alone."""
+    names = enumerate(fit.parameters)
+    return [j for j, name in names if name.link == joint and _friction(name.kind)]
+
+
+def _friction(kind: str) -> bool:
+    return kind not in KINDS and joint_term(kind).friction

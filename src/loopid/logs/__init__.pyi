@@ -16,3 +16,4 @@ from .recording import (
     Recording as Recording,
 )
 from .streams import Dropped as Dropped, LogTolerances as LogTolerances
+from .wrenches import ExternalWrench as ExternalWrench, wrench_forces as wrench_forces

@@ -14,7 +14,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finit
 from loopid.errors import DataError, OptionError
 from loopid.logs.formats import array_table
 from loopid.logs.headers import UNITS, unit_names, unit_of
-from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping
+from loopid.logs.mapping import QUANTITIES, Channel, ColumnFinder, LogMapping, wrench_name
 from loopid.logs.streams import (
     Dropped,
     LogTolerances,
@@ -24,6 +24,7 @@ from loopid.logs.streams import (
     on_joints,
     with_increasing_stamps,
 )
+from loopid.logs.wrenches import COMPONENTS, ExternalWrench
 from loopid.records import record
 
 # Part of a step by which samples may be off an even grid, and are taken as they are.
@@ -60,6 +61,8 @@ class Log:
         default a twentieth of the motor's own usual top speed.
     dropped : tuple of Dropped
         What was left out on the way here.
+    wrenches : tuple of ExternalWrench
+        Of N samples, that the surroundings exerted on the robot.
 
     Examples
     --------
@@ -81,6 +84,7 @@ class Log:
     saturation: FloatArray | None = None
     idle_speed: NotNegative | None = None
     dropped: tuple[Dropped, ...] = ()
+    wrenches: tuple[ExternalWrench, ...] = ()
 
     def __post_init__(self) -> None:
         time = _increasing(self.time)
@@ -94,6 +98,8 @@ class Log:
             if name in ("position", "force") or getattr(self, name) is not None:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, values)
+        for wrench in self.wrenches:
+            samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
         if self.saturation is not None:
             limits = samples(self.saturation, len(self.joints), "saturation", 1)[0]
             if not limits.min() > 0:
@@ -117,6 +123,7 @@ class Log:
         stretches: ArrayLike | None = None,
         saturation: ArrayLike | None = None,
         idle_speed: float | None = None,
+        wrenches: Sequence[ExternalWrench] = (),
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -142,6 +149,8 @@ class Log:
             (m,) in N or N m, see ``Log``.
         idle_speed : float, optional
             In m/s or rad/s, see ``Log``.
+        wrenches : sequence of ExternalWrench
+            Of N samples, that the surroundings exert on the robot.
 
         Raises
         ------
@@ -170,6 +179,12 @@ class Log:
             for quantity, values in given.items()
             if values is not None
         }
+        signals |= {
+            wrench_name(k): samples(
+                one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
+            )
+            for k, one in enumerate(wrenches)
+        }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
             at, signals, stretches, dropped = _on_even_grid(name, joints, at, signals)
@@ -177,7 +192,7 @@ class Log:
             name=name,
             joints=joints,
             time=at,
-            **signals,
+            **_by_field(signals, wrenches),
             stretches=np.asarray(stretches),
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
@@ -251,11 +266,15 @@ class Log:
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
         aligned = align(streams, joints, tolerances.gap)
+        wrenches = [
+            ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
+            for k, one in enumerate(mapping.wrenches)
+        ]
         log = cls(
             name=name,
             joints=joints,
             time=aligned.time,
-            **aligned.signals,
+            **_by_field(aligned.signals, wrenches),
             stretches=aligned.stretches,
             saturation=saturation,
             idle_speed=mapping.idle_speed,
@@ -281,6 +300,7 @@ class Log:
             if (values := getattr(self, name)) is not None
         }
         kept["stretches"] = renumbered(self.stretches, good)
+        kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
 
     def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
@@ -289,7 +309,7 @@ class Log:
         Parameters
         ----------
         delay : float, mapping or array
-            In s, by which forces are later than positions, of all motors, by joint, or (m,);
+            In s, by which forces of motors are later than positions, of all, by joint, or (m,);
             negative where positions are late.
 
         Returns
@@ -419,13 +439,24 @@ def _on_even_grid(
     if all(off <= EVEN * median for off in _off_even(time, stretches)) and (steps > 0).all():
         return time, signals, stretches, ()
     channels = [
-        Channel(what, joint, f"{joint}.{what}", 1.0, 0.0) for what in signals for joint in joints
+        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
+        for what in signals
+        for name in (joints if what in QUANTITIES else COMPONENTS)
     ]
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     columns = [column for values in signals.values() for column in values.T]
     stream = Stream(name, tuple(channels), np.arange(1, len(time) + 1), stamps, tuple(columns))
     aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+
+
+def _by_field(
+    signals: Mapping[str, FloatArray], wrenches: Sequence[ExternalWrench]
+) -> dict[str, Any]:
+    """Signals on the grid as fields of a log, those of the wrenches in these."""
+    placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
+    found: dict[str, Any] = {name: signals[name] for name in signals if name in QUANTITIES}
+    return {**found, "wrenches": tuple(placed)}
 
 
 def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:

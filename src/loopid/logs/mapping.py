@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count, product
+from itertools import chain, count, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
@@ -16,6 +16,7 @@ from loopid.arguments import IntArray, NotNegative, Positive, checked
 from loopid.errors import DataWarning, LogError, OptionError, warn
 from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
 from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
+from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import Section, first_problem, read_yaml
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")
+# Of the wrenches, in the order of the mapping.
+wrench_name = "wrench {}".format
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
 
@@ -112,6 +115,35 @@ class JointMap(Section):
         return self
 
 
+class WrenchColumns(StreamColumns):
+    """Six columns, force x, y, z and moment x, y, z, that the surroundings exert on a frame.
+
+    Moments are about the frame's origin, or a point of the world. Values times the scale, of all or
+    of each, plus the offset, are in N and N m.
+    """
+
+    frame: str
+    axes: Literal["frame", "world"] = "frame"
+    about: tuple[float, float, float] | None = None
+    scale: float | list[float] | None = None
+    offset: float | list[float] = 0.0
+
+    @model_validator(mode="after")
+    def _six_numbers(self) -> WrenchColumns:
+        if self.columns is not None and len(self.columns) != len(COMPONENTS):
+            raise ValueError(f"'columns' must be the six of {', '.join(COMPONENTS)}")
+        for key in ("scale", "offset"):
+            given = getattr(self, key)
+            if isinstance(given, list) and len(given) != len(COMPONENTS):
+                raise ValueError(f"'{key}' must be a number, or six")
+        return self
+
+    def six(self, key: str) -> list[Any]:
+        """The scale or the offset of each column."""
+        given = getattr(self, key)
+        return given if isinstance(given, list) else [given] * len(COMPONENTS)
+
+
 def _columns_tag(value: Any) -> str:
     listed = isinstance(value, StreamColumns)
     listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
@@ -143,6 +175,8 @@ class LogMapping(Section):
     ``acceleration`` where those that were measured are to be used. Values times the scale, plus
     the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
     Without a scale, columns are in the unit of their header, or else in these units.
+    In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
+    are what the surroundings exert on frames of the robot, each of six columns.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
@@ -173,6 +207,7 @@ class LogMapping(Section):
     saturation: OneOrEach[Positive] | None = None
     idle_speed: NotNegative | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
+    wrenches: list[WrenchColumns] = Field(default_factory=list)
     delay: OneOrEach[float] = 0.0
 
     def __init__(self, **content: Any) -> None:
@@ -320,16 +355,20 @@ class ColumnFinder:
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
         """The columns of all quantities by stream, that of the first position first."""
         found: dict[Place, Channel] = {}
-        for quantity in QUANTITIES:
-            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None:
-                for place, channel in self._channels_of(quantity, joints):
-                    if place in found:
-                        raise self._refused(
-                            f"column {place.column!r} is mapped twice: each {quantity} has a "
-                            "column of its own",
-                            column=place.column,
-                        )
-                    found[place] = channel
+        wanted = [
+            quantity
+            for quantity in QUANTITIES
+            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
+        ]
+        of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
+        for place, channel in chain(*of_motors, self._wrenches()):
+            if place in found:
+                raise self._refused(
+                    f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
+                    "column of its own",
+                    column=place.column,
+                )
+            found[place] = channel
         streams: dict[str, list[Channel]] = {}
         for place, channel in found.items():
             streams.setdefault(place.stream, []).append(channel)
@@ -362,6 +401,28 @@ class ColumnFinder:
             said = heading(place.column, joint)
             linear = self._linear(quantity, place.column, said, scale, f"{quantity}_scale")
             yield place, Channel(quantity, joint, place.column, linear[0], offset, linear[1])
+
+    def _wrenches(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of the wrenches, each of them a quantity."""
+        for k, given in enumerate(self.mapping.wrenches):
+            places = self._listed_columns(given)
+            if len(places) != len(COMPONENTS):
+                raise self._refused(
+                    f"there are {len(places)} columns for the wrench on {given.frame}, but it "
+                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}",
+                    columns=tuple(map(str, places)),
+                )
+            numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
+            for place, component, scale, offset in numbers:
+                column, said = place.column, heading(place.column)
+                scale, straight = self._linear("force", column, said, scale, "scale of wrenches")
+                if straight is not None and straight != component.startswith("force"):
+                    raise self._refused(
+                        f"the unit of column {column!r} is not that of the {component} on "
+                        f"{given.frame}: forces stand before moments",
+                        column=column,
+                    )
+                yield place, Channel(wrench_name(k), component, column, scale, offset)
 
     def _linear(
         self, quantity: str, column: str, said: Heading, given: float | None, key: str

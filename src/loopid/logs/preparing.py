@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ from loopid.logs.recording import (
     reach_of,
 )
 from loopid.logs.streams import Dropped
+from loopid.logs.wrenches import ExternalWrench
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.robot.mechanism import Mechanism
@@ -133,7 +135,7 @@ def prepare_recording(
         found.singularity,
     )
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
-    return Recording(
+    recording = Recording(
         name=log.name,
         actuators=robot.independent,
         motion=motion,
@@ -154,6 +156,7 @@ def prepare_recording(
         masks=masks,
         log=read,
     )
+    return recording.with_wrenches(robot, filtered_wrenches(log, lowpass, rows))
 
 
 @checked
@@ -297,6 +300,18 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
                 own = measured[part]
                 signal[part] = own if lowpass is None else lowpass.apply(own, rate)
             below = signal[part]
+    return found
+
+
+def filtered_wrenches(log: Log, lowpass: LowPass | None, rows: IntArray) -> list[ExternalWrench]:
+    """Some rows of the wrenches of a log, filtered as the forces are."""
+    found = []
+    for wrench in log.wrenches:
+        values = np.array(wrench.values)
+        for part in log.parts():
+            if lowpass is not None:
+                values[part] = lowpass.apply(values[part], log.rate(part))
+        found.append(replace(wrench, values=values[rows]))
     return found
 
 

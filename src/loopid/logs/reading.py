@@ -13,8 +13,9 @@ from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.formats import LogFormat, stream_name
 from loopid.logs.log import Log
-from loopid.logs.mapping import ColumnFinder, LogMapping, read_mapping
+from loopid.logs.mapping import QUANTITIES, ColumnFinder, LogMapping, read_mapping
 from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
+from loopid.logs.wrenches import frame_index
 from loopid.registry import log_formats
 from loopid.robot.mechanism import Mechanism, lock_options
 
@@ -94,6 +95,8 @@ def read_log(
         raise LogError(f"log {place} {reason}", file=place)
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    for wrench in mapping.wrenches:
+        frame_index(robot, wrench.frame)
     found = read_streams(place, robot.actuated, mapping, rows=rows, tolerances=tolerances)
     streams = [check_stream(robot, stream, tolerances) for stream in found]
     check_moving(streams)
@@ -226,7 +229,7 @@ def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
 
 def _require_units(robot: Mechanism, stream: Stream) -> None:
     """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
-    for what in stream.channels:
+    for what in (one for one in stream.channels if one.quantity in QUANTITIES):
         straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
         if what.straight is not None and what.straight != straight:
             said = ("turns", "slides") if what.straight else ("slides", "turns")

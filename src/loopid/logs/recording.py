@@ -14,6 +14,7 @@ from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.logs.log import Log
 from loopid.logs.streams import Dropped
+from loopid.logs.wrenches import ExternalWrench, wrench_forces
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -181,7 +182,7 @@ class Recording:
     motion : JointMotion
         (N samples), all joints.
     force : FloatArray
-        (N, dof) in N or N m.
+        (N, dof) in N or N m, of the motors and of measured wrenches of the surroundings.
     used : BoolArray
         (N, dof), false where the force of an actuator says nothing: it stands, or is saturated.
     stretches : IntArray
@@ -198,6 +199,10 @@ class Recording:
         With which it was prepared.
     log : Log or None
         As it was read, for ``prepare_again``; None of a motion that is known exactly.
+    external : FloatArray or None
+        (N, dof), the part of the force that is of measured wrenches; None without any.
+    wrenches : tuple of str
+        The frames on which they act.
     """
 
     name: str
@@ -213,10 +218,15 @@ class Recording:
     filter: FilterOptions | None = None
     masks: MaskOptions | None = None
     log: Log | None = None
+    external: FloatArray | None = None
+    wrenches: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count, dof = len(self.motion.time), len(self.actuators)
         force = samples(self.force, dof, "force", count)
+        if self.external is not None:
+            external = samples(self.external, dof, "external", count)
+            object.__setattr__(self, "external", external)
         if np.shape(self.used) != force.shape or np.shape(self.stretches) != (count,):
             raise DataError(f"used must have shape {force.shape} and stretches ({count},)")
         object.__setattr__(self, "force", force)
@@ -239,7 +249,28 @@ class Recording:
         shares = zip(self.actuators, self.used.mean(axis=0), strict=True)
         used = ", ".join(f"{name} {share:.0%}" for name, share in shares)
         filtered = "unfiltered" if self.cutoff is None else f"filtered at {self.cutoff:.3g} Hz"
-        return f"<Recording {self.name!r}: {len(self)} samples, {filtered}, forces used: {used}>"
+        wrenches = f", with wrenches on {', '.join(self.wrenches)}" if self.wrenches else ""
+        return (
+            f"<Recording {self.name!r}: {len(self)} samples, {filtered}{wrenches}, "
+            f"forces used: {used}>"
+        )
+
+    @property
+    def motor_force(self) -> FloatArray:
+        """Force of the motors alone (N, dof)."""
+        return self.force if self.external is None else self.force - self.external
+
+    def with_wrenches(self, robot: Mechanism, wrenches: Sequence[ExternalWrench]) -> Recording:
+        """The recording with wrenches (N, 6) that the surroundings exert, beside those it has.
+
+        They add Gᵀ Jᵀ w to the forces, also to those of coordinates that no motor moves.
+        """
+        if not wrenches:
+            return self
+        added = wrench_forces(robot, self.motion.configurations, wrenches)
+        external = added if self.external is None else self.external + added
+        frames = (*self.wrenches, *(one.frame for one in wrenches))
+        return replace(self, force=self.force + added, external=external, wrenches=frames)
 
     def _repr_html_(self) -> str:
         cells = [(d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}") for d in self.dropped]
@@ -303,6 +334,8 @@ class Recording:
         chosen: dict[str, Any] = {
             name: getattr(self, name)[rows] for name in ("force", "used", "stretches")
         }
+        if self.external is not None:
+            chosen["external"] = self.external[rows]
         if self.history is not None:
             chosen["history"] = replace(self.history, rows=self.history.rows[rows])
         return replace(self, motion=self.motion.select(rows), **chosen)

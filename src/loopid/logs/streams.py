@@ -17,6 +17,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative
 from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.formats import NO_STAMP, Table, numbers_in
 from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
+from loopid.logs.wrenches import COMPONENTS
 from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
@@ -215,7 +216,7 @@ class Aligned(NamedTuple):
     """Streams on one grid."""
 
     time: FloatArray  # (N,) in s from the first stamp of the first stream
-    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor
+    signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor, or a component
     stretches: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
@@ -247,12 +248,13 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
     there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
-    tables = {quantity: np.empty((len(time), len(joints))) for quantity in there}
+    columns = {name: joints if name in QUANTITIES else COMPONENTS for name in there}
+    tables = {name: np.empty((len(time), len(columns[name]))) for name in there}
     dropped = []
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():
             for joint, values in stream.signals(quantity):
-                table[:, joints.index(joint)] = np.interp(time, stamps, values)
+                table[:, columns[quantity].index(joint)] = np.interp(time, stamps, values)
         for reason, numbers in stream.left_out:  # rows without a time lie between others
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))

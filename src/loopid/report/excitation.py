@@ -61,8 +61,8 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
 
 
 def excitation_tables(found: ExcitationDesign) -> list[Table]:
-    """What the motion tells, standard errors, check list."""
-    return [_summary(found), _errors(found), _checks(found)]
+    """What the motion tells, standard errors with the noise that they assume, check list."""
+    return [_summary(found), _errors(found), _noise(found), _checks(found)]
 
 
 def _summary(found: ExcitationDesign) -> Table:
@@ -89,6 +89,19 @@ def _errors(found: ExcitationDesign) -> Table:
     errors = zip(found.parameters, found.standard_errors, before_errors, strict=True)
     rows = ((p.label, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
     return plain_table("predicted standard errors", columns, rows)
+
+
+def _noise(found: ExcitationDesign) -> Table:
+    mechanism, sizes = found.force_model.mechanism, np.sqrt((found.forces**2).mean(axis=0))
+    slides = np.isin(mechanism.velocity_indices(mechanism.actuated), mechanism.prismatic)
+    rows = [
+        (name, f"{noise:.3g}", "N" if slide else "N m", f"{noise / size:.2%}" if size else "")
+        for name, noise, slide, size in zip(
+            mechanism.actuated, found.noise, slides, sizes, strict=True
+        )
+    ]
+    title = f"noise that they assume, independent at {found.options.rate:g} Hz"
+    return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
 
 
 def _checks(found: ExcitationDesign) -> Table:

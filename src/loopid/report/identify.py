@@ -18,6 +18,7 @@ from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, prediction_reach
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
+from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.logs.recording import Recording
 from loopid.regressors.joint_terms import NO_TERMS
 from loopid.report.look import (
@@ -47,9 +48,13 @@ CAPTIONS = {
     "forces": "Forces on data that were not fitted.",
     "spectrum": "Structurally identifiable combinations, and their effect in the data.",
     "parameters": "Base parameters against the robot file.",
+    "friction": "Friction of the motors over their rates with its 95 % band, and what is left of "
+    "the fitted forces without all other parts of the model.",
 }
 # Of the least effect that is drawn, where unidentifiable combinations are drawn.
 BELOW = 0.1
+MOST, MARGIN = 0.95, 1.3  # quantile of its band, and times that, that an axis shows
+CURVE_POINTS = 200  # of a friction curve on either side of standstill
 LEAST_DENSITY = 1e-9  # of the largest, of a spectrum that is drawn
 LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
@@ -434,7 +439,8 @@ def identification_figures(study: Study) -> dict[str, bytes]:
     """All figures as SVG and PNG, by file name."""
     found = study.identification
     spectrum = draw_spectrum(found.identifiability)
-    return draw_forces(study) | spectrum | draw_parameters(found) | draw_filter(study)
+    friction = draw_friction(found)
+    return draw_forces(study) | spectrum | draw_parameters(found) | friction | draw_filter(study)
 
 
 def draw_filter(study: Study) -> dict[str, bytes]:
@@ -486,6 +492,46 @@ def draw_forces(study: Study) -> dict[str, bytes]:
     with drawing(len(panels), height=1.3) as (figure, axes):
         force_panels(figure, axes, recording.motion.time[rows], lines, panels, band)
         return rendered(figure, "forces")
+
+
+def draw_friction(found: Identification) -> dict[str, bytes]:
+    """Friction of each motor by the recommended fit, over the forces that it explains."""
+    fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
+    joints = [joint for joint in frictional_joints(fit) if joint in data.actuators]
+    if not joints:
+        return {}
+    velocities = np.concatenate([run.motion.velocities for run in found.training])
+    rows = thinned(len(data))
+    with drawing(len(joints), height=1.3) as (figure, axes):
+        for ax, joint in zip(axes[:, 0], joints, strict=True):
+            k = data.actuators.index(joint)
+            rate, used = velocities[rows, k], data.used[rows, k]
+            own = friction_columns(fit, joint)
+            left = data.residual(fit.values)[rows, k]
+            left = left + data.regressor[rows, k][:, own] @ fit.values[own]
+            dots = {"color": GREY, "alpha": 0.5, "markersize": 3, "markeredgewidth": 0}
+            ax.plot(rate[used], left[used], ".", label="data less all else", **dots)
+            fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
+            rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
+            curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
+            sure = bool(np.isfinite(curve.band).all())
+            for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
+                ax.plot(rates[half], curve.values[half], color=RED, label="friction")
+                band = (curve.band if sure else np.full(curve.band.shape, np.nan))[half].T
+                look = {"color": RED, "alpha": 0.3, "linewidth": 0}
+                ax.fill_between(rates[half], *band, label="its 95 % band", **look)
+            unit = force_unit(mechanism, joint)
+            # Next to standstill hardly anything is known: bands there would flatten the rest.
+            most = MARGIN * float(np.quantile(np.abs(curve.band), MOST)) if sure else None
+            ax.set(title=drawn(joint), ylabel=f"friction ({unit})")
+            if most:
+                ax.set_ylim(-most, most)
+        slides = mechanism.velocity_indices(joints[-1:])[0] in mechanism.prismatic
+        axes[-1, 0].set_xlabel(f"rate ({'m/s' if slides else 'rad/s'})")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))
+        figure.legend(once.values(), once, loc="outside lower center", ncols=3)
+        return rendered(figure, "friction")
 
 
 def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
