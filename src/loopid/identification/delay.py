@@ -312,6 +312,8 @@ class _Run:
                 known[np.ix_(rows, mine)] = ((at >= first) & (at <= last))[:, None]
                 force[np.ix_(rows, mine)] = signal(np.clip(at, first, last))[:, mine]
         force, known = on_independent(self.robot, self.recording.motion, force, known)
+        if self.recording.external is not None:  # measured wrenches, which stay where they are
+            force = force + self.recording.external
         return force, known & self.recording.used
 
 
