@@ -72,6 +72,7 @@ class SavedOptions(_Section):
     free_mimics: bool = False
     tied: bool = False
     rounding: float | None = None
+    xacro: dict[str, str] = Field(default={})
 
 
 class SavedRobot(_Section):
