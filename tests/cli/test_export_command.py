@@ -143,7 +143,7 @@ def test_fits_without_bodies_are_refused_with_advice_that_works(run, arm_files, 
     done = run("identify", *arm_files[:2], "--out", out, "--estimator", "ols")
     assert done.code == 0, done.err
     done = run("export", arm_files[0], out / "parameters.yaml", "--urdf", new)
-    assert_refused(done, "a fit by ols has base parameters", "--estimator wls")
+    assert_refused(done, "a fit by ols has base parameters", "default estimator")
     assert run("identify", *arm_files[:2], "--out", out, "--estimator", "wls").code == 0
     assert run("export", arm_files[0], out / "parameters.yaml", "--urdf", new).code == 0
 

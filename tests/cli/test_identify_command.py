@@ -74,7 +74,7 @@ def test_tables_and_files_say_the_same(written, tmp_path):
     assert all(len(files[link]) > 1000 for link in links)
     pictures = {
         f"{figure}.{kind}"
-        for figure in ("filter", "forces", "parameters", "spectrum")
+        for figure in ("filter", "forces", "friction", "parameters", "spectrum")
         for kind in ("svg", "png")
     }
     fits = {"parameters.yaml", "all_parameters.yaml"}

@@ -155,8 +155,11 @@ def test_verdicts_take_two_standard_errors(study, ratio, verdict):
     assert "{:.2f} ± {:.2f}".format(*ratio) in sentence
 
 
-def test_the_recommended_fit_is_said_listed_and_saved(files, study):
+def test_the_recommended_fit_is_said_listed_and_saved(study):
     found = study.identification
+    assert found.recommended is found["robot file"]  # which is true: nothing is better
+    study = judged(study, informed={"error_ratio": (0.5, 0.1)})
+    found, files = study.identification, identification_files(study)
     assert found.recommended is found["consistent"]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
