@@ -179,7 +179,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     other = worse.identification
     assert other.recommended is other["robot file"]
     (said,) = [text for text in findings(worse) if "Recommended" in text]
-    assert "robot file with fitted joint terms, as all parameters are clearly worse" in said
+    assert "robot file with fitted joint terms, as nothing is clearly better" in said
     bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
     assert other.fit.assumed == tuple(bodies)
 
