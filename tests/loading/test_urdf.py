@@ -628,12 +628,11 @@ def test_closures_that_are_not_read_are_refused_by_name(read, refusal, text, wor
     refusal(failure, *words)
 
 
-@pytest.mark.parametrize("name", ["robot.sdf", "robot.urdf"])
-def test_sdf_is_refused(tmp_path, refusal, name):
-    (tmp_path / name).write_text("<sdf version='1.9'/>")
+def test_an_sdf_that_is_called_a_urdf_is_told_its_ending(tmp_path, refusal):
+    (tmp_path / "robot.urdf").write_text("<sdf version='1.9'/>")
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(tmp_path / name)
-    refusal(failure, name, "urdf" if name.endswith("sdf") else "<sdf>")
+        load_mechanism(tmp_path / "robot.urdf")
+    refusal(failure, "robot.urdf", "<sdf>", ".sdf")
 
 
 def test_what_is_not_of_the_tree_may_be_broken(read):

@@ -10,6 +10,8 @@ for ending in (".xml", ".mjcf"):
     robot_formats.register(ending, "loopid.formats.mjcf:read_mjcf")
     editable_files.register(ending, "loopid.formats.mjcf_editor:MjcfEditor")
 
+robot_formats.register(".sdf", "loopid.formats.sdf:read_sdf")
+
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
     "loop | coupling | joint[@independent] | loop_constraint | joint_constraint": (

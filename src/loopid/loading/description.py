@@ -232,6 +232,8 @@ def merged(own: Description, given: Description) -> Description:
     ]
     update: dict[str, Any] = {
         "closures": [*kept, *given.closures],
+        "joint_name": [*own.joint_name, *given.joint_name],
+        "joint_type": [*own.joint_type, *given.joint_type],
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
         "reference": own.reference | given.reference,
         "joint_terms": {

@@ -67,13 +67,19 @@ class Dialect:
     notes: tuple[str, ...] = ()  # what is warned of on loading
 
 
-def read_urdf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
+def read_urdf(
+    path: Path,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    root: Element | None = None,
+) -> TreeSource:
     """Read the tree of a URDF, and what the file says of closures, motors and forces.
 
+    ``root`` is what the file says as a URDF, where it is none itself.
     A root link that floats does so on a joint called ``root_joint``; free mimics move on their own.
     Errors name the file, the link, joint or tag and the offending value.
     """
-    urdf = read_urdf_file(path)
+    urdf = read_urdf_file(path, root)
     links, joints = urdf.robot.links, urdf.robot.joints
     for joint in joints:
         warn_of_size(f"{path}: joint {joint.name}", joint.axis)

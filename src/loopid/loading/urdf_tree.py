@@ -71,12 +71,15 @@ class UrdfFile:
     second: tuple[Element, ...] = ()
 
 
-def read_urdf_file(path: Path) -> UrdfFile:
-    """Read a URDF with yourdfpy; errors name the file, the element and the offending value."""
+def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value.
+
+    ``root`` is what the file says, where that is no URDF itself.
+    """
     from yourdfpy import URDF  # here, as it takes 0.3 s to import
 
     with naming(path):
-        root = urdf_root(path)
+        root = urdf_root(path) if root is None else root
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
         name = " ".join(root.get("name", "").split())
         if not name.isprintable():
@@ -117,7 +120,7 @@ def urdf_root(path: Path) -> Element:
     for element in root.iter(f"{space}*"):
         element.tag = str(element.tag).removeprefix(space)
     if root.tag != "robot":
-        hint = ": convert it to a URDF" if root.tag == "sdf" else ""
+        hint = ": let its name end in .sdf" if root.tag == "sdf" else ""
         raise RobotFileError(f"it is no URDF: the root is <{root.tag!s}>, not <robot>{hint}")
     return root
 
@@ -230,6 +233,13 @@ def read_xml(path: Path, whole: bool = False) -> Element:
             content = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise RobotFileError(f"cannot be read: {error.strerror}") from error
+    return parsed_xml(content)
+
+
+def parsed_xml(content: bytes) -> Element:
+    """Root of the text of an XML file; see ``read_xml``."""
+    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
+    options["resolve_entities"] = False
     if len(content) > MOST_BYTES:
         raise RobotFileError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
     try:

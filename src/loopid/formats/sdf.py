@@ -1,0 +1,576 @@
+"""SDF, Gazebo's format: links placed in a model, joints between them, some of which close loops.
+
+A model is told as a URDF, whose reader does the rest. A link has its own axes there, and its origin
+on the joint that carries it. Joints that lead to a link which is reached already close a loop, as
+the file is drawn.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from loopid.arguments import FloatArray, number
+from loopid.errors import OptionError, RobotFileError
+from loopid.inertia import written
+from loopid.loading.description import ClosureDescription
+from loopid.loading.files import naming
+from loopid.loading.tree import TreeSource, add_frame
+from loopid.loading.urdf import read_urdf
+from loopid.loading.urdf_tree import (
+    MOMENTS,
+    ROOT_JOINT,
+    Element,
+    child,
+    inner_tags,
+    label,
+    local_name,
+    named_tags,
+    numbers,
+    placement,
+    read_xml,
+    required,
+)
+from loopid.robot.mechanism import LeftOut, shortened
+
+WORLD, MODEL = "world", "__model__"
+# What joints of a tree are in a URDF; balls are replaced afterwards.
+IN_TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
+IN_TREE |= {"fixed": "fixed", "ball": "continuous"}
+TWO_AXES = ("universal", "revolute2")
+CLOSING = {"revolute": "hinge", "continuous": "hinge", "prismatic": "prismatic", "fixed": "weld"}
+CLOSING |= {"ball": "ball", "universal": "universal"}
+DYNAMICS = ("damping", "friction", "spring_stiffness", "spring_reference")
+UNLIMITED = 1e16  # SDF's own number for it
+AXES_OF_JOINTS = (1, 5)  # the version that put axes into the frames of joints
+PARALLEL = 1e-6  # sine of the angle between the axes of a gear and of the joint that it turns
+CONTROLLER = re.compile("joint.*(control|trajectory)", re.IGNORECASE)
+
+
+def read_sdf(
+    path: Path,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    root: Element | None = None,
+) -> TreeSource:
+    """Read tree, closures, motors and joint forces of the robot in an SDF file."""
+    with naming(path):
+        sdf = _Sdf(read_xml(path) if root is None else root)
+        floats = sdf.root_link != WORLD
+        if floating_base and not floats:
+            what = "an SDF says itself whether its base floats"
+            raise OptionError(f"{what}: take out its joint with the world")
+        urdf = sdf.urdf()
+    source = read_urdf(path, floats, free_mimics, urdf)
+    with naming(path):
+        return _completed(sdf, source, floats)
+
+
+def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
+    """What a URDF cannot say: frames of links, balls, gears, motors, where the base is."""
+    model = source.model
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.name in sdf.moved:
+            frame.placement = frame.placement * sdf.moved[frame.name].inverse()
+    for name, link, place in sdf.frames():
+        if not any(frame.name == name for frame in model.frames):
+            add_frame(model, name, link, place)
+    if sdf.gravity is not None:
+        model.gravity.linear = sdf.gravity
+    balls = [edge.name for edge in sdf.tree if edge.kind == "ball"]
+    motors = sdf.motors or source.description.name_mot
+    if isinstance(motors, list):
+        motors = [name for name in motors if name not in balls]
+    reference = {}
+    if floats:
+        reference[ROOT_JOINT] = pin.SE3ToXYZQUAT(sdf.links[sdf.root_link]).tolist()
+    description = source.description.model_copy(
+        update={
+            "closures": [*source.description.closures, *sdf.gears()],
+            "name_mot": motors or None,
+            "joint_name": balls,
+            "joint_type": ["SPHERICAL"] * len(balls),
+            "reference": reference,
+        }
+    )
+    left_out = (*source.left_out, *sdf.left_out())
+    return replace(
+        source, description=description, notes=(*source.notes, *sdf.notes()), left_out=left_out
+    )
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """A joint between two links, in the direction of the tree."""
+
+    element: Element
+    scope: str
+    name: str
+    kind: str
+    ends: tuple[str, str]  # links, as the file names parent and child
+    turned: bool = False  # whether the tree leads from child to parent
+
+    @property
+    def led(self) -> tuple[str, str]:
+        """The link from which the tree leads, and the one to which."""
+        return (self.ends[1], self.ends[0]) if self.turned else self.ends
+
+
+class _Sdf:
+    """The moving model of an SDF file; names of nested models have theirs in front."""
+
+    def __init__(self, root: Element) -> None:
+        if root.tag != "sdf":
+            raise RobotFileError(f"it is no SDF: the root is <{root.tag!s}>, not <sdf>")
+        words = re.findall(r"\d+", root.get("version", ""))
+        self.old_axes = tuple(map(int, words[:2])) < AXES_OF_JOINTS if words else False
+        self.model = _moving_model(root)
+        self.gravity = None
+        if (text := root.findtext("world/gravity")) is not None:
+            self.gravity = np.array(numbers(etree.Element("gravity", xyz=text), "xyz", 3))
+        # Elements that have a place, each with the scope of its name; models by "scope__model__".
+        self.placed: dict[str, tuple[Element, str]] = {}
+        self._collect(self.model, "")
+        self.places: dict[str, pin.SE3] = {}
+        self.links = {
+            name: self.place("", name)
+            for name, (element, _) in self.placed.items()
+            if element.tag == "link"
+        }
+        if not self.links:
+            raise RobotFileError("its model has no <link>")
+        edges = [
+            self._edge(name, element, scope)
+            for name, (element, scope) in self.placed.items()
+            if element.tag == "joint"
+        ]
+        self.geared = [edge for edge in edges if edge.kind == "gearbox"]
+        self.tree, self.closing = self._spread([e for e in edges if e.kind != "gearbox"])
+        # Placement of a link's frame in the tree, as seen from the link itself.
+        self.moved = {edge.led[1]: self._moved(edge) for edge in self.tree}
+
+    def _collect(self, model: Element, scope: str) -> None:
+        if model.find("include") is not None:
+            raise RobotFileError(f"<include> of {label(model)} is not read: write it out")
+        if model.get("placement_frame"):
+            raise RobotFileError(f"placement_frame of {label(model)} is not read: write its <pose>")
+        self.placed[scope + MODEL] = model, scope
+        for tag in ("link", "joint", "frame"):
+            for element in named_tags(model, tag):
+                name = scope + required(element, "name")
+                if name in self.placed or name == WORLD:
+                    raise RobotFileError(f"{label(element)}: another element has its name")
+                self.placed[name] = element, scope
+        for nested in named_tags(model, "model"):
+            self._collect(nested, f"{scope}{required(nested, 'name')}::")
+
+    # Places.
+
+    def place(self, scope: str, name: str) -> pin.SE3:
+        """Placement of an element in the world."""
+        if name == WORLD:
+            return pin.SE3.Identity()
+        full = scope + name
+        if full not in self.placed and full + "::" + MODEL in self.placed:
+            full += "::" + MODEL
+        if full not in self.placed:
+            raise RobotFileError(
+                f"unknown frame {name!r}: choose among {shortened([*self.placed])}"
+            )
+        if full not in self.places:
+            self.places[full] = pin.SE3(np.full((3, 3), np.nan), np.zeros(3))  # is being found
+            self.places[full] = self._place(full)
+        found = self.places[full]
+        if np.isnan(found.rotation).any():
+            raise RobotFileError(f"the pose of {name!r} is relative to itself")
+        return found
+
+    def _place(self, full: str) -> pin.SE3:
+        element, scope = self.placed[full]
+        pose = element.find("pose")
+        with naming(label(element)):
+            own = _pose(pose)
+            relative = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+            if element.tag == "model":
+                outer = scope.removesuffix("::").rpartition("::")[0]
+                outer += "::" if outer else ""
+                where = relative or (MODEL if scope else WORLD)
+                return self.place(outer, where) * own
+            if element.tag == "joint":
+                where = relative or (child(element, "child").text or "").strip()
+            else:
+                where = relative or element.get("attached_to") or MODEL
+            return self.place(scope, where) * own
+
+    def carrier(self, scope: str, name: str) -> str:
+        """The link that a frame is fixed to."""
+        seen: list[str] = []
+        while name != WORLD:
+            full = scope + name
+            if full not in self.placed or full in seen:
+                raise RobotFileError(
+                    f"unknown link {name!r}: choose among {shortened([*self.links])}"
+                )
+            seen.append(full)
+            element, scope = self.placed[full]
+            if element.tag == "link":
+                return full
+            tag = (
+                element.findtext("child") if element.tag == "joint" else element.get("attached_to")
+            )
+            name = (tag or "").strip() or next(k.removeprefix(scope) for k in self.links_of(scope))
+        return WORLD
+
+    def links_of(self, scope: str) -> Iterator[str]:
+        """Links of a model, of which the first is its canonical one."""
+        return (k for k, (e, own) in self.placed.items() if e.tag == "link" and own == scope)
+
+    def frames(self) -> Iterator[tuple[str, str, pin.SE3]]:
+        """Frames with a name of their own, the link each is fixed to, and the place in it."""
+        for name, (element, scope) in self.placed.items():
+            if element.tag == "frame":
+                link = self.carrier(scope, name.removeprefix(scope))
+                if link in self.links:
+                    yield (
+                        name,
+                        link,
+                        self.links[link].actInv(self.place(scope, name.removeprefix(scope))),
+                    )
+
+    # Joints.
+
+    def _edge(self, name: str, element: Element, scope: str) -> _Edge:
+        kind = element.get("type", "").strip()
+        with naming(label(element)):
+            known = (*IN_TREE, *TWO_AXES, "gearbox")
+            if kind not in known:
+                raise RobotFileError(f"type {kind!r} is not read: choose among {', '.join(known)}")
+            parent, carried = (
+                self.carrier(scope, (child(element, side).text or "").strip())
+                for side in ("parent", "child")
+            )
+            if parent == carried:
+                raise RobotFileError(f"link {parent!r} is at both its ends")
+        return _Edge(element, scope, name, kind, (parent, carried))
+
+    def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
+        """Joints of the tree, and those that close its loops.
+
+        The tree spreads from the world, else from the first link that no joint carries; along
+        joints in the order of the file, and against them where nothing else reaches a link.
+        """
+        children = {edge.ends[1] for edge in edges}
+        on_world = any(WORLD in edge.ends for edge in edges)
+        self.root_link = (
+            WORLD
+            if on_world
+            else next((name for name in self.links if name not in children), next(iter(self.links)))
+        )
+        reached, tree, left = {self.root_link}, list[_Edge](), list(edges)
+        while True:
+            ways = (
+                replace(edge, turned=turned)
+                for turned in (False, True)
+                for edge in left
+                if edge.ends[turned] in reached and edge.ends[not turned] not in reached
+            )
+            way = next(ways, None)
+            if way is None:
+                break
+            tree.append(way)
+            reached.add(way.led[1])
+            left = [edge for edge in left if edge.name != way.name]
+        lost = [name for name in self.links if name not in reached]
+        if lost:
+            raise RobotFileError(
+                f"no joint leads from {self.root_link!r} to {shortened(lost)}: one tree is read"
+            )
+        return tree, left
+
+    def _moved(self, edge: _Edge) -> pin.SE3:
+        if edge.kind == "fixed":
+            return pin.SE3.Identity()
+        there = self.links[edge.led[1]].actInv(self.place("", edge.name))
+        return pin.SE3(np.eye(3), there.translation)
+
+    def _in_tree(self, link: str) -> pin.SE3:
+        """Placement in the world of a link's frame in the tree."""
+        if link == WORLD:
+            return pin.SE3.Identity()
+        return self.links[link] * self.moved.get(link, pin.SE3.Identity())
+
+    def _axis(self, edge: _Edge, tag: str = "axis") -> FloatArray:
+        """Axis of a joint along the world's axes."""
+        axis = child(edge.element, tag)
+        xyz = axis.find("xyz")
+        text = "0 0 1" if xyz is None else xyz.text or ""
+        direction = np.array(numbers(etree.Element(tag, xyz=text), "xyz", 3))
+        where = "" if xyz is None else xyz.get("expressed_in", "")
+        if where:
+            return np.asarray(self.place(edge.scope, where).rotation @ direction)
+        of_model = (axis.findtext("use_parent_model_frame") or "").strip() in ("1", "true")
+        if of_model or self.old_axes:
+            return np.asarray(self.place(edge.scope, MODEL).rotation @ direction)
+        return np.asarray(self.place("", edge.name).rotation @ direction)
+
+    # As a URDF.
+
+    def urdf(self) -> Element:
+        """The model as a URDF."""
+        root = etree.Element("robot", name=required(self.model, "name"))
+        if self.root_link == WORLD:
+            etree.SubElement(root, "link", name=WORLD)
+        for name in self.links:
+            with naming(f"link {name}"):
+                root.append(self._link(name))
+        for edge in self.tree:
+            with naming(label(edge.element)):
+                for part in self._joints(edge):
+                    root.append(part)
+        for edge in self.closing:
+            with naming(label(edge.element)):
+                root.append(self._constraint(edge))
+        return root
+
+    def _link(self, name: str) -> Element:
+        element, _ = self.placed[name]
+        link, given = etree.Element("link", name=name), element.find("inertial")
+        if given is not None and given.get("auto", "false").strip() in ("true", "1"):
+            raise RobotFileError("its <inertial> is left to Gazebo (auto): write it out")
+        inertial = etree.SubElement(link, "inertial")
+        place = self.moved.get(name, pin.SE3.Identity()).inverse() * self._inertial_place(name)
+        inertial.append(_origin(place))
+        # Gazebo takes 1 kg and 1 kg m² for what is not there.
+        inside = given if given is not None else etree.Element("inertial")
+        etree.SubElement(inertial, "mass", value=_text(inside, "mass", "1"))
+        values = {
+            key: _text(inside, f"inertia/{key}", "1" if key[1] == key[2] else "0")
+            for key in MOMENTS
+        }
+        etree.SubElement(inertial, "inertia", values)
+        return link
+
+    def _inertial_place(self, name: str) -> pin.SE3:
+        """Placement of a link's inertial in the link."""
+        element, scope = self.placed[name]
+        pose = element.find("inertial/pose")
+        relative = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+        there = self.place(scope, relative) if relative else self.links[name]
+        return self.links[name].actInv(there * _pose(pose))
+
+    def _joints(self, edge: _Edge) -> Iterator[Element]:
+        """A joint of the tree; of two axes a chain with a link between."""
+        before, after = edge.led
+        frame = self._in_tree(after)
+        origin = self._in_tree(before).actInv(frame)
+        if edge.kind not in TWO_AXES:
+            yield self._joint(edge, edge.name, IN_TREE[edge.kind], (before, after), origin)
+            return
+        between = f"{edge.name}_link"
+        yield etree.Element("link", name=between)
+        parts = [("axis", edge.name), ("axis2", f"{edge.name}_2")]
+        first, second = parts[::-1] if edge.turned else parts
+        ends = ((before, between), (between, after))
+        places = (origin, pin.SE3.Identity())
+        for (tag, name), links, place in zip((first, second), ends, places, strict=True):
+            yield self._joint(edge, name, "revolute", links, place, tag=tag)
+
+    def _joint(
+        self,
+        edge: _Edge,
+        name: str,
+        kind: str,
+        links: tuple[str, str],
+        origin: pin.SE3,
+        *,
+        tag: str = "axis",
+    ) -> Element:
+        joint = etree.Element("joint", name=name)
+        etree.SubElement(joint, "parent", link=links[0])
+        etree.SubElement(joint, "child", link=links[1])
+        joint.append(_origin(origin))
+        if edge.kind not in ("fixed", "ball"):
+            # Backwards the coordinate keeps its sense about the opposite axis.
+            axis = self._axis(edge, tag) * (-1.0 if edge.turned else 1.0)
+            along = self._in_tree(edge.led[1]).rotation.T @ axis
+            etree.SubElement(joint, "axis", xyz=written(*along))
+            kind = _add_limits(joint, kind, child(edge.element, tag))
+            for key in DYNAMICS:
+                if (text := edge.element.findtext(f"{tag}/dynamics/{key}")) is not None:
+                    etree.SubElement(joint, key).text = text
+            if (mimic := edge.element.find(f"{tag}/mimic")) is not None:
+                joint.append(_mimic(mimic, edge.scope))
+        joint.set("type", kind)
+        return joint
+
+    def _constraint(self, edge: _Edge) -> Element:
+        """A joint that closes a loop, as the file is drawn."""
+        if edge.kind not in CLOSING:
+            raise RobotFileError(f"a loop cannot be closed by a joint of type {edge.kind}")
+        closing = etree.Element("constraint", name=edge.name, type=CLOSING[edge.kind])
+        joint = self.place("", edge.name)
+        ends = dict(zip(("parent", "child"), edge.ends, strict=True))
+        for side, link in ends.items():
+            etree.SubElement(closing, side, link=link)
+            closing.append(_origin(self._in_tree(link).actInv(joint), f"{side}_origin"))
+        tags = {"parent": "axis", "child": "axis2" if edge.kind == "universal" else "axis"}
+        for side, tag in tags.items() if edge.kind not in ("fixed", "ball") else ():
+            axis = joint.rotation.T @ self._axis(edge, tag)
+            etree.SubElement(closing, f"{side}_axis", xyz=written(*axis))
+        return closing
+
+    @cached_property
+    def motors(self) -> list[str]:
+        """Joints that controllers among the plugins name."""
+        named = [
+            (tag.text or "").strip()
+            for plugin in self.model.iter("plugin")
+            if CONTROLLER.search(plugin.get("filename", "") + plugin.get("name", ""))
+            for tag in plugin.iter("joint_name")
+        ]
+        known = {edge.name for edge in self.tree if edge.kind != "fixed"}
+        return [name for name in dict.fromkeys(named) if name in known]
+
+    def gears(self) -> Iterator[ClosureDescription]:
+        """Couplings of gearboxes: the angle of the child is -ratio times that of the parent.
+
+        Both are angles from the reference body, about the first and the second axis.
+        """
+        for edge in self.geared:
+            with naming(label(edge.element)):
+                body = (child(edge.element, "gearbox_reference_body").text or "").strip()
+                reference = self.carrier(edge.scope, body)
+                ratio = float(_text(edge.element, "gearbox_ratio", "1"))
+                angles = (
+                    self._angle(reference, link, self._axis(edge, tag))
+                    for link, tag in zip(edge.ends, ("axis", "axis2"), strict=True)
+                )
+                (first, one), (second, other) = angles
+            joints = {second: other, first: ratio * one}
+            yield ClosureDescription(type="coupling", name=edge.name, joints=joints)
+
+    def _angle(self, reference: str, link: str, axis: FloatArray) -> tuple[str, float]:
+        """The joint that turns a link against another one about an axis, and its sense."""
+        for edge in self.tree:
+            if {*edge.ends} == {reference, link} and edge.kind in ("revolute", "continuous"):
+                own = self._axis(edge)
+                if np.linalg.norm(np.cross(own, axis)) > PARALLEL * np.linalg.norm(own):
+                    raise RobotFileError(f"its axis is not along that of joint {edge.name}")
+                sense = 1.0 if edge.ends[1] == link else -1.0
+                return edge.name, sense * float(np.sign(own @ axis))
+        raise RobotFileError(f"no hinge joins {link!r} to its reference body {reference!r}")
+
+    # What is left out.
+
+    def left_out(self) -> Iterator[LeftOut]:
+        """Forces that no model has."""
+        for name in self.links:
+            element, _ = self.placed[name]
+            if (element.findtext("gravity") or "").strip() in ("false", "0"):
+                mass = float(_text(element, "inertial/mass", "1"))
+                weight = {name: (mass, *map(float, self._inertial_place(name).translation))}
+                yield LeftOut(f"<gravity>: {name} has no weight", weight)
+            for tag in inner_tags(element, ("velocity_decay", "fluid_added_mass")):
+                if any(
+                    number(word) for part in tag.iter("*") for word in (part.text or "").split()
+                ):
+                    yield LeftOut(f"<{local_name(tag)}> of {name}")
+        for edge in self.closing:
+            given = [key for key in DYNAMICS[:3] for tag in ("axis", "axis2")
+                     if number(edge.element.findtext(f"{tag}/dynamics/{key}") or "0")]  # fmt: skip
+            if given:
+                yield LeftOut(f"{' and '.join(given)} of {edge.name}, which closes a loop")
+
+    def notes(self) -> Iterator[str]:
+        """Sentences about what a model of an SDF is."""
+        closing = [edge.name for edge in self.closing]
+        if closing:
+            yield f"joints that close loops have no coordinate: {shortened(closing)}"
+        bare = [name for name in self.links if self.placed[name][0].find("inertial") is None]
+        if bare:
+            yield f"links without <inertial> have 1 kg and 1 kg m², as SDF says: {shortened(bare)}"
+
+
+def _moving_model(root: Element) -> Element:
+    models = [*root.findall("model"), *root.findall("world/model")]
+    moving = [
+        each
+        for each in models
+        if (each.findtext("static") or "").strip() not in ("true", "1")
+        and (len(models) == 1 or each.find(".//joint") is not None)
+    ]
+    if len(moving) != 1:
+        names = shortened([each.get("name", "") for each in moving or models]) or "none"
+        raise RobotFileError(f"it must hold one model that moves, not {len(moving)}: {names}")
+    return moving[0]
+
+
+def _pose(pose: Element | None) -> pin.SE3:
+    """Placement of a ``<pose>``; the identity without one."""
+    words = "" if pose is None else pose.text or ""
+    parts = words.split() or ["0"] * 6
+    if pose is not None and pose.get("rotation_format") == "quat_xyzw":
+        if len(parts) != 7:
+            raise RobotFileError(f"<pose> must be seven numbers, not {words!r:.60}")
+        xyz = numbers(etree.Element("pose", xyz=" ".join(parts[:3])), "xyz", 3)
+        x, y, z = numbers(etree.Element("pose", xyz=" ".join(parts[3:6])), "xyz", 3)
+        (w,) = numbers(etree.Element("pose", w=parts[6]), "w")
+        if not np.linalg.norm((x, y, z, w)) > 0:
+            raise RobotFileError("the quaternion of <pose> is zero")
+        return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(xyz))
+    if len(parts) != 6:
+        raise RobotFileError(f"<pose> must be six numbers, not {words!r:.60}")
+    origin = etree.Element("origin", xyz=" ".join(parts[:3]), rpy=" ".join(parts[3:]))
+    if pose is not None and pose.get("degrees") in ("true", "1"):
+        origin.set("rpy", written(*np.radians([number(word) for word in parts[3:]])))
+    return placement(origin)
+
+
+def _origin(place: pin.SE3, tag: str = "origin") -> Element:
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    return etree.Element(tag, xyz=written(*place.translation), rpy=written(*rpy))
+
+
+def _text(element: Element, path: str, default: str) -> str:
+    """Text of a number inside, checked to be one."""
+    text = element.findtext(path)
+    key = path.rpartition("/")[2]
+    (value,) = numbers(etree.Element(key, value=default if text is None else text), "value")
+    return repr(value)
+
+
+def _add_limits(joint: Element, kind: str, axis: Element) -> str:
+    """Add the limits of an axis; gives the kind of the joint, which may have none."""
+    values = {}
+    defaults = {"lower": -UNLIMITED, "upper": UNLIMITED, "effort": -1.0, "velocity": -1.0}
+    for key, default in defaults.items():
+        text = axis.findtext(f"limit/{key}")
+        value = default if text is None else number(text)
+        if np.isnan(value):
+            raise RobotFileError(f"<{key}> must be a number, not {text!r:.60}")
+        # A negative effort or velocity is none; a URDF says zero.
+        bounded = min(max(value, -UNLIMITED), UNLIMITED)
+        values[key] = repr(bounded if key in ("lower", "upper") else max(bounded, 0.0))
+    endless = float(values["upper"]) - float(values["lower"]) >= 2 * UNLIMITED
+    if kind == "continuous" or (kind == "revolute" and endless):
+        return "continuous"
+    etree.SubElement(joint, "limit", values)
+    return kind
+
+
+def _mimic(mimic: Element, scope: str) -> Element:
+    """A joint follows another one: multiplier · (leader - reference) + offset."""
+    factor, offset, start = (
+        float(_text(mimic, key, default))
+        for key, default in (("multiplier", "1"), ("offset", "0"), ("reference", "0"))
+    )
+    leader = scope + required(mimic, "joint") + ("_2" if mimic.get("axis") == "axis2" else "")
+    values = {"multiplier": written(factor), "offset": written(offset - factor * start)}
+    return etree.Element("mimic", values, joint=leader)
