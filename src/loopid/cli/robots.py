@@ -45,10 +45,16 @@ def loaded(
     floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
     free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
     tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
+    xacro: list[str] | None = Option(
+        None, metavar="KEY:=VALUE", help="Argument of a xacro; repeatable."
+    ),
 ) -> Any:
     """The robot (``Mechanism``) that the options of a command ask for."""
     from loopid.loading.load import load_mechanism
 
+    arguments = dict(text.partition(":=")[::2] for text in xacro or ())
+    if not all(":=" in text for text in xacro or ()):
+        raise OptionError(f"--xacro takes KEY:=VALUE, not {' '.join(xacro or ())!r:.60}")
     with progress_bar("robot"):
         return load_mechanism(
             file,
@@ -57,6 +63,7 @@ def loaded(
             free_mimics=free_mimics,
             tied=tied,
             rounding=rounding,
+            xacro=arguments,
         )
 
 

@@ -11,6 +11,7 @@ for ending in (".xml", ".mjcf"):
     editable_files.register(ending, "loopid.formats.mjcf_editor:MjcfEditor")
 
 robot_formats.register(".sdf", "loopid.formats.sdf:read_sdf")
+robot_formats.register(".xacro", "loopid.formats.xacro:read_xacro")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",

@@ -14,7 +14,6 @@ from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from io import StringIO
-from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -31,13 +30,11 @@ from loopid.identification.consistent import ConsistentFit, FitCost, consistent_
 from loopid.identification.consistent_program import repaired_prior
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import FitResult, NoiseModel, Quality, Robustness
-from loopid.kinematics.constraint import constraint_residual
-from loopid.kinematics.projection import closed_motion
+from loopid.identification.saved_checks import SAME_ROBOT, differences, require_sound
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
 from loopid.parameters import Parameter, ParameterSet
-from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
@@ -46,13 +43,9 @@ from loopid.yaml_files import LARGE, load_yaml, yaml_writer
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 5 * LARGE  # bytes: a line a number
 STATES = 3  # of the robot, by which it is known again
-# Relative difference of closures, forces and columns up to which a robot is the same.
-SAME_ROBOT = 1e-6
 # Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
 MOST_MASS, LIGHT = 3.0, 0.01
 NO_EFFECT = 1e-10  # of a column, relative to the largest
-# Relative difference of numbers of a file that follow from others: they are written to the bit.
-FOLLOWS = 1e-9
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
@@ -79,6 +72,7 @@ class SavedOptions(_Section):
     free_mimics: bool = False
     tied: bool = False
     rounding: float | None = None
+    xacro: dict[str, str] = Field(default={})
 
 
 class SavedRobot(_Section):
@@ -240,90 +234,10 @@ class SavedFit(_Section):
 
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
-        labels, dof = self.standard.labels, len(self.force_model.rows)
-        units = {entry.name: entry.unit for entry in self.standard_parameters}
-        for base in self.base_parameters:
-            if not base.terms.keys() <= set(labels) or base.terms.get(base.name) != 1:
-                raise DataError(
-                    f"the terms of {base.name} are not those of a base parameter",
-                    parameter=base.name,
-                )
-            if base.unit != units[base.name]:
-                unit = units[base.name]
-                raise DataError(
-                    f"{base.name} is in {unit}, not {base.unit}", parameter=base.name, valid=unit
-                )
-        nq = len(self.check[0].configuration)
-        for state in self.check:
-            if [len(part) for _, part in state] != [nq, dof, dof, dof]:
-                raise ValueError(f"a state must have {nq} coordinates, and {dof} rates and forces")
-        if (self.estimate is None) != (self.covariance is None):
-            raise ValueError("an estimate and a covariance come together, or none of them")
-        if self.estimate is not None:
-            quality = self.estimate.quality
-            columns = (quality.residual_rms, quality.r_squared, quality.samples)
-            if {*map(np.shape, (*columns, self.estimate.weights))} != {(dof,)}:
-                raise ValueError(f"quality and weights of an estimate must be of {dof} actuators")
         if self.consistency is not None and not np.isfinite(self.standard_values).all():
             raise ValueError("a consistent fit needs the values of all standard parameters")
-        self._require_standard_values()
-        self._require_covariance()
-        self._require_uncertainty()
+        require_sound(self)
         return self
-
-    def _require_standard_values(self) -> None:
-        """Refuse standard parameters that do not give the base parameters."""
-        M, standard = self.matrix, self.standard_values
-        if np.isnan(standard).all():
-            return
-        if np.isnan(standard).any():
-            name = self.standard.labels[int(np.isnan(standard).argmax())]
-            raise DataError(f"all standard parameters have values but {name}", parameter=name)
-        size = np.abs(M) @ np.abs(standard) + np.abs(self.values)
-        apart = np.abs(M @ standard - self.values) > FOLLOWS * size
-        if apart.any():
-            k = int(apart.argmax())
-            name, given = self.parameters.labels[k], self.values[k]
-            raise DataError(
-                f"the standard parameters make {name} {(M @ standard)[k]:.6g}, not {given:.6g}",
-                parameter=name,
-            )
-
-    def _require_covariance(self) -> None:
-        """Refuse what no estimates of the base parameters can have as covariance."""
-        if self.covariance is None:
-            return
-        C, count = self.covariance, len(self.base_parameters)
-        if C.shape != (count, count) or (np.diag(C) < 0).any():
-            raise ValueError(f"the covariance must be that of {count} parameters")
-        size = np.sqrt(np.diag(C))
-        scale = np.outer(size, size)
-        apart = np.abs(C - C.T) + np.maximum(np.abs(C) - scale, 0.0) > FOLLOWS * scale
-        if apart.any():
-            one, two = (self.parameters.labels[k] for k in np.argwhere(apart)[0])
-            raise DataError(
-                f"the covariance of {one} and {two} is none that two estimates can have",
-                parameter=one,
-            )
-
-    def _require_uncertainty(self) -> None:
-        """Refuse errors and intervals that do not belong to the covariance."""
-        result = self.result
-        estimates = result.estimates if isinstance(result, FitResult) else ()
-        for base, estimate in zip_longest(self.base_parameters, estimates):
-            given = base.standard_error, base.relative_std_percent, *base.interval_95_percent
-            meant = (np.nan,) * 4
-            if estimate is not None:
-                meant = estimate.standard_error, estimate.relative_std, *estimate.interval
-            size = max(abs(base.value), *(abs(x) for x in meant if np.isfinite(x)), 0.0)
-            words = "standard error", "relative deviation", "interval", "interval"
-            for what, one, other in zip(words, given, meant, strict=True):
-                if not _same(one, other, size if what == "interval" else 0.0):
-                    raise DataError(
-                        f"the {what} of {base.name} is not that of its value, covariance and "
-                        "degrees of freedom",
-                        parameter=base.name,
-                    )
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -418,7 +332,7 @@ class SavedFit(_Section):
         DataError
             Naming both robots, and the first thing that differs.
         """
-        difference = next(self._differences(mechanism), None)
+        difference = next(differences(self, mechanism), None)
         if difference is not None:
             raise self._refusal(mechanism, difference)
 
@@ -528,41 +442,6 @@ class SavedFit(_Section):
         write_file(path, self.content(path))
         return Path(path)
 
-    def _differences(self, mechanism: Mechanism) -> Iterator[str]:
-        """What makes a mechanism another robot: only the first counts, the next build on it."""
-        kind, terms = self.force_model.model, self.force_model.joint_terms
-        known = {*mechanism.joints, *mechanism.coordinates}
-        missing = set(() if terms is None else terms.joints) - known
-        if missing:
-            yield f"that has no joint {min(missing)}"
-        for what, there, here in (
-            ("coordinate", mechanism.coordinates, self.robot.coordinates),
-            ("row", mechanism.independent, self.force_model.rows),
-            ("parameter", motion_parameters(mechanism, kind, terms).labels, self.standard.labels),
-        ):
-            for one, other in zip_longest(there, here):
-                if one != other:
-                    yield f"{what} {other or 'none'} is where that has {one or 'none'}"
-        gravity = mechanism.model.gravity.linear.tolist()
-        if not np.allclose(gravity, self.force_model.gravity, rtol=SAME_ROBOT):
-            yield f"gravity is {gravity} m/s² there, not {list(self.force_model.gravity)}"
-        q, v, a, force = (
-            np.array([getattr(state, part) for state in self.check])
-            for part in SavedState.model_fields
-        )
-        residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
-        most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
-        if residual.max(initial=0.0) > most:
-            k = int(residual.argmax())
-            yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
-        W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
-        apart = np.abs(W[..., self._leading] @ self.values - force).max(axis=0)
-        k = int(apart.argmax())
-        if apart[k] > SAME_ROBOT * np.abs(force).max():
-            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-            row = self.force_model.rows[k]
-            yield f"the force along {row} differs by {apart[k]:.3g} there{why}"
-
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
         hashes = _hashes(mechanism).items()
         other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
@@ -570,13 +449,6 @@ class SavedFit(_Section):
         return DataError(
             f"this is a fit of {self.robot.name}, not of {mechanism.path}{files}: {difference}"
         )
-
-
-def _same(one: float, other: float, size: float) -> bool:
-    """Whether numbers agree, also relative to a size; what is not finite is null in files."""
-    if not (math.isfinite(one) and math.isfinite(other)):
-        return math.isfinite(one) == math.isfinite(other)
-    return abs(one - other) <= FOLLOWS * max(abs(one), abs(other), size)
 
 
 def _values_of(model: ForceModel, fit: FitResult | ConsistentFit | FloatArray) -> FloatArray:

@@ -137,6 +137,7 @@ class Description(Section):
 
     urdf: str | None = None
     mjcf: str | None = None
+    xacro: dict[str, str | float | bool] = Field(default={})
     floating_base: bool = False
     closures: list[ClosureDescription] = Field(default=[])
     closed_loop: list[tuple[str, str]] = Field(default=[])

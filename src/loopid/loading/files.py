@@ -16,6 +16,7 @@ from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
 MOTIONS = "_motions.yaml"
+XACRO = ".xacro"  # macros, which take arguments
 
 
 @contextmanager

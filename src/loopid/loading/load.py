@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -32,7 +32,7 @@ from loopid.loading.description import (
     joint_named,
     merged,
 )
-from loopid.loading.files import find_files, naming
+from loopid.loading.files import XACRO, RobotFiles, find_files, naming
 from loopid.loading.free import why_free
 from loopid.loading.reference import close_reference, why_singular
 from loopid.loading.tree import TreeSource, build_tree, written_reference
@@ -59,14 +59,15 @@ def load_mechanism(
     free_mimics: bool = False,
     tied: bool = False,
     rounding: float | None = None,
+    xacro: Mapping[str, str] | None = None,
 ) -> Mechanism:
     """Load a robot and check that it is one.
 
     Parameters
     ----------
     path : str or Path
-        A YAML with the loop closures (its URDF or MJCF beside it), a URDF or URDF+, an MJCF, or the
-        name of a bundled robot such as ``"3ups_rpu"``.
+        A YAML with the loop closures (its tree beside it), a URDF or URDF+, an MJCF, an SDF, a
+        xacro, or the name of a bundled robot such as ``"3ups_rpu"``.
     lock : sequence of str
         Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, in
         addition to those the YAML fixes.
@@ -81,6 +82,9 @@ def load_mechanism(
         says, else six digits where loops would not close or not move otherwise. Closures are then
         closed, by moving their frames as little as possible.
 
+    xacro : mapping, optional
+        Arguments of a ``.xacro`` by name, in addition to those of the YAML.
+
     Returns
     -------
     Mechanism
@@ -91,7 +95,7 @@ def load_mechanism(
     FileError, RobotFileError, MobilityError, OptionError
         Naming the file and the offender.
     MissingExtraError
-        When an MJCF is to be read and MuJoCo is not installed.
+        When an MJCF or a xacro is to be read and MuJoCo, or xacro, is not installed.
 
     Warns
     -----
@@ -112,7 +116,7 @@ def load_mechanism(
         raise OptionError(f"rounding must be {least_most}, not {rounding:g}", given=rounding)
     files = find_files(path)
     floating = floating_base or files.given.floating_base
-    source = robot_formats[files.tree.suffix](files.tree, floating, free_mimics)
+    source = _source(files, floating, free_mimics, xacro or {})
     with naming(files.named):
         description = merged(source.description, files.given)
         if tied and not description.identical:
@@ -128,6 +132,7 @@ def load_mechanism(
                 "free_mimics": free_mimics,
                 "tied": tied,
                 "rounding": rounding,
+                "xacro": dict(xacro or {}),
             },
         )
         drawn = replace(drawn, joint_values=_joint_values(drawn, source.model, tree, description))
@@ -141,6 +146,23 @@ def load_mechanism(
     )
     warn_of_findings(mechanism, around, tree, motors_given)
     return mechanism
+
+
+def _source(
+    files: RobotFiles, floating: bool, free_mimics: bool, given: Mapping[str, str]
+) -> TreeSource:
+    """The tree as its file has it; arguments are for macros."""
+    own = {name: _argument(value) for name, value in files.given.xacro.items()}
+    arguments = {**own, **given}
+    if arguments and files.tree.suffix != XACRO:
+        raise OptionError(f"{files.tree} takes no xacro arguments: only a {XACRO} does")
+    more = [arguments] if arguments else []
+    source: TreeSource = robot_formats[files.tree.suffix](files.tree, floating, free_mimics, *more)
+    return source
+
+
+def _argument(value: str | float | bool) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mechanism:

@@ -1,0 +1,98 @@
+"""xacro: a URDF or SDF written with macros, which the package ``xacro`` writes out.
+
+Importing this needs xacro.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Mapping
+from contextlib import redirect_stderr
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import patch
+
+from loopid.errors import MissingExtraError, OptionError, RobotFileError
+from loopid.formats.sdf import read_sdf
+from loopid.loading.files import naming
+from loopid.loading.tree import TreeSource
+from loopid.loading.urdf import read_urdf
+from loopid.loading.urdf_tree import Element, parsed_xml
+
+try:
+    import xacro
+except ImportError as missing:
+    raise MissingExtraError.of("xacro", "xacro") from missing
+
+READERS = {"robot": read_urdf, "sdf": read_sdf}
+ROS_INDEX = "ament_index_python"
+
+
+def read_xacro(
+    path: Path,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    arguments: Mapping[str, str] | None = None,
+) -> TreeSource:
+    """Read the URDF or SDF that a file of macros gives with some arguments."""
+    with naming(path):
+        root, said = _written_out(path, arguments or {})
+        if root.tag not in READERS:
+            raise RobotFileError(f"its root is <{root.tag!s}>, not <robot> or <sdf>")
+    source: TreeSource = READERS[str(root.tag)](path, floating_base, free_mimics, root)
+    return replace(source, notes=(*source.notes, *said))
+
+
+def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, list[str]]:
+    """The file without macros, and what xacro warns of."""
+    given, heard = _Arguments(arguments), io.StringIO()
+    try:
+        with redirect_stderr(heard), patch.dict(sys.modules, _packages(path)):
+            document = xacro.process_file(str(path), mappings=given)
+            content = document.toxml("utf-8")
+    except Exception as error:  # of any expression in the file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RobotFileError(f"xacro refuses it: {reason:.300}") from error
+    for name in arguments:
+        if name not in given.asked:
+            raise OptionError.unknown("argument of its macros", name, sorted(given.asked))
+    lines = dict.fromkeys(line.strip() for line in heard.getvalue().splitlines())
+    said = [f"xacro warns: {line.removeprefix('warning: ')}" for line in lines if line]
+    return parsed_xml(content), said
+
+
+class _Arguments(dict[str, Any]):
+    """Arguments that know which of them were asked for."""
+
+    def __init__(self, arguments: Mapping[str, str]) -> None:
+        super().__init__(arguments)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> Any:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+
+def _packages(path: Path) -> dict[str, ModuleType]:
+    """ROS's index of packages, which xacro asks for ``$(find NAME)``; without ROS a look around."""
+    if find_spec(ROS_INDEX) is not None:
+        return {}
+
+    def folder_of(name: str) -> str:
+        for folder in path.absolute().parents:
+            for place in (folder, folder / name):
+                if place.name == name and place.is_dir():
+                    return str(place)
+        raise RobotFileError(f"package {name!r} is neither installed nor around the file")
+
+    index, packages = ModuleType(ROS_INDEX), ModuleType(f"{ROS_INDEX}.packages")
+    packages.__dict__["get_package_share_directory"] = folder_of
+    return {ROS_INDEX: index, f"{ROS_INDEX}.packages": packages}
