@@ -16,11 +16,12 @@ from loopid import (
     random_configurations,
     wrench_forces,
 )
-from loopid.diagnosis import suspicions
+from loopid.diagnosis import examine, suspicions
 from loopid.identification import quiet_fit
 from loopid.kinematics import random_motions, singularity_measure
 from loopid.logs import Recording
 from loopid.motion import JointMotion
+from loopid.report.identify import identification_record
 from made_runs import ARM, quietly, record, simulated, wander
 
 NOISE = 1.0
@@ -73,6 +74,9 @@ def test_an_identification_and_a_prediction_with_a_leg(knee, knee_model, carried
     found = quietly(identify, knee_model, [whole], validation=[judged])
     reached = found.candidates["all parameters"].validation.residual_rms
     assert reached == pytest.approx(np.full(4, NOISE), rel=0.15)
+    report = identification_record(quietly(examine, found))
+    assert any("on platform are part of the forces" in said for said in report["findings"])
+    assert report["training"][0]["wrenches"] == ["platform"]
     lost = quietly(identify, knee_model, [run], validation=[other])
     missed = lost.candidates["all parameters"].validation.residual_rms
     assert (missed > 3 * np.array(reached)).any()

@@ -17,6 +17,7 @@ from .delay import (
     Delay as Delay,
     DelayOptions as DelayOptions,
     find_delay as find_delay,
+    in_motion_band as in_motion_band,
     with_delay_errors as with_delay_errors,
     without_delay as without_delay,
 )

@@ -334,6 +334,8 @@ class Log:
         (4, True)
         """
         shifts = _delays(delay, self.joints)
+        if not shifts.any():
+            return self
         force, known = self.force.copy(), np.ones(len(self), dtype=bool)
         for part in self.parts():
             for k in np.flatnonzero(shifts):

@@ -40,6 +40,7 @@ def prediction_record(predictions: Sequence[Prediction]) -> dict[str, Any]:
                 "moving": _quality(found.moving),
                 "standing_or_saturated": _quality(found.standing),
                 "dropped": [str(dropped) for dropped in found.recording.dropped],
+                "wrenches": list(found.recording.wrenches),
             }
             for found in predictions
         ]

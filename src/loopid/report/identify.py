@@ -122,6 +122,7 @@ def _recording(recording: Recording) -> dict[str, Any]:
         "used": recording.used.sum(axis=0).tolist(),
         "cutoff": recording.cutoff,
         "dropped": [str(dropped) for dropped in recording.dropped],
+        "wrenches": list(recording.wrenches),
     }
 
 
@@ -187,6 +188,12 @@ def findings(study: Study, command: str | None = None) -> list[str]:
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     said.append(f"Joint terms: {choice}.")
+    runs = (*found.training, *found.validation)
+    frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
+    if frames:
+        said.append(
+            f"Measured wrenches of the surroundings on {', '.join(frames)} are part of the forces."
+        )
     if found.delay is not None and found.delay.clear:
         said.append(f"{found.delay.sentence.capitalize()}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
