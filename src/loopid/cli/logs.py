@@ -138,6 +138,8 @@ def excite_command(found: Identification) -> str:
     words = ["loopid excite", quote(str(robot.path))]
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
+        if isinstance(value, dict):
+            value = [f"{key}:={given}" for key, given in value.items()]
         each = value if isinstance(value, list | tuple) else [value]
         told = (one for one in each if one is not None and one is not False)
         words += [option if one is True else f"{option} {quote(str(one))}" for one in told]

@@ -81,7 +81,7 @@ class DelayOptions:
     iterations: int = 15
     settled: Positive = 1e-3
     least: NotNegative = 0.2
-    clear: Positive = 1.75
+    clear: Positive = 2.0
     alone: Positive = 6.0
     chance: Positive = 0.01
     known: Positive = 1e-6
