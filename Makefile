@@ -53,6 +53,9 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/calls.py
 	$(BIN)/python benchmarks/logs.py
 	$(BIN)/python benchmarks/intervals.py --runs 20
+	$(BIN)/python benchmarks/friction.py --runs 16
+	$(BIN)/python benchmarks/delays.py --runs 20
+	$(BIN)/python benchmarks/suspicions.py --runs 20
 	$(BIN)/python benchmarks/estimators.py
 	$(BIN)/python benchmarks/consistency.py
 	$(BIN)/python benchmarks/codegen.py

@@ -33,15 +33,7 @@ from loopid import (
     read_motion_program,
 )
 from loopid.errors import LoopidError
-from loopid.identification import (
-    BayesianRidge,
-    Estimator,
-    FitResult,
-    FitSamples,
-    ForceModel,
-    cad_prior,
-    quiet_fit,
-)
+from loopid.identification import Estimator, FitResult, FitSamples, ForceModel, quiet_fit
 from loopid.motion import Motion, differentiate
 from loopid.workers import one_blas_thread
 from tables import show, write_json
@@ -57,9 +49,6 @@ POSITION_NOISE, RATE, CUTOFF, CUT = 5e-4, 100.0, 10.0, 50
 # Rate in rad/s below which a joint counts as standing: noise would turn the sign of its friction.
 STANDING = 0.05
 HARMONICS, FREQUENCY = 5, 0.1
-
-# Trust in the robot file and in what is known of friction, where data are few.
-RELATIVE, JOINT_RELATIVE = 0.2, 0.5
 # What docs/estimators.md recommends for each kind of errors.
 RECOMMENDED = {
     "white, one size": "ols",
@@ -68,7 +57,6 @@ RECOMMENDED = {
     "outliers": "bisquare",
     "AR(1), outliers": "bisquare",
     "noisy positions": "iv",
-    "few samples": "bayes",
 }
 # Cases whose errors are of one size for all motors.
 ONE_SIZE = ("white, one size",)
@@ -213,7 +201,6 @@ def scenarios(case: Case) -> Iterator[tuple[str, Draw, tuple[str, ...]]]:
             lambda rng: (measured_motion(case, rng), case.truth, {}),
             ("wls", "iv"),
         )
-    yield "few samples", lambda rng: few(case, rng), ("wls", "bayes")
 
 
 def forces(
@@ -222,19 +209,6 @@ def forces(
     """Forces with errors."""
     errors = case.errors(correlation, outliers, equal)
     return lambda rng: (case.samples.with_force(case.samples.force + errors(rng)), case.truth, {})
-
-
-def few(case: Case, rng: np.random.Generator) -> Run:
-    """The first part of the motion, by a robot that is drawn from the prior."""
-    joints = case.truth[case.model.joint_columns]
-    deviations = JOINT_RELATIVE * np.abs(joints)
-    prior = cad_prior(case.model, RELATIVE, joint_values=joints, joint_deviations=deviations)
-    truth = rng.multivariate_normal(prior.values, prior.covariance, method="cholesky")
-    rows = slice(0, case.few)
-    W = case.samples.regressor[rows]
-    force = W @ truth + case.errors()(rng)[rows]
-    samples = FitSamples.of(case.samples.parameters, case.samples.actuators, W, force)
-    return samples, truth, {"bayes": BayesianRidge(prior)}
 
 
 def judged(

@@ -36,11 +36,9 @@ from .excitation import (
 )
 from .export import export_regressor as export_regressor, export_robot_file as export_robot_file
 from .identification import (
-    BayesianRidge as BayesianRidge,
     FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
-    consistent_parameters as consistent_parameters,
     find_delay as find_delay,
     find_force_model as find_force_model,
     fit as fit,

@@ -95,6 +95,34 @@ def body_defect(P: FloatArray, flat_allowed: bool = False, tolerance: float = FL
     )
 
 
+# No matter is denser (osmium), in kg/m³; least second moment of a solid body, of its largest.
+DENSEST, THICKNESS = 22_600.0, 1e-3
+
+
+def nearest_solid(P: FloatArray, least_mass: float, reach: float) -> FloatArray:
+    """A solid body (4, 4) for a pseudo-inertia that has none.
+
+    Mass and centre stay where the mass is positive. Second moments about the centre become at least
+    ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a ball.
+
+    Parameters
+    ----------
+    least_mass : float
+        In kg, of a body without a positive mass; its centre is the origin.
+    reach : float
+        In m, radius of a point that becomes a ball.
+    """
+    has_mass = P[3, 3] > 0
+    mass = float(P[3, 3]) if has_mass else least_mass
+    middle = centre(P) if has_mass else np.zeros(3)
+    moments, axes = np.linalg.eigh(central_moments(P) if has_mass else P[:3, :3])
+    extended = moments[2] > ROUND_OFF * float(np.abs(np.diag(P)[:3]).sum())
+    least = THICKNESS * moments[2] if extended else mass * reach**2 / 5
+    dense = mass * (3 * mass / (4 * np.pi * DENSEST)) ** (2 / 3) / 5
+    moments = np.maximum(moments, max(least, dense))
+    return from_moments(mass, middle, axes * moments @ axes.T)
+
+
 # Inertials as robot files write them.
 
 # Numbers whose change moves no more than this part of the second moments about the link's origin

@@ -31,7 +31,7 @@ COMMANDS = typer.main.get_command(app).commands
         ("check", "lock=['a b']", "--lock 'a b'"),
         ("identify", 'take it, unidentifiable="prior"', "take it, --unidentifiable prior"),
         ("identify", 'terms="Fc,Fv; elbow: Ks"', "--terms 'Fc,Fv; elbow: Ks'"),
-        ("identify", 'estimator="bayes" or n_jobs=2', "--estimator bayes or --jobs 2"),
+        ("identify", 'estimator="iv" or n_jobs=2', "--estimator iv or --jobs 2"),
         ("export", "replace it, overwrite=True", "replace it, --overwrite"),
         ("excite", "collisions=False", "--no-collisions"),
         ("predict", 'say where it is, file="FILE"', "say where it is, --robot FILE"),

@@ -16,7 +16,6 @@ def test_a_study_holds_what_its_functions_say(study):
     assert study.term_sets == compare_terms(found)
     assert study.reduction == eliminate(found)
     assert study.essential == judge_essential(found, study.reduction)
-    assert study.consistent is None
 
 
 def test_a_study_is_a_value(study):

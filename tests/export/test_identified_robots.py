@@ -60,26 +60,12 @@ def assert_same_forces(model, again, standard, motion, expected):
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
-    model, result, motion, _ = identified
-    saved = read_fit(save_fit(tmp_path / "parameters.yaml", model, result))
-    standard = saved.find_standard_parameters(saved.find_force_model(model.mechanism))
-    names = model.base.parameters
+    model, result, motion, recording = identified
+    found = consistent_fit(model, model.samples(recording), result.noise)
+    saved = read_fit(save_fit(tmp_path / "parameters.yaml", model, found))
+    standard, names = saved.require_bodies(), model.base.parameters
+    np.testing.assert_array_equal(standard, found.standard_parameters)
     again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, names)
-    expected = result.predict(model.regressor(motion))
+    expected = found.predict(model.regressor(motion))
     assert_same_forces(model, again, standard, motion, expected)
     assert not inertia_defects(again)
-
-
-@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
-def test_consistent_fits_round_trip(identified, tmp_path, urdf_folder):
-    model, result, motion, recording = identified
-    prior = model.mechanism.standard_parameters(model.model)
-    prior = np.concatenate([prior, np.zeros(len(model.base.parameters) - len(prior))])
-    problem = model.samples(recording).problem
-    found = consistent_fit(problem, result, model.base, prior)
-    saved = read_fit(save_fit(tmp_path / "consistent.yaml", model, found))
-    standard = saved.find_standard_parameters(model)
-    np.testing.assert_array_equal(standard, found.standard_parameters)
-    again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, found.parameters)
-    expected = model.regressor(motion) @ found.values
-    assert_same_forces(model, again, standard, motion, expected)

@@ -13,7 +13,6 @@ from loopid.identification import (
     find_force_model,
     identifiability,
 )
-from loopid.identification.consistent_program import Whitening, sound_prior
 from made_runs import ARM, friction, modelled, one_joint, wander
 
 __all__ = ["set_block_rows"]
@@ -173,15 +172,3 @@ def arm_case(tmp_path_factory):
     W = found.regressor(wander(arm, seed=1, seconds=10.0, rate=20.0, size=(1.0, 1.0)))
     values = np.array([0.02, 0.5, 0.3, 0.01, 0.4, 0.2])
     return Case(found, W, np.concatenate([arm.standard_parameters(), values]))
-
-
-@pytest.fixture(scope="session")
-def whitened():
-    """Whitened unknowns of a case about a prior."""
-
-    def make(case, prior=None, margin=1e-3):
-        values = case.prior if prior is None else prior
-        sound = sound_prior(case.base.parameters, values)
-        return Whitening.about(case.base, sound, margin)
-
-    return make

@@ -1,4 +1,4 @@
-"""Random consistent bodies; the same problems written down anew for cvxpy, without whitening."""
+"""Random consistent bodies; the same problem written down anew for cvxpy."""
 
 import cvxpy as cp
 import numpy as np
@@ -30,13 +30,6 @@ def shaken(parameters, values, size, seed):
     return result
 
 
-def least_relative(parameters, values, prior):
-    """Least eigenvalue (bodies,) of each pseudo-inertia relative to the prior's."""
-    P, P0 = bodies_of(parameters, values), bodies_of(parameters, prior)
-    L = np.linalg.inv(np.linalg.cholesky(P0))
-    return np.linalg.eigvalsh(L @ P @ np.swapaxes(L, -1, -2))[:, 0]
-
-
 def expression(phi, columns):
     """Pseudo-inertia of ten entries of an expression."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (phi[int(j)] for j in columns)
@@ -50,76 +43,21 @@ def expression(phi, columns):
     )
 
 
-def distance(kind, margin, P, P0, change):
-    """Of one body from its prior, with the mean radius of the prior for the Euclidean one."""
-    inverse = np.linalg.inv(np.linalg.cholesky(P0))
-    relative = inverse @ P @ inverse.T
-    if kind == "entropic":
-        X = (relative - margin * np.eye(4)) / (1 - margin)
-        return cp.trace(X) - cp.log_det(X) - 4
-    if kind == "riemannian":
-        return 0.5 * cp.sum_squares(relative - np.eye(4))
-    mass, centre = P0[3, 3], P0[3, :3] / P0[3, 3]
-    radius = np.sqrt(np.trace(P0[:3, :3]) / mass - centre @ centre)
-    sizes = mass * radius ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    return 0.5 * cp.sum_squares(cp.multiply(1 / sizes, change))
+def fitted(base, R, start, deviations, spread):
+    """Standard parameters of least objective: the data, the divergences, and the joint terms'.
 
-
-def constraints(parameters, phi, prior_bodies, margin):
-    """Pseudo-inertias above a part of the prior's; friction and drive inertia positive."""
-    columns = body_columns(parameters)
-    found = [
-        expression(phi, own) >> margin * P0 for own, P0 in zip(columns, prior_bodies, strict=True)
-    ]
-    positive = [j for j, p in enumerate(parameters) if p.kind in ("Ia", "Fc", "Fv")]
-    return [*found, phi[positive] >= 0]
-
-
-def fitted(case, problem, fit, prior, prior_bodies, kind, strength, margin):
-    """Standard parameters of least objective."""
-    parameters = case.base.parameters
-    phi = cp.Variable(len(parameters))
-    R = problem.weighted(fit.weights)
-    variance = np.sum(R[-1, -1] ** 2) / (problem.rows - len(problem.parameters))
-    misfit = 0.5 * cp.sum_squares(R[:-1, :-1] @ (case.base.matrix @ phi) - R[:-1, -1]) / variance
-    pulls = [
-        distance(kind, margin, expression(phi, own), P0, phi[own.tolist()] - prior[own])
-        for own, P0 in zip(body_columns(parameters), prior_bodies, strict=True)
-    ]
-    within = constraints(parameters, phi, prior_bodies, margin)
-    cp.Problem(cp.Minimize(misfit + strength * sum(pulls)), within).solve("CLARABEL")
+    ``R`` (r + 1, r + 1) are the weighted data, ``start`` (p,) the file, ``deviations`` (bodies,)
+    and ``spread`` (k,) those of bodies and joint terms.
+    """
+    parameters = base.parameters
+    own, phi = body_columns(parameters), cp.Variable(len(parameters))
+    cost = 0.5 * cp.sum_squares(R[:-1, :-1] @ (base.matrix @ phi) - R[:-1, -1])
+    for columns, P0, deviation in zip(own, bodies_of(parameters, start), deviations, strict=True):
+        inverse = np.linalg.inv(np.linalg.cholesky(P0))
+        relative = inverse @ expression(phi, columns) @ inverse.T
+        cost += (cp.trace(relative) - cp.log_det(relative)) / deviation**2
+    joints = np.setdiff1d(np.arange(len(parameters)), own)
+    cost += 0.5 * cp.sum_squares(cp.multiply(1 / spread, phi[joints] - start[joints]))
+    positive = [j for j in joints if parameters[int(j)].kind in ("Ia", "Fc", "Fv")]
+    cp.Problem(cp.Minimize(cost), [phi[positive] >= 0]).solve("CLARABEL")
     return phi.value
-
-
-def closest(case, values, prior, kind, margin):
-    """Standard parameters with the base values given, of least distance from the prior."""
-    parameters = case.base.parameters
-    own, P0 = body_columns(parameters), bodies_of(parameters, prior)
-    phi = cp.Variable(len(parameters))
-    pulls = [
-        distance(kind, margin, expression(phi, columns), P, phi[columns.tolist()] - prior[columns])
-        for columns, P in zip(own, P0, strict=True)
-    ]
-    joint = np.setdiff1d(np.arange(len(parameters)), own)
-    terms = 0.5 * cp.sum_squares(phi[joint] / prior[joint] - 1)
-    sizes = np.abs(values) + np.linalg.norm(case.base.matrix, axis=1)
-    met = cp.multiply(1 / sizes, case.base.matrix @ phi) == values / sizes
-    within = [met, *constraints(parameters, phi, P0, margin)]
-    cp.Problem(cp.Minimize(sum(pulls) + terms), within).solve("CLARABEL")
-    return phi.value
-
-
-def least_eigenvalue(case, values, prior_bodies):
-    """The largest t with P >= t P0 for all bodies, of parameters with the base values given."""
-    parameters = case.base.parameters
-    phi, t = cp.Variable(len(parameters)), cp.Variable()
-    sizes = np.abs(values) + np.linalg.norm(case.base.matrix, axis=1)
-    met = cp.multiply(1 / sizes, case.base.matrix @ phi) == values / sizes
-    above = [
-        expression(phi, own) - t * P0 >> 0
-        for own, P0 in zip(body_columns(parameters), prior_bodies, strict=True)
-    ]
-    positive = [j for j, p in enumerate(parameters) if p.kind not in KINDS]
-    problem = cp.Problem(cp.Maximize(t), [met, *above, phi[positive] >= 0, t <= 1])
-    problem.solve("CLARABEL")
-    return float(t.value) if t.value is not None else -np.inf

@@ -8,21 +8,16 @@ import pytest
 from dask import delayed
 
 from loopid import JointTerms, random_configurations
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.errors import DataError, MissingExtraError
 from loopid.identification import (
-    BayesianRidge,
     FitSamples,
-    Prior,
     WeightedLeastSquares,
-    cad_prior,
     distributed_problem,
     find_force_model,
     force_model,
-    quiet_fit,
 )
-from loopid.identification.bayes import body_sizes
+from loopid.identification.information import body_sizes
 from loopid.kinematics import closed_motion, random_motions
-from loopid.logs import Recording
 from loopid.motion import JointMotion
 from loopid.regressors import force_parts
 from made_runs import record
@@ -146,43 +141,6 @@ def test_sizes_are_those_of_the_bodies_whatever_the_link_frame_is_turned(knee):
     # No body's first moment is larger than its mass times how far it reaches.
     assert (np.linalg.norm(values[:, 1:4], axis=1) <= sizes[:, 1] * (1 + 1e-12)).all()
     np.testing.assert_array_equal(body_sizes(knee, "gravity"), sizes[:, :4].ravel())
-
-
-def test_the_prior_is_that_of_the_standard_parameters(knee_model, terms):
-    # By drawing robots: base parameters of bodies that differ from the file by the deviations.
-    values, bodies = terms[1], knee_model.mechanism.standard_parameters("gravity")
-    prior = cad_prior(knee_model, 0.3, joint_values=values, joint_deviations=0.5 * values)
-    whole = np.concatenate([bodies, values])
-    np.testing.assert_allclose(prior.values, knee_model.base.values(whole))
-    joints = knee_model.joint_columns
-    np.testing.assert_allclose(prior.deviations[joints], 0.5 * values, rtol=1e-9)
-    masses = bodies.reshape(-1, 4)[:, 0]
-    assert (prior.deviations > 0).all()
-    assert prior.deviations[knee_model.body_columns].min() < 0.3 * masses.max()
-    assert prior.parameters == knee_model.parameters
-    double = cad_prior(knee_model, 0.6, joint_values=values, joint_deviations=values)
-    np.testing.assert_allclose(double.covariance, 4 * prior.covariance, rtol=1e-9)
-
-
-def test_joint_terms_that_nobody_knows_are_left_to_the_data(knee_model, motions, truth):
-    prior = cad_prior(knee_model)
-    assert np.isinf(prior.deviations[knee_model.joint_columns]).all()
-    assert np.isfinite(prior.deviations[knee_model.body_columns]).all()
-    W = knee_model.regressor(motions[0])
-    force = W @ truth + np.random.default_rng(0).normal(size=W.shape[:2])
-    recording = Recording.of_motion(motions[0], force, knee_model.mechanism.actuated)
-    samples = knee_model.samples(recording)
-    found, plain = quiet_fit(samples, BayesianRidge(prior)), quiet_fit(samples)
-    assert (found.standard_errors < 1.05 * plain.standard_errors).all()
-    assert (np.abs(found.values - truth) < 5 * found.standard_errors).all()
-
-
-def test_priors_of_nothing_are_refused(knee_model):
-    with pytest.raises(OptionError, match="relative"):
-        cad_prior(knee_model, 0.0)
-    with pytest.raises(DataError, match=r"shape \(8,\)"):
-        cad_prior(knee_model, 0.3, joint_values=np.ones(3))
-    assert isinstance(cad_prior(knee_model), Prior)
 
 
 @pytest.fixture(scope="module")

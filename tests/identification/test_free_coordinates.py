@@ -180,7 +180,7 @@ def test_reports_hold_rows_without_a_motor(identified):
     text = json.dumps(identification_record(found), allow_nan=False)
     assert json.loads(text)["actuators"] == ["crank_joint", "ball.wx"]
     titles = [str(table.title) for table in identification_tables(found)]
-    assert len(titles) == len(set(titles)) == 9
+    assert len(titles) == len(set(titles)) == 10
 
 
 def test_a_spin_that_moves_no_mass_identifies_nothing(model_of, fallen):

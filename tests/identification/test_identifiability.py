@@ -8,16 +8,14 @@ import pytest
 from loopid import JointTerms
 from loopid.errors import DataError
 from loopid.identification import (
-    BayesianRidge,
     Excitation,
-    cad_prior,
     find_force_model,
     fit_excited,
     identifiability,
     quiet_fit,
 )
 from loopid.logs import Recording
-from made_runs import modelled, one_joint, quietly
+from made_runs import modelled, one_joint
 
 DRAWS = 100
 
@@ -184,17 +182,3 @@ def test_assumed_values_have_no_interval_and_the_other_intervals_cover_the_true_
     np.testing.assert_array_equal(np.isinf(low) & np.isinf(high), assumed)
     assert (covered[~assumed] > 0.87 * DRAWS).all()
     assert covered[~assumed].mean() < 0.99 * DRAWS
-
-
-def test_it_is_the_limit_of_a_prior_of_ever_less_certainty(crank_model, crank_data):
-    samples = crank_model.samples(crank_data[0][0])
-    excitation = Excitation.of(crank_model, samples.problem)
-    nearest = fit_excited(samples, crank_model.prior, excitation).values
-    prior = cad_prior(crank_model, 1.0, joint_deviations=excitation.joint_sizes)
-    off = []
-    for scale in (1e2, 1e4):
-        loose = replace(prior, covariance=scale**2 * prior.covariance)
-        values = quietly(quiet_fit, samples, BayesianRidge(loose)).values
-        off.append(np.abs((values - nearest) / excitation.sizes).max())
-    assert off[1] < 0.1 * off[0]
-    assert off[1] < 1e-3

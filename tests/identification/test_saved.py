@@ -36,7 +36,8 @@ def model(load_once):
 @pytest.fixture(scope="module")
 def samples(model):
     motion = wander(model.mechanism, 1, seconds=20.0, size=(0.6, 0.6))
-    values = model.prior + 0.1 * np.arange(len(model.prior))
+    values = 1.3 * model.prior
+    values[model.joint_columns] = np.arange(1, 1 + len(model.joint_columns))
     return model.samples(modelled(model, motion, values, noise=0.1))
 
 
@@ -49,7 +50,7 @@ def fits(model, samples):
         "correlated": quiet_fit(samples),
         "plain": plain,
         "robust": quiet_fit(samples, "bisquare"),
-        "consistent": consistent_fit(samples.problem, plain, model.base, model.standard_prior),
+        "consistent": consistent_fit(model, samples, quiet_fit(samples).noise),
         "values": numbers * 10.0 ** np.linspace(-12, 6, len(numbers)),
     }
 
@@ -111,19 +112,6 @@ def test_they_are_shown_in_few_lines(model, fits):
         assert (
             repr(saved) == f"<SavedFit of five_bar: {count} base parameters, full model, {words}>"
         )
-
-
-def test_massless_bodies_come_back_too(tmp_path):
-    (tmp_path / "arm.urdf").write_text(ARM)
-    arm = load_mechanism(tmp_path / "arm.urdf")
-    model = find_force_model(arm, "full", None)
-    samples = model.samples(modelled(model, wander(arm, 1, size=(1, 1)), model.prior, noise=1.0))
-    prior = model.standard_prior.copy()
-    prior[[j for j, p in enumerate(model.base.parameters) if p.link == "lower"]] = 0.0
-    fit = WeightedLeastSquares().fit(samples.problem)
-    result = consistent_fit(samples.problem, fit, model.base, prior)
-    assert np.isnan(result.margins).sum() == 1
-    assert read_fit(save_fit(tmp_path / "fit.json", model, result)).result == result
 
 
 # The robot is known again.
@@ -208,14 +196,12 @@ def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
 # Standard parameters behind a fit.
 
 
-def test_standard_parameters_are_consistent_or_refused(model, fits):
+def test_fits_of_base_parameters_have_no_bodies(model, fits):
     saved = SavedFit.of(model, fits["consistent"])
-    found = saved.find_standard_parameters(model)
-    np.testing.assert_array_equal(found, fits["consistent"].standard_parameters)
-    values = model.prior.copy()
-    values[model.parameters.labels.index("left_coupler.Izz")] = -1.0
-    with pytest.raises(DataError, match="left_coupler"):
-        SavedFit.of(model, values).find_standard_parameters(model)
+    np.testing.assert_array_equal(saved.require_bodies(), fits["consistent"].standard_parameters)
+    for kind, words in (("plain", "a fit by wls has base"), ("values", "a fit by values")):
+        with pytest.raises(DataError, match=words):
+            SavedFit.of(model, fits[kind]).require_bodies()
 
 
 # Files that make no sense.
@@ -258,16 +244,14 @@ def changed(record, value, *path):
         ("a state must have", [], ("check", 1, "configuration")),
         ("extra", 1, ("robot", "extra")),
         ("extra", 1, ("estimate", "quality", "extra")),
-        ("feasible", "yes", ("consistency", "feasible")),
-        ("values of all standard", None, ("standard_parameters", 1, "value")),
-        ("strength", "much", ("consistency", "strength")),
-        ("fit_cost", 3, ("consistency", "fit_cost")),
-        ("margins", ["wide"], ("consistency", "margins")),
+        ("all standard parameters have", None, ("standard_parameters", 1, "value")),
+        ("common", "much", ("estimate", "deviation", "common")),
+        ("wide", ["wide"], ("estimate", "deviation", "own")),
     ],
 )
 def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value, path):
     # The last ones are of a consistent fit.
-    kind = "consistent" if "consistency" in path or "standard" in words else "plain"
+    kind = "consistent" if "deviation" in path or "standard" in words else "plain"
     record = SavedFit.of(model, fits[kind]).record()
     changed(record, value, *path)
     (tmp_path / "broken.json").write_text(json.dumps(record))
@@ -284,6 +268,7 @@ INFORMATIVE = {
     ("estimate", "weights"),
     ("estimate", "noise"),
     ("estimate", "robustness"),
+    ("estimate", "deviation"),
 }
 
 
@@ -340,7 +325,7 @@ def test_a_number_that_was_changed_is_refused(model, fits, tmp_path, kind):
             read_fit(place).find_force_model(robot)
         except DataError:
             continue
-        harmless = path[:2] in INFORMATIVE or path[0] == "consistency"
+        harmless = path[:2] in INFORMATIVE
         harmless |= path[-1] == "dead_zone"  # in no state of the check a joint is that slow
         harmless |= path[0] == "standard_parameters" and sizes[path[1]] == 0  # no motor feels it
         assert harmless, path

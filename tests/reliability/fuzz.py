@@ -47,10 +47,9 @@ NUMBERS = ("0.5", "1", "0", "-1", "nan", "inf", "-inf", "1e-300", "1e300", "x", 
 VALUES = {
     "model": ("gravity", "full", "gravity", "Gravity", "x", ""),
     "terms": ("Fc,Fv", "none", "Fc,Fv,Fo,Ia", "Fv", "Fc,Fc", "Fx", "", ",", "Fc,none", " Fc , Fv "),
-    "estimator": ("wls", "ols", "bisquare", "bayes", "iv", "WLS", "best", ""),
+    "estimator": ("wls", "ols", "bisquare", "iv", "WLS", "best", ""),
     "unidentifiable": ("error", "prior", "Prior", "", "x"),
     "consistent": ("entropic", "euclidean", "riemannian", "Entropic", "", "x"),
-    "prior_deviation": ("0.3", "1", "0", "-1", "nan", "inf", "1e-12", "1e12", "x"),
     "search": ("exact", "qr", "subgroup", "exhaustive", "x", ""),
     "criterion": ("nullspace", "regressor", "x"),
     "samples": ("40", "1", "3", "10", "0", "-1", "x", "1.5"),
@@ -68,7 +67,7 @@ WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "c": ""}
 # How many of them, the first ones, are sound for all robots or nearly so.
 VALID = {
     "model": 3, "terms": 4, "estimator": 6, "unidentifiable": 2, "consistent": 3,
-    "prior_deviation": 2, "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2,
+    "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2,
     "cutoff": 2, "train": 2, "rate": 2, "margin": 2, "jobs": 7,
 }  # fmt: skip
 

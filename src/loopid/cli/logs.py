@@ -37,7 +37,6 @@ LOGS = Argument(
 )
 CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what predicts best.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
-REPAIR = Option(False, "--repair", help="Repair inconsistent bodies of the robot file first.")
 
 
 @of_robot
@@ -50,20 +49,11 @@ def identify(
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
-    estimator: str = Option("wls", help="wls, ols, bisquare, iv (with --reference) or bayes."),
+    estimator: str = Option("wls", help="wls, ols, bisquare or iv (with --reference)."),
     unidentifiable: str = Option(
-        "error",
-        help="Of combinations that LOG does not excite: an error, or the robot file as prior.",
+        "prior",
+        help="What LOG does not excite: as in the robot file (prior), or an error.",
     ),
-    prior_deviation: float | None = Option(
-        None, help="For bayes: of the robot file, relative to the parameters' sizes; 0.3."
-    ),
-    consistent: str | None = Option(
-        None,
-        metavar="KIND",
-        help="Also fit physically consistent parameters: entropic, euclidean or riemannian.",
-    ),
-    repair: bool = REPAIR,
     reference: list[str] | None = Option(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
     ),
@@ -99,12 +89,9 @@ def identify(
         model=model,
         terms=terms,
         compared=tuple(compare_terms or ()),
-        consistent=consistent,
-        repair=repair,
         fit=FitOptions(
             estimator=estimator,
             unidentifiable=unidentifiable,
-            prior_deviation=prior_deviation,
             fraction=fraction,
             undo_delay=undo_delay,
             n_jobs=n_jobs,
@@ -151,6 +138,8 @@ def excite_command(found: Identification) -> str:
     words = ["loopid excite", quote(str(robot.path))]
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
+        if isinstance(value, dict):
+            value = [f"{key}:={given}" for key, given in value.items()]
         each = value if isinstance(value, list | tuple) else [value]
         told = (one for one in each if one is not None and one is not False)
         words += [option if one is True else f"{option} {quote(str(one))}" for one in told]
@@ -232,7 +221,7 @@ def export(
     fit: str = Argument(
         ...,
         metavar="FIT",
-        help="Saved fit: parameters.yaml or standard_parameters.yaml of 'loopid identify'.",
+        help="Saved fit: parameters.yaml of 'loopid identify'.",
     ),
     robot: str | None = Option(
         None,
@@ -244,10 +233,6 @@ def export(
     yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
     c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),
     name: str | None = Option(None, help="Of the C functions; the robot's by default."),
-    repair: bool = REPAIR,
-    any_mass: bool = Option(
-        False, "--any-mass", help="Bodies may be over three times as heavy as in the file."
-    ),
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
     ),
@@ -270,7 +255,7 @@ def export(
         yaml=yaml,
         c=c,
         name=name,
-        options=ExportOptions(repair=repair, any_mass=any_mass, overwrite=overwrite),
+        options=ExportOptions(overwrite=overwrite),
     )
     places = [str(place) for place in written]
     if as_json:

@@ -1,11 +1,12 @@
 """What may be wrong with a log: mistakes that would explain its forces clearly better.
 
-The forces are explained by the bodies of the robot file, whose parameters may be off by half, by
-friction of each motor, which is projected out, and by small offsets. Then each mistake that is
-often made is undone in turn, at the value that explains the forces best: forces of a motor in other
-units or with another sign, columns of two motors exchanged, positions that are shifted. One that
-raises the evidence [MacKay1992] of the data clearly is suspected, and undone before the next is
-looked for. Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
+In the band of the motion, the forces are explained by the bodies of the robot file, whose
+parameters may be off by half, by friction of each motor, which is projected out, and by small
+offsets. Then each mistake that is often made is undone in turn, at the value that explains the
+forces best: forces of a motor in other units or with another sign, columns of two motors exchanged,
+positions of a motor times another ratio, a time axis that is a factor off. One that raises the
+evidence [MacKay1992] of the data clearly is suspected, and undone before the next is looked for.
+Wrong bodies alone do not look like a mistake of one motor: all motors carry them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import exp, inf, log, pi, sqrt
+from math import inf, log, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,11 +22,13 @@ from scipy.linalg import block_diag
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import DataWarning, warn
-from loopid.identification.bayes import body_sizes
+from loopid.identification.delay import in_motion_band
+from loopid.identification.information import body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
+from loopid.logs.log import Log
 from loopid.logs.recording import MaskOptions, Recording
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
@@ -33,12 +36,12 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
-# Gains, and shifts as parts of the range of the positions, that are tried first.
-GAINS, SHIFTS = np.logspace(-4, 4, 17), np.array([0.06, 0.2, 0.5, 1.0])
+# Gains, factors of the time axis, and ratios of positions that are tried first.
+GAINS, FACTORS = np.logspace(-4, 4, 17), np.logspace(-1.25, 1.25, 11)
+RATIOS = np.logspace(-2, 2, 9)
 # Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or
 # of friction that differs with the direction, in its forces.
 FLAT, OFFSET = 10.0, 0.1
-STEP = 5e-4  # for derivatives, of the sizes that are tried
 COARSE = 0.1  # least part of the way to other positions that is gone at a time
 LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
@@ -68,10 +71,15 @@ class SuspicionOptions:
     gain, common_gain : float
         Least of one motor, and of all, that is worth a sentence: bodies that are off by half, or
         made of another material, are none.
-    shift : float
-        The same, as a part of the range of the positions.
+    factor, ratio : float
+        The same of the time axis, on whose square accelerations hang, and of a motor's positions.
+    interval : float
+        Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
     closing : float
         Part of the samples whose loops must close once a mistake is undone.
+    held, jump : float
+        Part of the changes of values that are as many rows apart as most, and median change in
+        steps of the encoder, from which values are held by a slower bus.
     error, deviation : float
         A log is strange from these errors, as a part of the force, or this sum of squared
         deviations from the robot file on.
@@ -87,8 +95,12 @@ class SuspicionOptions:
     rounds: int = 3
     gain: float = 1.25
     common_gain: float = 4.0
-    shift: float = 0.02
+    factor: float = 1.5
+    ratio: float = 1.5
+    interval: float = 0.5
     closing: float = 0.9
+    held: float = 0.8
+    jump: float = 3.0
     error: float = 0.05
     deviation: float = 12.0
     better: float = 0.8
@@ -159,10 +171,13 @@ def suspicions(
     Suspicions
         Empty where too few samples of each motor can be used.
     """
-    nothing = Suspicions(recordings[0].name)
+    log = recordings[0].log
+    held = () if log is None else tuple(held_values(log, options))
+    nothing = Suspicions(recordings[0].name, (), held)
     if mechanism.free or not mechanism.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
+        recordings = [in_motion_band(mechanism, one) for one in recordings]
         model = _Model(mechanism, recordings, joint_terms, options)
         if not model.present:
             return nothing
@@ -185,7 +200,32 @@ def suspicions(
             found = model.weighed(best.signals)
             undone.append(best.mistake)
         gains = tuple(_gains(model, found))
-    return Suspicions(recordings[0].name, gains, tuple(sentences))
+    return Suspicions(recordings[0].name, gains, (*held, *sentences))
+
+
+def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Iterator[str]:
+    """Positions or forces that change only every few rows, and then by many encoder steps at once.
+
+    Values that change so regularly are held by a slower bus. Those of a coarse encoder change by
+    one of its steps, and noise repeats a value by chance.
+    """
+    part = max(log.parts(), key=lambda part: part.stop - part.start)
+    for what, values in (("positions", log.position), ("forces", log.force)):
+        steps = np.abs(np.diff(values[part], axis=0))
+        rows = np.flatnonzero(steps.any(axis=1))
+        runs = np.diff(rows)
+        if len(runs) < options.least_samples:
+            continue
+        count = int(np.median(runs))
+        least = np.where(steps > 0, steps, inf).min(axis=0)
+        jumps = np.median(steps[rows] / least, axis=0).max()
+        if count > 1 and (runs == count).mean() > options.held and jumps > options.jump:
+            rate = log.rate(part)
+            yield (
+                f"the {what} change only in one of {count} rows, at {rate / count:.4g} Hz in rows "
+                f"of {rate:.4g} Hz: a slower bus holds them, {500 * (count - 1) / rate:.3g} ms on "
+                "average; read them as a stream of their own, with the rows in which they change"
+            )
 
 
 @checked
@@ -262,13 +302,17 @@ class _Mistake:
     def undone(self, signals: _Signals, size: float = 1.0) -> _Signals:
         """The signals without a mistake of that size."""
         mine = np.isin(np.arange(len(signals.gain)), self.motors)
-        added, factor = np.where(mine, size, 0.0), np.where(mine, size, 1.0)
+        factor = np.where(mine, size, 1.0)
         position, rates, force = signals.position, signals.rates, signals.force
         if self.kind == "gain":
             scale, gain = signals.size / np.abs(factor), signals.gain * factor
             return replace(signals, force=force / factor, size=scale, gain=gain)
-        if self.kind == "shift":
-            return replace(signals, position=position - added, columns=None)
+        if self.kind == "time":
+            return replace(signals, rates=rates * [1.0, size, size**2], columns=None)
+        if self.kind == "ratio":
+            rates = rates / np.sign(factor)[:, None] ** [1, 0, 0]
+            rates = rates / factor[:, None] ** [0, 1, 1]
+            return replace(signals, position=position / factor, rates=rates, columns=None)
         order = np.arange(len(mine))
         order[mine] = order[mine][::-1]
         if "positions" in self.kind:
@@ -281,10 +325,9 @@ class _Mistake:
     def plausible(self, size: float) -> float:
         """Density of the size before the forces are looked at."""
         assert self.sizes is not None
-        if self.kind == "gain":  # any sign, and as large as any other
-            return 1 / (abs(size) * 2 * log(GAINS[-1] / GAINS[0]))
-        none, usual = self.sizes.mean(), np.ptp(self.sizes) / 6
-        return exp(-(((size - none) / usual) ** 2) / 2) / (sqrt(2 * pi) * usual)
+        least, most = np.abs(self.sizes).min(), np.abs(self.sizes).max()
+        signs = 2 if (self.sizes < 0).any() else 1
+        return 1 / (abs(size) * signs * log(most / least))  # any sign, and as large as any other
 
 
 def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
@@ -298,13 +341,11 @@ def _mistakes(model: _Model, found: _Explanation) -> Iterator[_Mistake]:
         gains = GAINS[: np.searchsorted(GAINS, largest[list(motors)].max())]
         least = options.gain if len(motors) == 1 else options.common_gain
         yield _Mistake("gain", motors, np.concatenate([-gains[::-1], gains]), (1 / least, least))
-    moving = [k for k in everyone if model.range[k] > 0]
-    straight = np.isin(model.mechanism.velocity_indices(model.names), model.mechanism.prismatic)
-    alike = [tuple(k for k in moving if straight[k] == flag) for flag in (True, False)]
-    for motors in [*((k,) for k in moving), *(group for group in alike if len(group) > 1)]:
-        unit = model.range[list(motors)].max()
-        sizes, least = unit * np.concatenate([-SHIFTS[::-1], [0.0], SHIFTS]), unit * options.shift
-        yield _Mistake("shift", motors, sizes, (-least, least))
+    yield _Mistake("time", everyone, FACTORS, (1 / options.factor, options.factor))
+    ratios = np.concatenate([-RATIOS[::-1], RATIOS])
+    for k in everyone:
+        if model.range[k] > 0 and model.strange(found, [k]):
+            yield _Mistake("ratio", (k,), ratios, (1 / options.ratio, options.ratio))
     for pair in combinations(everyone, 2):
         for kind in ("forces", "positions", "positions and forces"):
             yield _Mistake(kind, pair)
@@ -479,11 +520,9 @@ def _found(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | Non
     """A mistake where it is worth a sentence."""
     if mistake.sizes is None:
         return _exchanged(model, mistake, found)
-    if mistake.kind == "shift" and not _promising(model, mistake, found):
-        return None
     evidence, size, deviation = _fit(model, mistake, found)
     (low, high), reach = mistake.dull, INTERVAL * deviation
-    if low <= size + reach and size - reach <= high:
+    if (low <= size + reach and size - reach <= high) or reach > model.options.interval * abs(size):
         return None
     # How much of what was possible beforehand still is.
     part = mistake.plausible(size) * sqrt(2 * pi) * deviation
@@ -512,27 +551,6 @@ def _fit(model: _Model, mistake: _Mistake, found: _Explanation) -> tuple[float, 
         curvature = lost(size + deviation) + lost(size - deviation) - 2 * float(most.fun)
         deviation /= sqrt(max(curvature, 1e-6))
     return -float(most.fun), size, deviation
-
-
-def _promising(model: _Model, mistake: _Mistake, found: _Explanation) -> bool:
-    """Whether it helps as one more unknown, its effect on a line: quick, and most do not.
-
-    Where a log is strange already, any size may help that is far from that line.
-    """
-    sizes, signals, before = mistake.sizes, found.signals, found.columns
-    assert sizes is not None
-    if model.strange(found, mistake.motors):
-        tried = (model.evidence(mistake.undone(signals, size)) for size in sizes)
-        if any(evidence > found.evidence + model.options.evidence for evidence in tried):
-            return True
-    small = float(sizes.mean() + STEP * np.ptp(sizes))
-    moved = model.columns(mistake.undone(signals, small))
-    if moved is None:
-        return False
-    change = moved.known - before.known + (moved.terms - before.terms) @ found.values
-    terms = np.concatenate([before.terms, change[:, :, None] / STEP], axis=2)
-    columns = replace(before, terms=terms, closed=moved.closed)
-    return model.evidence(replace(signals, columns=columns)) > found.evidence
 
 
 def _exchanged(model: _Model, mistake: _Mistake, found: _Explanation) -> _Find | None:
@@ -570,10 +588,15 @@ def _sentence(model: _Model, mistake: _Mistake, size: float, reach: float) -> st
             f"all forces are about {value} times what the robot file lets expect: look for "
             f"another unit (force_scale {1 / size:.2g} in a mapping would undo it)"
         )
-    if kind == "shift":
+    if kind == "time":
         return (
-            f"the positions of {names} look shifted by {value} m or rad: correct them by "
-            "position_offset in a mapping"
+            f"the time axis is {value} times as long as gravity and inertia of the bodies let "
+            "expect: look for another unit or rate of the time"
+        )
+    if kind == "ratio":
+        return (
+            f"the positions of {names} are {value} times what the forces let expect: look for "
+            f"another unit, ratio or sign (position_scale {1 / size:.3g} in a mapping undoes it)"
         )
     return (
         f"the {kind} of {names.replace(', ', ' and ')} look exchanged: the bodies explain the "

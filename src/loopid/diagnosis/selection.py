@@ -138,7 +138,7 @@ def eliminate(found: Identification) -> Reduction:
     is unidentifiable is dropped from the start. What is essential is not for a prior to say:
     weighted least squares stands in for Bayes.
     """
-    prior, estimator = found.force_model.prior, chosen_estimator(found.options.estimator_beside)
+    prior, estimator = found.force_model.prior, chosen_estimator(found.options.estimator)
     held = Excitation.of(found.force_model, found.data.problem).held
     if not len(held):
         return eliminate_parameters(found.data, found.new, estimator=estimator, reference=prior)

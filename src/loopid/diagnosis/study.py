@@ -9,7 +9,6 @@ from loopid.diagnosis.log_mistakes import Suspicions, diagnose
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.errors import ModelWarning, warn
-from loopid.identification.consistent import ConsistentFit, consistent_fit
 from loopid.identification.force_model import AUTOMATIC, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
@@ -33,11 +32,6 @@ class StudyOptions:
         Joint terms, a choice as of ``JointTerms.of``; by default those of ``find_force_model``.
     compared : tuple of str
         Further choices that are judged on new data.
-    consistent : str, optional
-        Fit physically consistent parameters, too: the regularisation of ``consistent_fit``,
-        ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
-    repair : bool
-        Whether physically inconsistent bodies of the robot file are repaired for that.
     fit : FitOptions
         Of the identification.
     """
@@ -45,8 +39,6 @@ class StudyOptions:
     model: str = "gravity"
     terms: str = AUTOMATIC
     compared: tuple[str, ...] = ()
-    consistent: str | None = None
-    repair: bool = False
     fit: FitOptions = FitOptions()
 
     def require_terms(self, mechanism: Mechanism) -> None:
@@ -77,8 +69,6 @@ class Study:
         The essential parameters, by backward elimination.
     essential : Candidate
         These fitted, the others as in the robot file.
-    consistent : ConsistentFit or None
-        Physically consistent parameters, where they were asked for.
     """
 
     identification: Identification
@@ -86,7 +76,6 @@ class Study:
     term_sets: TermComparison
     reduction: Reduction
     essential: Candidate
-    consistent: ConsistentFit | None = None
 
 
 @checked
@@ -169,22 +158,9 @@ def examine(
         compare_terms(found, choices=options.compared),
         reduction,
         judge_essential(found, reduction),
-        None if options.consistent is None else _consistent(found, options),
     )
     _warn(study)
     return study
-
-
-def _consistent(found: Identification, options: StudyOptions) -> ConsistentFit:
-    model = found.force_model
-    return consistent_fit(
-        found.data.problem,
-        found["all parameters"].fit,
-        model.base,
-        model.standard_prior,
-        regularisation=options.consistent or "entropic",
-        repair=options.repair,
-    )
 
 
 def _warn(study: Study) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
-from loopid.identification.bayes import body_sizes
 from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.information import body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.parameters import KINDS
 from loopid.records import record

@@ -20,14 +20,10 @@ class ExportOptions:
 
     Attributes
     ----------
-    repair, any_mass : bool
-        See ``SavedFit.find_standard_parameters``.
     overwrite : bool
         Whether the robot's own file may be replaced.
     """
 
-    repair: bool = False
-    any_mass: bool = False
     overwrite: bool = False
 
 
@@ -63,6 +59,8 @@ def export_fit(
     ------
     OptionError
         When nothing is asked for.
+    DataError
+        When a robot file is asked for, and the fit has no bodies.
 
     Warns
     -----
@@ -76,9 +74,7 @@ def export_fit(
         require_other_file(yaml, *robot_files(mechanism))
     model, written = saved.find_force_model(mechanism), list[Path]()
     if robot is not None:
-        standard = saved.find_standard_parameters(
-            model, repair=options.repair, any_mass=options.any_mass
-        )
+        standard = saved.require_bodies()
     code = None if c is None else regressor_code(model, name=name, values=saved.values)
     if robot is not None:
         place = export_robot_file(

@@ -1,17 +1,4 @@
-from .bayes import (
-    BayesianRidge as BayesianRidge,
-    Prior as Prior,
-    body_sizes as body_sizes,
-    cad_prior as cad_prior,
-    evidence_scale as evidence_scale,
-)
-from .consistent import (
-    ConsistentFit as ConsistentFit,
-    FitCost as FitCost,
-    consistent_fit as consistent_fit,
-    consistent_parameters as consistent_parameters,
-)
-from .consistent_program import REGULARISATIONS as REGULARISATIONS, repaired_prior as repaired_prior
+from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
 from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
 from .cutoff import (
     CutoffChoice as CutoffChoice,
@@ -22,6 +9,7 @@ from .delay import (
     Delay as Delay,
     DelayOptions as DelayOptions,
     find_delay as find_delay,
+    in_motion_band as in_motion_band,
     with_delay_errors as with_delay_errors,
     without_delay as without_delay,
 )
@@ -50,6 +38,7 @@ from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
     WeakDirection as WeakDirection,
+    body_sizes as body_sizes,
     fit_excited as fit_excited,
     identifiability as identifiability,
 )
@@ -59,8 +48,8 @@ from .pipeline import (
     Identification as Identification,
     fit_all as fit_all,
     fit_joint_terms as fit_joint_terms,
+    fit_solid_bodies as fit_solid_bodies,
     identify as identify,
-    likely_deviation as likely_deviation,
     split_recordings as split_recordings,
 )
 from .prediction import (
@@ -73,6 +62,7 @@ from .prediction import (
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
 from .result import (
     Estimate as Estimate,
+    FileDeviation as FileDeviation,
     FitResult as FitResult,
     NoiseModel as NoiseModel,
     Quality as Quality,

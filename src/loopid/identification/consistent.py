@@ -1,183 +1,153 @@
-"""Physically consistent parameters: fitted to data, or with exactly given base parameters."""
+"""The recommended fit: all standard parameters, every body solid at every step.
+
+    min  ½ |R (M [π; f], -1)|² + Σ_i D(P_i | P⁰_i) / s_i² + ½ Σ_j ((f_j - f⁰_j) / δ_j)²
+    D(P | P⁰) = tr(P⁰⁻¹ P) - log det(P⁰⁻¹ P) - 4
+
+R is the triangular factor of the data, each motor by its deviation and effective samples; M makes
+base parameters of standard ones π and joint terms f; P_i is the pseudo-inertia of body i and P⁰_i
+that of the robot file. D is the Bregman divergence of -log det [Lee2020]: convex, independent of
+frames and units, and its own barrier, so that no step leaves the solid bodies and what the data
+do not excite stays as in the file. Near the file, D is ½ |Z|² of P = L (1 + Z) Lᵀ, P⁰ = L Lᵀ: s_i
+is the deviation of body i in parts of itself. Joint terms that cannot be negative stop at zero.
+
+Newton's method turns with the bodies: with L a factor of the present P = L Lᵀ, the Hessian of D is
+the identity in Z, so that each step is a ridge regression, solved by singular values at any
+scaling.
+
+The deviations are those under which the data are most likely, by MacKay's fixed point
+[MacKay1992]. Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2):
+a body that is far off does not loosen the others. With γ_i of the ten parameters of a body told by
+the data and d_i = 2 D(P_i | P⁰_i),
+
+    s_i² = (ν s² + d_i) / (ν + γ_i)  and  Σ_i (d_i - γ_i s²) / (ν s² + d_i) = 0.
+
+The inverse Hessian is the covariance (Laplace). What of a variance rests on the file is known with
+ν + γ_i degrees of freedom.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, Number, checked, finite
-from loopid.base_parameters.base import BaseParameters
-from loopid.errors import DataError, OptionError
-from loopid.identification.consistent_program import (
-    Prior,
-    Whitening,
-    attainable,
-    minimise,
-    repaired_prior,
-    sound_prior,
-)
-from loopid.identification.problem import FitProblem
-from loopid.identification.result import FitResult, OfArrays
-from loopid.parameters import ParameterSet
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite
+from loopid.errors import DataError, ModelWarning, OptionError, warn
+from loopid.identification.correlation import CorrelationOptions, with_scatter, within_runs
+from loopid.identification.estimator import WorkingFit
+from loopid.identification.force_model import ForceModel
+from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.result import FileDeviation, FitResult, NoiseModel, fit_quality
+from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
+from loopid.parameters import KINDS
 from loopid.records import record
+from loopid.regressors.joint_laws import joint_term
 from loopid.workers import one_blas_thread
 
-# Least eigenvalue of a pseudo-inertia relative to the prior's.
-MARGIN = 1e-3
-# The prior counts as one observation of every parameter that is off by as much as it is large.
-STRENGTH = 1.0
-# Weaker priors drown in the round-off of the data.
-LEAST_STRENGTH = 1e-4
-# Residuals below this part of the forces are round-off: data are never taken for more precise.
-EXACT_DATA = 1e-6
-STIFFNESS = 1e4  # precision of base parameters that are approached only, relative to their size
-CLOSE = 1e-7  # relative: base parameters that are missed by less are not named
-MOST_NAMED = 5
+CONSISTENT = "consistent"
 
 
-@record
-class FitCost(OfArrays):
-    """Residuals with and without the constraints.
+@record(kw_only=True, checked=True)
+class ConsistentOptions:
+    """How far the robot file may be off, and when the fit has converged.
 
     Attributes
     ----------
-    actuators : tuple of str
-    unconstrained, constrained : FloatArray
-        Root mean squares (dof,) in N or N m; NaN without samples.
-    total : float
-        Weighted root mean square of all residuals, constrained over unconstrained.
-    """
-
-    actuators: tuple[str, ...]
-    unconstrained: FloatArray
-    constrained: FloatArray
-    total: Number
-
-
-@record
-class ConsistentFit:
-    """Physically consistent standard parameters, fitted to data.
-
-    Attributes
-    ----------
-    parameters : ParameterSet
-        The p standard parameters, joint terms included.
-    standard_parameters : FloatArray
-        (p,), pseudo-inertias positive definite.
-    base_parameters : ParameterSet
-        Leading parameters of the r base parameters.
-    values : FloatArray
-        Base parameters (r,) of the standard ones.
-    feasible : bool
-        Whether consistent parameters have exactly the base parameters of the unconstrained fit.
-    fit_cost : FitCost
-    bodies : tuple of str
-    margins : FloatArray
-        (bodies,), least eigenvalue of each pseudo-inertia relative to the prior's; NaN for massless
+    deviations : tuple of float
+        Least and largest deviation of the file as a whole that the data may choose, in parts of its
+        bodies. The least is not less because the evidence averages over ten parameters a body: of
+        a body that is but heavier, most are right.
+    farthest : float
+        Largest deviation of a single body.
+    freedom : float
+        ν, degrees of freedom of the deviations of single bodies about the common one: few let a
+        body be far off while the others are right.
+    flat : float
+        Deviation of a joint term of which nothing is known, in values that would make all of the
+        force: so large that only terms without an effect in the data feel it.
+    precision : float
+        Of measured forces, relative to their root mean square: smaller errors are round-off.
+    massless : float
+        Deviation of bodies without any mass in the file, which stay without, in sizes of light
         bodies.
-    boundary : tuple of str
-        Bodies and joint terms that the data pull onto the boundary of what is consistent.
-    repaired : tuple of str
-        Bodies whose prior was repaired.
-    regularisation : str
-    strength, margin : float
+    tolerance : float
+        Of the minimum, in units of the log-likelihood.
+    settled : float
+        Relative change of the deviations that ends their iteration.
+    iterations : int
+        Of either, at most.
+
+    Raises
+    ------
+    OptionError
+        When an option is out of its range.
     """
 
-    parameters: ParameterSet
-    standard_parameters: FloatArray
-    base_parameters: ParameterSet
-    values: FloatArray
-    feasible: bool
-    fit_cost: FitCost
-    bodies: tuple[str, ...]
-    margins: FloatArray
-    boundary: tuple[str, ...]
-    repaired: tuple[str, ...]
-    regularisation: str
-    strength: float
-    margin: float
+    deviations: tuple[float, float] = (0.4, 1.0)
+    farthest: float = 3.0
+    freedom: float = 4.0
+    flat: float = 10.0
+    precision: float = 1e-8
+    massless: float = 1e-3
+    tolerance: float = 1e-8
+    settled: float = 1e-4
+    iterations: int = 200
 
-    @property
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """A row of a table for each body: its name, mass in kg, centre of mass in m and margin."""
-        places = {label: k for k, label in enumerate(self.parameters.labels)}
-        for body, margin in zip(self.bodies, self.margins, strict=True):
-            own = [places[f"{body}.{kind}"] for kind in ("m", "mx", "my", "mz")]
-            mass, *first = map(float, self.standard_parameters[own])
-            centre = (moment / mass if mass else float("nan") for moment in first)
-            row = dict(zip("xyz", centre, strict=True))
-            yield {"body": body, "mass": mass, **row, "margin": float(margin)}
-
-    def _summary(self) -> str:
-        verdict = "feasible" if self.feasible else "not feasible"
-        return (
-            f"unconstrained optimum {verdict}; consistency costs "
-            f"{100 * (self.fit_cost.total - 1):.2g} % of the residual rms "
-            f"({self.regularisation}, strength {self.strength:g})"
-        )
-
-    def __repr__(self) -> str:
-        return f"<ConsistentFit of {len(self.bodies)} bodies: {self._summary()}>"
-
-    def __str__(self) -> str:
-        lines = [self._summary()]
-        for row in self.rows:
-            centre = ", ".join(f"{row[axis]:.4g}" for axis in "xyz")
-            lines.append(
-                f"{row['body']}: {row['mass']:.4g} kg at ({centre}) m, margin {row['margin']:.2g}"
+    def __post_init__(self) -> None:
+        least, largest = self.deviations
+        if not 0 < least <= largest <= self.farthest < np.inf:
+            raise OptionError(
+                "deviations must be two that ascend from above 0 up to the farthest, "
+                f"{self.farthest}, not {self.deviations}",
+                given=self.deviations,
             )
-        if self.boundary:
-            lines.append(f"on the boundary: {', '.join(self.boundary)}")
-        return "\n".join(lines)
+        for name in ("freedom", "flat", "precision", "massless", "tolerance", "settled"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OptionError(f"{name} must be above 0, not {getattr(self, name)}")
+        if self.iterations < 1:
+            raise OptionError(f"iterations must be from 1 on, not {self.iterations}")
 
 
 @checked
-def consistent_fit(  # noqa: PLR0913 (a fit, and how it is weighed)
-    problem: FitProblem,
-    fit: FitResult,
-    base: BaseParameters,
-    prior: FloatArray,
+def consistent_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
     *,
-    regularisation: str = "entropic",
-    strength: float = STRENGTH,
-    margin: float = MARGIN,
-    repair: bool = False,
-) -> ConsistentFit:
-    """Fit all standard parameters, every body physically consistent [Wensing2018; Lee2020].
-
-    Minimises half the weighted squared residuals in units of their variance plus the strength
-    times the distance from the prior, with all pseudo-inertias positive definite: a semidefinite
-    program, solved by Clarabel (``pip install 'loopid[sdp]'``).
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> FitResult:
+    """Fit all standard parameters with the robot file as prior, every body solid.
 
     Parameters
     ----------
-    problem : FitProblem
-        The data, of the base parameters.
-    fit : FitResult
-        The unconstrained fit, with the weights of the actuators.
-    base : BaseParameters
-    prior : FloatArray
-        Standard parameters (p,) as of the robot file, zero for joint terms that are not known; kg,
-        kg m and kg m² (``ForceModel.standard_prior``).
-    regularisation : str
-        Distance from the prior: ``"entropic"``, ``"euclidean"`` or ``"riemannian"``.
-    strength : float
-        How many observations the prior counts for.
-    margin : float
-        Least eigenvalue of a pseudo-inertia relative to the prior's.
-    repair : bool
-        Whether bodies of the prior that are not consistent are repaired (``repaired_prior``).
+    data : FitSamples
+        Of all parameters of the force model.
+    noise : NoiseModel
+        Errors of each actuator, as of a fit by weighted least squares.
+    joint_values, joint_deviations : FloatArray, optional
+        (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
+        infinite; by default nothing but that some are not negative (``JointTerm.positive``).
+    options : ConsistentOptions, optional
+
+    Returns
+    -------
+    FitResult
+        With ``standard_parameters`` and the ``deviation`` of the robot file.
 
     Raises
     ------
     DataError
-        Naming the bodies of the prior that are not consistent, or when Clarabel does not converge.
-    MissingExtraError
-        Without Clarabel.
-    DataError, OptionError
-        When arguments do not belong together, or an option is out of range.
+        When arguments do not belong together.
+
+    Warns
+    -----
+    ModelWarning
+        Naming bodies of the robot file that are no solid bodies, and are taken as the nearest ones.
+        When the file gives no masses. When bodies would have to be so far off the file that the
+        model lacks a force, or none explain the forces.
 
     Examples
     --------
@@ -186,169 +156,412 @@ def consistent_fit(  # noqa: PLR0913 (a fit, and how it is weighed)
     >>> model = loopid.find_force_model(robot, joint_terms=None)
     >>> q, at_rest = loopid.random_configurations(robot, 50), np.zeros((50, 2))
     >>> W = model.base.regressor(model.standard_regressor(q, at_rest, at_rest))
-    >>> force = W @ model.prior + np.random.default_rng(0).normal(size=(50, 2))
+    >>> force = 1.2 * W @ model.prior + 0.01 * np.random.default_rng(0).normal(size=(50, 2))
     >>> samples = loopid.FitSamples.of(model.parameters, robot.independent, W, force)
-    >>> fit = loopid.fit(samples, "ols")
-    >>> result = loopid.consistent_fit(samples.problem, fit, model.base, model.standard_prior)
-    >>> bool((result.margins > 0.001).all())
+    >>> found = loopid.consistent_fit(model, samples, loopid.fit(samples).noise)
+    >>> bool((found.standard_parameters[::4] > 0).all())  # masses
+    True
+    >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    leading = base.parameters.select(base.base)
-    if problem.parameters != leading or fit.parameters != leading:
-        raise DataError("problem and fit must be of the base parameters, in their order")
-    if fit.actuators != problem.actuators:
-        raise DataError("problem and fit must have the same actuators")
-    if not LEAST_STRENGTH <= strength < np.inf:
-        raise OptionError(f"the strength must be from {LEAST_STRENGTH:g} on, not {strength}")
-    sound, whitening = _whitened(base, prior, margin, repair)
-    before, weights = problem.residual_squares(fit.values), fit.weights**2
-    # Of the weighted residuals; at least round-off of the weighted forces.
-    freedom = max(problem.rows - len(problem.parameters), 1)
-    round_off = EXACT_DATA**2 * (weights @ problem.force_squares()) / problem.rows
-    variance = float(max(weights @ before / freedom, round_off)) or 1.0
+    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
+        raise DataError("data and noise must be of the parameters and actuators of the force model")
+    weights = _weights(data.problem, noise, options.precision)
+    known = _known_terms(force_model, data.problem, joint_values, joint_deviations, options)
     with one_blas_thread():
-        # The fit is the distance from the unconstrained values as the data weigh it.
-        R = problem.weighted(fit.weights)[:-1, :-1] / np.sqrt(variance)
-        data = R @ base.matrix @ whitening.map
-        target = R @ (fit.values - base.values(sound.values))
-        unknowns = minimise(whitening, data, target, regularisation, strength)
-        feasible = attainable(*_equations(base, fit.values, whitening))
-    standard = whitening.standard_parameters(unknowns)
-    after = problem.residual_squares(base.values(standard))
-    counts = np.where(problem.samples > 0, problem.samples, np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        unconstrained, constrained = np.sqrt(before / counts), np.sqrt(after / counts)
-        total = np.sqrt(weights @ after / (weights @ before)) if weights @ after > 0 else 1.0
-    changed = np.flatnonzero(sound.values != np.asarray(prior))
-    return ConsistentFit(
-        parameters=base.parameters,
+        program = _Program.of(force_model, data.problem.weighted(weights), known)
+        state, common = _most_likely(program, options)
+        found = _result(force_model, data, weights, program, state, options)
+    far = FileDeviation(common, program.names, state.deviations, *_reach(options))
+    found = replace(found, deviation=far)
+    _warn(force_model, program, far)
+    return found
+
+
+def _reach(options: ConsistentOptions) -> tuple[float, float]:
+    return options.deviations[1], options.farthest
+
+
+def _weights(problem: FitProblem, noise: NoiseModel, precision: float) -> FloatArray:
+    """Weights (dof,) of the actuators' rows, which count as their effective samples."""
+    present = (noise.samples > 0) & (problem.samples > 0)
+    least = np.maximum(problem.least_errors, precision * problem.force_rms)
+    deviation = np.fmax(noise.deviation, least)[present]
+    worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))[present]
+    weights = np.zeros(len(present))
+    weights[present] = worth / np.where(deviation > 0, deviation, 1.0)
+    return weights
+
+
+def _known_terms(
+    force_model: ForceModel,
+    problem: FitProblem,
+    values: FloatArray | None,
+    deviations: FloatArray | None,
+    options: ConsistentOptions,
+) -> tuple[FloatArray, FloatArray]:
+    """Values and deviations (k,) of the joint terms, both finite."""
+    sizes = options.flat * Excitation.of(force_model, problem).joint_sizes
+    given = force_model.joint_values if values is None else finite(values, "joint values")
+    spread = np.full(len(sizes), np.inf) if deviations is None else np.asarray(deviations)
+    if not given.shape == spread.shape == sizes.shape or not (spread > 0).all():
+        raise DataError(
+            f"joint values and deviations must have shape ({len(sizes)},), and deviations be above "
+            f"0, not {given.shape} and {spread.shape}"
+        )
+    return np.nan_to_num(given), np.where(np.isfinite(spread), spread, sizes)
+
+
+# An orthonormal basis of the symmetric matrices, and the ten parameters of each.
+_ROWS, _COLUMNS = np.triu_indices(4)
+WIDTH = len(_ROWS)
+UNITS = np.zeros((WIDTH, 4, 4))
+for _row, _column in ((_ROWS, _COLUMNS), (_COLUMNS, _ROWS)):
+    UNITS[range(WIDTH), _row, _column] = np.where(_ROWS == _COLUMNS, 1.0, 0.5**0.5)
+PARAMETERS = parameters_of(UNITS)
+
+
+def _vector(matrices: FloatArray) -> FloatArray:
+    """Symmetric matrices (..., 4, 4) by their ten coordinates."""
+    return np.asarray(np.einsum("...ij,kij->...k", matrices, UNITS))
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, joint terms (k,), deviations (b,)."""
+
+    factors: FloatArray
+    joints: FloatArray
+    deviations: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The ridge regression about a state, min ½ |e - J z|² + ½ |g + z|².
+
+    ``z`` are changes of the bodies, ten each, and of the joint terms, in their deviations.
+    """
+
+    J: FloatArray
+    e: FloatArray
+    g: FloatArray
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Of what is minimised."""
+        return np.asarray(self.g - self.J.T @ self.e)
+
+    def solution(self, least: FloatArray) -> FloatArray:
+        """The best z from its least values (q,) on, where those are finite.
+
+        Values at their least stay there while the gradient asks for less.
+        """
+        free, z = (least < 0) | (self.gradient <= 0), np.zeros(len(least))
+        while True:
+            z[~free] = least[~free]
+            J, g = self.J[:, free], self.g[free]
+            U, s, V = np.linalg.svd(J, full_matrices=False)
+            e = self.e - self.J[:, ~free] @ z[~free]
+            z[free] = V.T @ (s / (1 + s**2) * (U.T @ (e + J @ g))) - g
+            below = free & (z < least)
+            if not below.any():
+                return z
+            free &= ~below
+
+    @property
+    def told(self) -> FloatArray:
+        """How much of each z the data tell, from 0 to 1."""
+        _, s, V = np.linalg.svd(self.J, full_matrices=False)
+        return np.asarray((V**2).T @ (s**2 / (1 + s**2)))
+
+    def covariance(self, rows: FloatArray) -> FloatArray:
+        """``rows`` (r, q) times the covariance of z."""
+        _, s, V = np.linalg.svd(self.J, full_matrices=False)
+        return np.asarray(rows - (rows @ V.T * (s**2 / (1 + s**2))) @ V)
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """What is minimised, of weighted data and a robot file.
+
+    ``effects`` (r, p) are those of all standard parameters on the rows, ``target`` (r,) what is
+    measured; ``file`` (b, 4, 4) the upper factors of the bodies with a mass, ``columns`` (b, 4 or
+    10) where their parameters are; ``start``, ``spread`` and ``positive`` (k,) are of joint terms.
+    """
+
+    effects: FloatArray
+    target: FloatArray
+    names: tuple[str, ...]
+    unsound: tuple[str, ...]
+    file: FloatArray
+    columns: IntArray
+    start: FloatArray
+    spread: FloatArray
+    positive: BoolArray
+
+    @classmethod
+    def of(
+        cls, force_model: ForceModel, R: FloatArray, known: tuple[FloatArray, FloatArray]
+    ) -> _Program:
+        """The program of a triangular factor (r + 1, r + 1)."""
+        P, unsound = _solid_bodies(force_model)
+        massive = P[:, 3, 3] > 0
+        parameters, count = force_model.base.parameters, len(known[0])
+        columns = np.arange(len(parameters) - count).reshape(len(P), -1)
+        names = [parameters[int(first)].link for first in columns[:, 0]]
+        kinds = [parameter.kind for parameter in list(parameters)[columns.size :]]
+        return cls(
+            effects=R[:-1, :-1] @ force_model.base.matrix,
+            target=R[:-1, -1],
+            names=tuple(name for name, flag in zip(names, massive, strict=True) if flag),
+            unsound=tuple(name for name, flag in zip(names, unsound, strict=True) if flag),
+            file=upper_factor(P[massive]),
+            columns=columns[massive],
+            start=known[0],
+            spread=known[1],
+            positive=np.array([joint_term(kind).positive for kind in kinds], dtype=bool),
+        )
+
+    def first(self, deviation: float) -> _State:
+        """Bodies of the file, joint terms as known."""
+        joints = np.where(self.positive, np.maximum(self.start, 0.0), self.start)
+        return _State(self.file, joints, np.full(len(self.file), deviation))
+
+    def standard(self, state: _State) -> FloatArray:
+        """Standard parameters and joint terms (p,) of a state."""
+        found = np.zeros(self.effects.shape[1])
+        P = state.factors @ state.factors.swapaxes(1, 2)
+        found[self.columns] = (_vector(P) @ PARAMETERS)[:, : self.columns.shape[1]]
+        found[len(found) - len(self.start) :] = state.joints
+        return found
+
+    def divergences(self, state: _State) -> FloatArray:
+        """D (b,) of the bodies from those of the file."""
+        C = np.linalg.solve(self.file, state.factors)
+        logs = np.log(np.diagonal(C, axis1=1, axis2=2)).sum(axis=1)
+        return np.asarray((C**2).sum(axis=(1, 2)) - 2 * logs - 4)
+
+    def value(self, state: _State) -> float:
+        """What is minimised."""
+        e = self.target - self.effects @ self.standard(state)
+        u = (state.joints - self.start) / self.spread
+        return float(0.5 * (e @ e + u @ u) + (self.divergences(state) / state.deviations**2).sum())
+
+    def changes(self, state: _State) -> FloatArray:
+        """Changes (p, 10 b + k) of all standard parameters with z."""
+        L, count = state.factors[:, None], len(self.start)
+        turned = _vector(L @ UNITS @ L.swapaxes(2, 3)) @ PARAMETERS
+        turned = turned[..., : self.columns.shape[1]] * state.deviations[:, None, None]
+        T = np.zeros((self.effects.shape[1], WIDTH * len(self.file) + count))
+        for k, columns in enumerate(self.columns):
+            T[columns, WIDTH * k : WIDTH * (k + 1)] = turned[k].T
+        T[len(T) - count :, T.shape[1] - count :] = np.diag(self.spread)
+        return T
+
+    def step(self, state: _State) -> _Step:
+        """The ridge regression about a state."""
+        C = np.linalg.solve(self.file, state.factors)
+        G = (C.swapaxes(1, 2) @ C - np.eye(4)) / state.deviations[:, None, None]
+        u = (state.joints - self.start) / self.spread
+        e = self.target - self.effects @ self.standard(state)
+        return _Step(self.effects @ self.changes(state), e, np.append(_vector(G).ravel(), u))
+
+    def turns(self, state: _State, z: FloatArray) -> FloatArray:
+        """Relative changes Z (b, 4, 4) of the bodies."""
+        own = z[: WIDTH * len(self.file)].reshape(-1, WIDTH) * state.deviations[:, None]
+        return np.asarray(np.einsum("bk,kij->bij", own, UNITS))
+
+    def moved(self, state: _State, z: FloatArray) -> _State:
+        """The state after a step inside the solid bodies."""
+        joints = state.joints + self.spread * z[WIDTH * len(self.file) :]
+        return replace(
+            state,
+            factors=state.factors @ upper_factor(np.eye(4) + self.turns(state, z)),
+            joints=np.where(self.positive, np.maximum(joints, 0.0), joints),
+        )
+
+
+# Part of the decrease that the slope promises which a step must reach; how far it goes to where a
+# body is flat; round-off of what is minimised; least part of a step; how much more data weigh from
+# one approach to the next.
+ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
+
+
+def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> _State:
+    """Newton's method at given deviations; joint terms that would be negative stay zero."""
+    value, first = program.value(state), WIDTH * len(program.file)
+    least = np.full(first + len(program.start), -np.inf)
+    for _ in range(options.iterations):
+        step = program.step(state)
+        least[first:] = np.where(program.positive, -state.joints / program.spread, -np.inf)
+        z = step.solution(least)
+        decrement = -float(step.gradient @ z)
+        if decrement <= options.tolerance + ROUND_OFF * abs(value):
+            return state
+        shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
+        part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
+        tried = program.moved(state, part * z)
+        while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
+            part /= 2
+            if part < SHORTEST:
+                return state  # as near as round-off lets it be
+            tried = program.moved(state, part * z)
+        before, state, value = value, tried, program.value(tried)
+        if before - value <= ROUND_OFF * abs(value):
+            return state
+    warn(
+        "no solid bodies near those of the robot file explain the forces: the fit is not at its "
+        f"best after {options.iterations} steps",
+        ModelWarning,
+    )
+    return state
+
+
+def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
+    """The best state at the most likely deviations, and the common one."""
+    common, nu = options.deviations[0], options.freedom
+    state = _approached(program, program.first(common), options)
+    for _ in range(options.iterations):
+        state = _minimised(program, state, options)
+        gamma, d = _told(program, state), 2 * program.divergences(state)
+        common = _common(gamma, d, options)
+        own = np.sqrt((nu * common**2 + d) / (nu + gamma)).clip(max=options.farthest)
+        if np.abs(own / state.deviations - 1).max(initial=0.0) <= options.settled:
+            break
+        state = replace(state, deviations=own)
+    return state, common
+
+
+def _approached(program: _Program, state: _State, options: ConsistentOptions) -> _State:
+    """A state near the minimum, by data that weigh more and more."""
+    share = min(1.0, len(program.target) / max(program.value(state), 1.0))
+    for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
+        part = np.sqrt(weight)
+        light = replace(program, effects=part * program.effects, target=part * program.target)
+        state = _minimised(light, state, options)
+    return state
+
+
+def _told(program: _Program, state: _State) -> FloatArray:
+    """How many of the ten parameters of each body the data tell, (b,)."""
+    told = program.step(state).told[: WIDTH * len(program.file)]
+    return np.asarray(told.reshape(-1, WIDTH).sum(axis=1))
+
+
+def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> float:
+    """The root s of Σ (d - γ s²) / (ν s² + d), which falls, within its bounds."""
+    from scipy.optimize import brentq  # slow to import
+
+    def excess(logarithm: float) -> float:
+        square = np.exp(2 * logarithm)
+        return float(((d - gamma * square) / (options.freedom * square + d)).sum())
+
+    low, high = options.deviations
+    if excess(np.log(low)) <= 0:
+        return low
+    if excess(np.log(high)) >= 0:
+        return high
+    return float(np.exp(brentq(excess, np.log(low), np.log(high))))
+
+
+def _result(
+    force_model: ForceModel,
+    data: FitSamples,
+    weights: FloatArray,
+    program: _Program,
+    state: _State,
+    options: ConsistentOptions,
+) -> FitResult:
+    """The values, with Laplace's covariance for autocorrelated errors."""
+    M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
+    told = M @ program.changes(state)
+    # Bodies without a mass are kept so, and not known to be.
+    sizes = options.massless * body_sizes(force_model.mechanism, force_model.model)
+    sizes[program.columns.ravel()] = 0.0
+    kept = M[:, : len(sizes)] * sizes
+    kept = kept[:, sizes > 0]
+    values = force_model.base.values(standard)
+    # The prior as rows, whose least squares with the data are the values.
+    C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
+    R = problem.weighted(weights)
+    middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
+    rows = np.linalg.inv(C).T
+    rows = np.column_stack([rows, rows @ middle])
+    factor = problem.weighted(weights, rows)[:-1, :-1]
+    inverse = np.linalg.inv(factor)
+    only_kept = kept.any(axis=1) & ~told.any(axis=1)
+    plain = FitResult(
+        estimator=CONSISTENT,
+        parameters=force_model.parameters,
+        actuators=data.actuators,
+        values=values,
+        covariance=inverse @ inverse.T,
+        condition_number=float(np.linalg.cond(factor)),
+        degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
+        quality=fit_quality(problem, values),
+        weights=weights,
+        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
-        base_parameters=problem.parameters,
-        values=base.values(standard),
-        feasible=feasible,
-        fit_cost=FitCost(problem.actuators, unconstrained, constrained, float(total)),
-        bodies=sound.layout.bodies,
-        margins=whitening.margins(unknowns),
-        boundary=whitening.boundary(unknowns),
-        repaired=tuple(dict.fromkeys(sound.layout.owner(int(j)) for j in changed)),
-        regularisation=regularisation,
-        strength=float(strength),
-        margin=float(margin),
     )
+    working = within_runs(WorkingFit(plain, data, rows))
+    found = with_scatter(working, CorrelationOptions()).result
+    freedom = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, options.freedom))
+    return replace(found, degrees_of_freedom=freedom)
 
 
-@checked
-def consistent_parameters(
-    base: BaseParameters,
-    values: FloatArray,
-    prior: FloatArray,
-    *,
-    regularisation: str = "entropic",
-    margin: float = MARGIN,
-    repair: bool = False,
-) -> FloatArray:
-    """Physically consistent standard parameters with exactly the given base parameters.
+def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
+    """Degrees of freedom (r,) that what rests on the file leaves the variances [Welch1947]."""
+    step, bodies = program.step(state), len(program.file)
+    spread = step.covariance(told)
+    variance = (spread * told).sum(axis=1)
+    own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
+    shares = (own**2).sum(axis=2) / np.where(variance > 0, variance, 1.0)[:, None]
+    squares = (shares**2 / (nu + _told(program, state))).sum(axis=1)
+    return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
-    Of all there are, those closest to the prior.
 
-    Parameters
-    ----------
-    base : BaseParameters
-    values : FloatArray
-        Base parameters (r,), as ``base.values``.
-    prior, regularisation, margin, repair
-        As in ``consistent_fit``.
+# Of the mean mass: what a body has that the file gives a size but no mass; of the robot's length:
+# the radius of bodies of which the file tells none.
+LEAST_MASS, LEAST_REACH = 0.01, 0.1
 
-    Returns
-    -------
-    FloatArray
-        (p,), in kg, kg m, kg m² and the units of the joint terms.
 
-    Raises
-    ------
-    DataError
-        Naming the bodies and base parameters in conflict when there are none; or the bodies of the
-        prior that are not consistent.
-    MissingExtraError
-        Without Clarabel.
-    DataError, OptionError
-        When arguments do not belong together, or an option is out of range.
+def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
+    """Pseudo-inertias (n, 4, 4) of the file's bodies as solid ones, and which (n,) were none.
 
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full", None)
-    >>> heavier = 1.2 * model.prior
-    >>> standard = loopid.consistent_parameters(model.base, heavier, model.standard_prior)
-    >>> bool(abs(model.base.values(standard) - heavier).max() < 1e-9)
-    True
+    Those of massless bodies are zero; without any masses, all are balls of one kilogram.
     """
-    target = finite(values, "base parameters")
-    if target.shape != (len(base),):
-        raise DataError(f"base parameters must have shape ({len(base)},), not {target.shape}")
-    sound, whitening = _whitened(base, prior, margin, repair)
-    with one_blas_thread():
-        whitening, rows, aim = _equations(base, target, whitening)
-        if not attainable(whitening, rows, aim):
-            near = minimise(
-                whitening, STIFFNESS * rows, STIFFNESS * aim, "riemannian", refuse=False
-            )
-            raise DataError(_conflict(base, target, whitening, near))
-        unknowns = minimise(whitening, rows, aim, regularisation, exact=True)
-    standard, positive = whitening.standard_parameters(unknowns), sound.layout.positive
-    standard[positive] = np.maximum(standard[positive], 0.0)  # by no more than round-off
-    return standard
+    mechanism = force_model.mechanism
+    P = pseudo_inertia(mechanism.standard_parameters("full").reshape(-1, len(KINDS)))
+    unsound, reach = np.zeros(len(P), dtype=bool), LEAST_REACH * mechanism.length
+    if not force_model.has_masses:
+        ball = np.append(np.full(3, reach**2 / 5), 1.0)
+        return np.tile(np.diag(ball), (len(P), 1, 1)), unsound
+    masses = P[:, 3, 3]
+    least = LEAST_MASS * float(np.mean(masses[masses > 0])) if (masses > 0).any() else 1.0
+    for k, own in enumerate(P):
+        if own.any() and body_defect(own):
+            unsound[k], P[k] = True, nearest_solid(own, least, reach)
+    return P, unsound
 
 
-def _whitened(
-    base: BaseParameters, prior: FloatArray, margin: float, repair: bool
-) -> tuple[Prior, Whitening]:
-    if not 0 <= margin < 1:
-        raise OptionError(f"the margin must be from 0 on and below 1, not {margin}")
-    start = repaired_prior(base.parameters, prior) if repair else prior
-    sound = sound_prior(base.parameters, start)
-    return sound, Whitening.about(base, sound, margin)
-
-
-def _equations(
-    base: BaseParameters, values: FloatArray, whitening: Whitening
-) -> tuple[Whitening, FloatArray, FloatArray]:
-    """Rows (r, q) and aims (r,) of size one: given base parameters as equations of the unknowns.
-
-    With the constraints less those of joint terms that are given: where they are zero, they lie on
-    the boundary, which has no inside.
-    """
-    rows = base.matrix @ whitening.map
-    aim = values - base.values(whitening.prior.values)
-    sizes = np.maximum(np.linalg.norm(rows, axis=1) + np.abs(aim), np.finfo(float).tiny)
-    effects, positive = base.matrix != 0, whitening.prior.layout.positive
-    given = [
-        name
-        for i, name in enumerate(base.names)
-        if base.base[i] in positive
-        and effects[i].sum() == effects[:, base.base[i]].sum() == 1
-        and values[i] >= 0
-    ]
-    return whitening.without_limits(given), rows / sizes[:, None], aim / sizes
-
-
-def _conflict(
-    base: BaseParameters, values: FloatArray, whitening: Whitening, nearest: FloatArray
-) -> str:
-    """Which bodies would have to be inconsistent, and which base parameters are out of reach."""
-    names = whitening.boundary(nearest)
-    reached = base.values(whitening.standard_parameters(nearest))
-    size = np.abs(values) + np.abs(base.values(whitening.prior.values))
-    share = np.abs(values - reached) / np.maximum(size, np.finfo(float).tiny)
-    listed = ", ".join(
-        f"{base.names[j]} = {values[j]:.4g} (possible: {reached[j]:.4g})"
-        for j in np.argsort(-share)[:MOST_NAMED]
-        if share[j] > CLOSE
-    )
-    at = f" of {', '.join(names)}" if names else ""
-    reach = f"; out of reach: {listed}" if listed else ", but some come within round-off"
-    return (
-        f"no physically consistent parameters{at} have these base parameters{reach}; a consistent "
-        "fit to the same data comes close (consistent='entropic'): use its standard parameters"
-    )
+def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> None:
+    """Tell of bodies that are none, and of a model that lacks a force."""
+    name = force_model.mechanism.name
+    if not force_model.has_masses:
+        warn(
+            f"the file of {name} gives no masses: of all bodies with the base parameters that the "
+            "data tell, those nearest to balls of 1 kg are taken",
+            ModelWarning,
+        )
+        return
+    if program.unsound and force_model.model == "full":
+        warn(
+            f"no solid bodies have the inertials of {', '.join(program.unsound)} in the file of "
+            f"{name}: the nearest that have are taken",
+            ModelWarning,
+        )
+    if found.suspicion:
+        kinds = {parameter.kind for parameter in force_model.base.parameters}
+        known = "Ia" in kinds or force_model.model == "gravity"
+        advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
+        warn(f"{name}: {found.suspicion}{advice}", ModelWarning)

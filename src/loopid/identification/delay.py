@@ -81,7 +81,7 @@ class DelayOptions:
     iterations: int = 15
     settled: Positive = 1e-3
     least: NotNegative = 0.2
-    clear: Positive = 1.75
+    clear: Positive = 2.0
     alone: Positive = 6.0
     chance: Positive = 0.01
     known: Positive = 1e-6
@@ -193,7 +193,9 @@ def find_delay(
     robot = force_model.mechanism
     with one_blas_thread():
         try:
-            runs = [_in_band(robot, one, options) for one in recordings if one.log is not None]
+            runs = [
+                in_motion_band(robot, one, options) for one in recordings if one.log is not None
+            ]
             if not runs:
                 return None
             search = _Search(force_model, [_Run(force_model, one) for one in runs], options)
@@ -216,10 +218,13 @@ def without_delay(
     )
 
 
-def _in_band(robot: Mechanism, recording: Recording, options: DelayOptions) -> Recording:
-    """The recording filtered at a few times the frequency of its motion."""
+def in_motion_band(
+    robot: Mechanism, recording: Recording, options: DelayOptions = DelayOptions()
+) -> Recording:
+    """The recording filtered at a few times the frequency of its motion; as it is without a log."""
     log, filtered = recording.log, recording.filter or FilterOptions()
-    assert log is not None
+    if log is None:
+        return recording
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, position = log.rate(part), log.position[part]
     window = np.hanning(len(position) + 2)[1:-1, None]
@@ -307,6 +312,8 @@ class _Run:
                 known[np.ix_(rows, mine)] = ((at >= first) & (at <= last))[:, None]
                 force[np.ix_(rows, mine)] = signal(np.clip(at, first, last))[:, mine]
         force, known = on_independent(self.robot, self.recording.motion, force, known)
+        if self.recording.external is not None:  # measured wrenches, which stay where they are
+            force = force + self.recording.external
         return force, known & self.recording.used
 
 

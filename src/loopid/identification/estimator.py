@@ -104,7 +104,6 @@ ESTIMATORS: Registry[type[Estimator]] = Registry(
         "wls": "loopid.identification.estimator:WeightedLeastSquares",
         "bisquare": "loopid.identification.robust:Bisquare",
         "iv": "loopid.identification.instrumental:InstrumentalVariables",
-        "bayes": "loopid.identification.bayes:BayesianRidge",
     },
 )
 

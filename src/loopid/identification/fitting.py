@@ -37,7 +37,7 @@ def fit(
     samples : FitSamples
     estimator : str or Estimator
         A name of ``ESTIMATORS``, or an estimator with its options. ``"iv"`` needs samples with
-        instruments; ``"bayes"`` a prior, ``BayesianRidge(prior)``.
+        instruments.
     correlation : CorrelationOptions, optional
         How errors that are not independent are modelled.
 

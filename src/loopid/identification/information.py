@@ -20,15 +20,15 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
 from loopid.errors import DataError, DataWarning, RankError, warn
-from loopid.identification.bayes import body_sizes
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import FitResult, fit_quality
 from loopid.logs.recording import Recording
-from loopid.parameters import ParameterSet
+from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
+from loopid.robot.mechanism import Mechanism
 
 # Part of a parameter's size that must be unidentifiable for its value to rest on the robot file.
 INVOLVED = 1e-3
@@ -36,6 +36,25 @@ INVOLVED = 1e-3
 HARDLY_MOVED = 1e-3
 # Relative difference of norms that are the same but for round-off: the first one is taken.
 TIE = 1e-6
+
+
+# Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
+LEAST_MASS, LEAST_REACH = 0.01, 0.01
+
+
+def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
+    """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
+
+    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
+    square: what uncertainties are compared with.
+    """
+    values = mechanism.standard_parameters("full").reshape(-1, len(KINDS))
+    mass = np.abs(values[:, 0])
+    mass = np.maximum(mass, LEAST_MASS * (mass.mean() or 1.0))
+    traces = values[:, [KINDS.index(kind) for kind in ("Ixx", "Iyy", "Izz")]].sum(axis=1)
+    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * mechanism.length) ** 2))
+    powers = mechanism.parameters(model).length_powers.reshape(len(values), -1)
+    return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
 
 
 @record
@@ -306,7 +325,7 @@ class Identifiability:
         return (
             f"{len(self.weak)} of {len(self.parameters)} combinations of parameters are weakly "
             f"identifiable, known worse than by the robot file: {_listed(self.weak)}; "
-            f"{self._advice}, or use the robot file as a prior, estimator='bayes'"
+            f"{self._advice}; the consistent fit keeps them near the robot file"
         )
 
     @property

@@ -5,16 +5,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataWarning, OptionError, RankError, warn
-from loopid.identification.bayes import PRIOR_DEVIATION, BayesianRidge, cad_prior, evidence_scale
+from loopid.errors import DataError, DataWarning, OptionError, warn
+from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
 from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
@@ -28,7 +26,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first
+from loopid.identification.result import FitResult, fit_quality, nearest_first
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
@@ -47,21 +45,16 @@ class FitOptions:
     Attributes
     ----------
     estimator : str or Estimator
-        A name of ``ESTIMATORS``, or an estimator with its own options. ``"bayes"`` takes the robot
-        file as its prior.
+        A name of ``ESTIMATORS``, or an estimator with its own options. With ``"wls"`` the robot
+        file is weighed, too (``consistent_fit``).
     unidentifiable : str
-        Where no force of the training data depends on a combination of parameters: ``"error"``, or
-        ``"prior"``: fit the others, and keep the robot file's values there.
+        Where no force of the training data depends on a combination of parameters: ``"prior"``: fit
+        the others, and keep the robot file's values there; or ``"error"``.
     fraction : float
         Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
         are fitted, the rest judges.
-    prior_deviation : float, optional
-        For ``"bayes"``: standard deviation of the robot file's parameters, relative to their sizes
-        (``cad_prior``); by default 0.3.
-    deviations : tuple of float
-        Without that: the least and the largest such deviation that the evidence of the data may
-        choose. A file that is right in most of its bodies need not be in all, so that the least is
-        not 0.
+    consistent : ConsistentOptions
+        Of the fit that weighs the robot file.
     cutoff : CutoffOptions
         Which cut-offs of the filter are tried (``choose_cutoff``).
     undo_delay : bool
@@ -81,14 +74,13 @@ class FitOptions:
     >>> import loopid
     >>> loopid.FitOptions(estimator="wsl")
     Traceback (most recent call last):
-    loopid.errors.OptionError: unknown estimator 'wsl': choose one of ols, wls, bisquare, iv, bayes
+    loopid.errors.OptionError: unknown estimator 'wsl': choose one of ols, wls, bisquare, iv
     """
 
     estimator: str | Estimator = "wls"
-    unidentifiable: str = "error"
+    unidentifiable: str = "prior"
     fraction: float = 0.6
-    prior_deviation: float | None = None
-    deviations: tuple[float, float] = (0.1, 10.0)
+    consistent: ConsistentOptions = ConsistentOptions()
     cutoff: CutoffOptions = CutoffOptions()
     undo_delay: bool = True
     terms: TermOptions = TermOptions()
@@ -102,18 +94,6 @@ class FitOptions:
         if not 0 < self.fraction < 1:
             raise OptionError(
                 f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction
-            )
-        least, largest = self.deviations
-        if not 0 < least < largest < np.inf:
-            raise OptionError(
-                f"deviations must be two that ascend from above 0, not {self.deviations}",
-                given=self.deviations,
-            )
-        if self.prior_deviation is not None and self.estimator != "bayes":
-            raise OptionError(
-                "prior_deviation is of the robot file as prior: it goes with estimator='bayes', "
-                f"not with {self.estimator!r}",
-                given=self.estimator,
             )
         require_processes(self.n_jobs, "n_jobs")
 
@@ -139,17 +119,12 @@ class FitOptions:
 
     @property
     def weighs_robot_file(self) -> bool:
-        """Whether the robot file counts as prior beside the fit: by default, with ``"wls"``."""
+        """Whether the robot file is weighed, too: by default, with ``"wls"``."""
         return self.name == "wls"
-
-    @property
-    def estimator_beside(self) -> str | Estimator:
-        """The estimator without a prior: weighted least squares stands in for Bayes."""
-        return "wls" if self.name == "bayes" else self.estimator
 
 
 # Names of the candidates.
-ROBOT_FILE, ALL, NEAR_FILE = "robot file", "all parameters", "robot file as prior"
+ROBOT_FILE, ALL = "robot file", "all parameters"
 
 
 @record
@@ -167,12 +142,11 @@ class Identification:
         What the training data tell of the parameters that were fitted to them.
     candidates : dict of Candidate
         ``"robot file"``: its bodies, and joint terms that are fitted; ``"all parameters"``: all
-        fitted by the estimator; ``"robot file as prior"``: the same by Bayes, with weighted least
-        squares as the estimator.
+        fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
+        all fitted with the robot file weighed, every body solid.
     options : FitOptions
     prior_deviation : float or None
-        Of the robot file as prior, relative to the parameters' sizes, by the evidence of the data
-        (``evidence_scale``).
+        How far the robot file is off, in parts of its bodies, where it is weighed.
     cutoff : CutoffChoice or None
         Of the filter; None where the recordings left nothing to choose.
     delay : Delay or None
@@ -208,12 +182,12 @@ class Identification:
     def recommended(self) -> Candidate:
         """What to predict and to export with.
 
-        All parameters with the robot file as prior, or the baseline where these are clearly worse
-        on new data; where an estimator was asked for, all parameters by that.
+        Consistent parameters where they are better on new data than the baseline, and the baseline
+        where that is not clear; where an estimator was asked for, all parameters by that.
         """
-        if NEAR_FILE not in self.candidates:
+        if CONSISTENT not in self.candidates:
             return self[ALL]
-        return self.baseline if self[NEAR_FILE].loses_to_baseline else self[NEAR_FILE]
+        return self[CONSISTENT] if self[CONSISTENT].beats_baseline else self.baseline
 
     @property
     def fit(self) -> FitResult:
@@ -225,7 +199,7 @@ class Identification:
         """Whether the recommended values are better than the robot file on new data: a sentence."""
         if self.recommended is not self.baseline:
             return self.recommended.verdict
-        return f"{self[NEAR_FILE].verdict[:-1]}, so that the latter is recommended."
+        return f"{self[CONSISTENT].verdict[:-1]}, so that the latter is recommended."
 
     def __repr__(self) -> str:
         model, told = self.force_model, self.identifiability
@@ -380,12 +354,12 @@ def identify(
     fitted = data if first is None else data.select(force_model.body_columns)
     excited = identifiability(force_model, fitted)
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    start = fit_joint_terms(force_model, data, excited, options=options)
+    start = fit_joint_terms(force_model, data, options=options)
     fits = {ROBOT_FILE: start, ALL: whole}
-    deviation = likely_deviation(force_model, data, excited, noise=whole.noise, options=options)
-    if deviation is not None:
-        near = replace(options, estimator="bayes", prior_deviation=deviation)
-        fits[NEAR_FILE] = _quiet_fit_all(force_model, data, excited, first=first, options=near)
+    if options.weighs_robot_file:
+        fits[CONSISTENT] = fit_solid_bodies(
+            force_model, data, excited, whole=whole, terms_known=first is not None, options=options
+        )
     fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
     if delay is not None:
         delay.warn()
@@ -394,8 +368,17 @@ def identify(
     judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
     runs = tuple(training), tuple(judging), tuple(friction)
     return Identification(
-        force_model, *runs, data, new, excited, judged, options, deviation, cutoff, delay
+        *(force_model, *runs, data, new, excited, judged, options),
+        prior_deviation=found_deviation(fits),
+        cutoff=cutoff,
+        delay=delay,
     )
+
+
+def found_deviation(fits: Mapping[str, FitResult]) -> float | None:
+    """How far the robot file is off, where a fit weighs it."""
+    found = fits[CONSISTENT].deviation if CONSISTENT in fits else None
+    return None if found is None else found.common
 
 
 @checked
@@ -421,33 +404,27 @@ def fit_all(
     Raises
     ------
     RankError
-        Naming the unidentifiable combinations, unless they are to be as in the robot file, or the
-        prior of the estimator knows of them.
+        Naming the unidentifiable combinations, unless they are to be as in the robot file.
 
     Warns
     -----
     DataWarning
         As ``fit``.
     """
-    estimator = _estimator(force_model, excited, options)
+    estimator = chosen_estimator(options.estimator)
     if first is not None:
         for part in (identifiability(force_model, first), excited):
-            _require_excited(part, estimator)
+            if part.unidentifiable:
+                raise part.refusal
         labels = force_model.parameters.labels
         known = [labels[j] for j in force_model.joint_columns]
         return fit_in_steps(first, data, known, estimator=estimator)
-    if not options.keeps_robot_file:
-        _require_excited(excited, estimator)
-    if excited.unidentifiable and not isinstance(estimator, BayesianRidge):
-        fitted = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
-        warn_of_insignificant(fitted)
-        return fitted
-    try:
-        fitted = fit(data, estimator)
-    except RankError as error:
-        raise excited.refusal if excited.unidentifiable else error from None
-    if options.keeps_robot_file and excited.unidentifiable:
-        return replace(fitted, assumed=excited.assumed)
+    if not excited.unidentifiable:
+        return fit(data, estimator)
+    if not (options.keeps_robot_file and excited.rank):
+        raise excited.refusal
+    fitted = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
+    warn_of_insignificant(fitted)
     return fitted
 
 
@@ -455,7 +432,6 @@ def fit_all(
 def fit_joint_terms(
     force_model: ForceModel,
     data: FitSamples,
-    excited: Identifiability,
     *,
     options: FitOptions = FitOptions(),
 ) -> FitResult:
@@ -468,7 +444,9 @@ def fit_joint_terms(
     left = data.reduced(joints, values)
     labels = force_model.parameters.labels
     bodies = tuple(labels[j] for j in force_model.body_columns)
-    if not len(joints):
+    # A joint term may lead a combination with bodies, of which the robot file knows a part.
+    excitation = Excitation.of(force_model, left.problem) if len(joints) else None
+    if excitation is None or not excitation.rank:
         return FitResult(
             estimator=ROBOT_FILE,
             parameters=force_model.parameters,
@@ -479,12 +457,11 @@ def fit_joint_terms(
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=bodies,
+            assumed=labels,
+            standard_parameters=force_model.standard_prior,
         )
-    estimator = _estimator(force_model, excited, options)
-    # A joint term may lead a combination with bodies, of which the robot file knows a part.
-    excitation = Excitation.of(force_model, left.problem)
-    if isinstance(estimator, BayesianRidge) or excitation.rank == len(joints):
+    estimator = chosen_estimator(options.estimator)
+    if excitation.rank == len(joints):
         terms = quiet_fit(left, estimator)
     else:
         terms = fit_excited(left, values[joints], excitation, estimator=estimator)
@@ -492,6 +469,9 @@ def fit_joint_terms(
     covariance[np.ix_(joints, joints)] = terms.covariance
     freedom = np.full(len(values), terms.degrees_of_freedom.min())
     freedom[joints] = terms.degrees_of_freedom
+    # Each leads a base parameter of its own, with factor 1.
+    standard = force_model.standard_prior
+    standard[force_model.base.base[joints]] += values[joints] - force_model.prior[joints]
     return replace(
         terms,
         parameters=force_model.parameters,
@@ -500,56 +480,42 @@ def fit_joint_terms(
         degrees_of_freedom=freedom,
         quality=fit_quality(data.problem, values),
         assumed=tuple(name for name in labels if name in bodies or name in terms.assumed),
+        standard_parameters=standard,
     )
 
 
-def _quiet_fit_all(*samples: Any, **options: Any) -> FitResult:
-    """As ``fit_all``; its warnings would be the same as of the other fit."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return fit_all(*samples, **options)
-
-
 @checked
-def likely_deviation(
+def fit_solid_bodies(
     force_model: ForceModel,
     data: FitSamples,
     excited: Identifiability,
     *,
-    noise: NoiseModel | None,
+    whole: FitResult,
+    terms_known: bool = False,
     options: FitOptions = FitOptions(),
-) -> float | None:
-    """Deviation of the robot file, in sizes, under which the data are most likely [MacKay1992].
-
-    None where the robot file gives no masses, or another estimator than ``"wls"`` was asked for.
+) -> FitResult:
+    """Fit all parameters with the robot file weighed, every body solid: see ``consistent_fit``.
 
     Parameters
     ----------
-    noise : NoiseModel
-        Errors of the forces, from a fit of all parameters.
+    whole : FitResult
+        Of all parameters, with a model of the errors of the forces.
+    terms_known : bool
+        Whether its joint terms are those of an experiment of their own, known to their errors.
     """
-    if noise is None or not (options.weighs_robot_file and force_model.has_masses):
-        return None
-    unit = cad_prior(force_model, 1.0, joint_deviations=_joint_deviations(excited, options))
-    return evidence_scale(unit, data.problem, noise, bounds=options.deviations)
-
-
-def _joint_deviations(excited: Identifiability, options: FitOptions) -> FloatArray | None:
-    """Deviations (k,) of joint terms as large as a force lets be, where some are not excited."""
-    missing = options.keeps_robot_file and excited.unidentifiable
-    return excited.excitation.joint_sizes if missing else None
-
-
-def _estimator(force_model: ForceModel, excited: Identifiability, options: FitOptions) -> Estimator:
-    """The estimator of the options, with its prior."""
-    if options.estimator != BayesianRidge.name:
-        return chosen_estimator(options.estimator)
-    relative = PRIOR_DEVIATION if options.prior_deviation is None else options.prior_deviation
-    deviations = _joint_deviations(excited, options)
-    return BayesianRidge(cad_prior(force_model, relative, joint_deviations=deviations))
-
-
-def _require_excited(found: Identifiability, estimator: Estimator) -> None:
-    """Refuse unidentifiable combinations, unless a prior knows of them."""
-    if found.unidentifiable and not isinstance(estimator, BayesianRidge):
-        raise found.refusal
+    if whole.noise is None:
+        raise DataError(
+            "the fit has no model of its errors that the robot file could be weighed by"
+        )
+    known: dict[str, FloatArray] = {}
+    if terms_known:
+        count = len(force_model.joint_values)
+        own = force_model.joint_columns
+        places = force_model.base.base[own] - (len(force_model.base.parameters) - count)
+        values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
+        values[places], deviations[places] = whole.values[own], whole.standard_errors[own]
+        known = {"joint_values": values, "joint_deviations": deviations}
+    found = consistent_fit(force_model, data, whole.noise, **known, options=options.consistent)
+    assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
+    labels = force_model.parameters.labels
+    return replace(found, assumed=tuple(name for name in labels if name in assumed))

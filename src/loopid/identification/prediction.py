@@ -218,9 +218,9 @@ class Candidate:
         if self.beats_baseline or self.loses_to_baseline:
             verdict = "better than" if self.beats_baseline else "worse than"
         ratio, error = self.error_ratio
-        article = "the " if self.name.startswith("robot") else ""
+        name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
         return (
-            f"With {article}{self.name} the mean squared error on new data is {ratio:.2f} "
+            f"With {name} the mean squared error on new data is {ratio:.2f} "
             f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
         )
 

@@ -127,6 +127,51 @@ class Robustness(OfArrays):
 
 
 @record
+class FileDeviation(OfArrays):
+    """How far the bodies of the robot file are off, as the data say, in parts of themselves.
+
+    Attributes
+    ----------
+    common : float
+        Of all bodies.
+    bodies : tuple of str
+        Those with a mass.
+    own : FloatArray
+        (bodies,), of each: larger for one that is far off while the others are right.
+    largest, farthest : float
+        That the common one, and that of a body, may be.
+    """
+
+    common: float
+    bodies: tuple[str, ...]
+    own: FloatArray
+    largest: float
+    farthest: float
+
+    @property
+    def far(self) -> tuple[str, ...]:
+        """Bodies that are as far off as they may be."""
+        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= self.farthest))
+
+    @property
+    def rows(self) -> list[tuple[str, float]]:
+        """Each body with its deviation."""
+        return list(zip(self.bodies, self.own.tolist(), strict=True))
+
+    @property
+    def suspicion(self) -> str:
+        """What a deviation at its bound says: a sentence, empty where none is."""
+        if self.common < self.largest and not self.far:
+            return ""
+        who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
+        most = self.farthest if self.far else self.largest
+        return (
+            f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
+            "another robot (a tool, a payload), or the model lacks a force"
+        )
+
+
+@record
 class Estimate:
     """All numbers about one parameter.
 
@@ -186,6 +231,11 @@ class FitResult(OfArrays):
         their intervals are infinite.
     robustness : Robustness or None
         Scales and weights of a robust fit.
+    standard_parameters : FloatArray or None
+        (p,), standard parameters and joint terms whose base parameters the values are, every body
+        solid; None for estimators that find base parameters only.
+    deviation : FileDeviation or None
+        Of the robot file, where the fit weighs it.
 
     Examples
     --------
@@ -216,11 +266,15 @@ class FitResult(OfArrays):
     noise: NoiseModel | None = None
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
+    standard_parameters: FloatArray | None = None
+    deviation: FileDeviation | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
+        if self.standard_parameters is not None:
+            object.__setattr__(self, "standard_parameters", frozen(self.standard_parameters))
         for name in self.assumed:
             if name not in self.parameters.labels:
                 raise OptionError.unknown("assumed parameter", name, self.parameters.labels)

@@ -26,10 +26,8 @@ from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
-from loopid.identification.consistent import ConsistentFit, FitCost, consistent_parameters
-from loopid.identification.consistent_program import repaired_prior
 from loopid.identification.force_model import ForceModel
-from loopid.identification.result import FitResult, NoiseModel, Quality, Robustness
+from loopid.identification.result import FileDeviation, FitResult, NoiseModel, Quality, Robustness
 from loopid.identification.saved_checks import SAME_ROBOT, differences, require_sound
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
@@ -43,8 +41,6 @@ from loopid.yaml_files import LARGE, load_yaml, yaml_writer
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 5 * LARGE  # bytes: a line a number
 STATES = 3  # of the robot, by which it is known again
-# Mass that a body may have, over the robot file's; as which a body without one counts, of the mean.
-MOST_MASS, LIGHT = 3.0, 0.01
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -95,7 +91,7 @@ class SavedForceModel(_Section):
 
 
 class SavedStandard(_Section):
-    """A standard parameter or joint term, with its value in a consistent fit."""
+    """A standard parameter or joint term, with its value where the fit has bodies."""
 
     name: str
     unit: str
@@ -125,7 +121,7 @@ class SavedState(_Section):
 
 
 class SavedEstimate(_Section):
-    """What a ``FitResult`` has beside values and covariance."""
+    """What a ``FitResult`` has beside values, covariance and standard parameters."""
 
     estimator: str
     actuators: tuple[str, ...]
@@ -136,20 +132,7 @@ class SavedEstimate(_Section):
     assumed: tuple[str, ...]
     noise: NoiseModel | None = None
     robustness: Robustness | None = None
-
-
-class SavedConsistency(_Section):
-    """What a ``ConsistentFit`` has beside values."""
-
-    feasible: bool
-    fit_cost: FitCost
-    bodies: tuple[str, ...]
-    margins: Column
-    boundary: tuple[str, ...]
-    repaired: tuple[str, ...]
-    regularisation: str
-    strength: float
-    margin: float
+    deviation: FileDeviation | None = None
 
 
 class SavedFit(_Section):
@@ -168,8 +151,6 @@ class SavedFit(_Section):
     check : tuple of SavedState
     estimate : SavedEstimate or None
         Where a ``FitResult`` was saved.
-    consistency : SavedConsistency or None
-        Where a ``ConsistentFit`` was saved.
     digest : str or None
         SHA-256 of all but names and paths of the robot, by which changed numbers are known.
     """
@@ -184,11 +165,10 @@ class SavedFit(_Section):
     covariance: Array | None = None
     check: tuple[SavedState, ...] = Field(min_length=1)
     estimate: SavedEstimate | None = None
-    consistency: SavedConsistency | None = None
     digest: str | None = None
 
     @classmethod
-    def of(cls, model: ForceModel, fit: FitResult | ConsistentFit | FloatArray) -> SavedFit:
+    def of(cls, model: ForceModel, fit: FitResult | FloatArray) -> SavedFit:
         """What is saved of a fit, or of values (r,), of the parameters of a force model.
 
         Raises
@@ -197,13 +177,9 @@ class SavedFit(_Section):
             When the fit is not one of these parameters.
         """
         estimate = fit if isinstance(fit, FitResult) else None
-        consistency = fit if isinstance(fit, ConsistentFit) else None
         robot, base, values = model.mechanism, model.base, _values_of(model, fit)
-        standard = (
-            consistency.standard_parameters.tolist()
-            if consistency
-            else [None] * len(base.parameters)
-        )
+        bodies = None if estimate is None else estimate.standard_parameters
+        standard = [None] * len(base.parameters) if bodies is None else bodies.tolist()
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
@@ -228,14 +204,11 @@ class SavedFit(_Section):
                 "covariance": estimate and estimate.covariance,
                 "check": tuple(_states(model, values)),
                 "estimate": estimate,
-                "consistency": consistency,
             }
         )
 
     @model_validator(mode="after")
     def _fits_together(self) -> SavedFit:
-        if self.consistency is not None and not np.isfinite(self.standard_values).all():
-            raise ValueError("a consistent fit needs the values of all standard parameters")
         require_sound(self)
         return self
 
@@ -243,7 +216,7 @@ class SavedFit(_Section):
         kind = "values" if self.estimate is None else self.estimate.estimator
         return (
             f"<SavedFit of {self.robot.name}: {len(self.base_parameters)} base parameters, "
-            f"{self.force_model.model} model, {'consistent' if self.consistency else kind}>"
+            f"{self.force_model.model} model, {kind}>"
         )
 
     __str__ = __repr__
@@ -278,22 +251,16 @@ class SavedFit(_Section):
         return np.array(rows)
 
     @property
-    def result(self) -> FitResult | ConsistentFit | None:
+    def result(self) -> FitResult | None:
         """The fit as it was saved; None where only values were."""
-        if self.consistency is not None:
-            return ConsistentFit(
-                parameters=self.standard,
-                standard_parameters=self.standard_values,
-                base_parameters=self.parameters,
-                values=self.values,
-                **dict(self.consistency),
-            )
         if self.estimate is None or self.covariance is None:
             return None
+        standard = self.standard_values
         return FitResult(
             parameters=self.parameters,
             values=self.values,
             covariance=self.covariance,
+            standard_parameters=None if np.isnan(standard).any() else standard,
             **dict(self.estimate),
         )
 
@@ -375,54 +342,22 @@ class SavedFit(_Section):
         )
         return ForceModel(mechanism, kind, terms, found)
 
-    @checked
-    def find_standard_parameters(
-        self, model: ForceModel, *, repair: bool = False, any_mass: bool = False
-    ) -> FloatArray:
-        """Physically consistent standard parameters (p,) with the base parameters of the fit.
-
-        Those of a consistent fit itself; otherwise, of all that there are, those closest to the
-        robot file's (``consistent_parameters``).
-
-        Parameters
-        ----------
-        model : ForceModel
-            From ``find_force_model``.
-        repair : bool
-            Whether inconsistent bodies of the robot file are repaired first.
-        any_mass : bool
-            Whether bodies of a fit that is not a consistent one may weigh more than ``MOST_MASS``
-            times what the robot file says.
+    def require_bodies(self) -> FloatArray:
+        """Standard parameters and joint terms (p,), which a robot file can be made of.
 
         Raises
         ------
         DataError
-            Naming bodies, when there are none, or when one would be that heavy.
+            When the fit is of base parameters only.
         """
-        if self.consistency is not None:
-            return self.standard_values
-        columns = self.standard
-        prior = repaired_prior(columns, model.standard_prior) if repair else model.standard_prior
-        # The distance that keeps masses near the prior's where nothing is known of them.
-        standard = consistent_parameters(model.base, self.values, prior, regularisation="euclidean")
-        masses = [j for j, parameter in enumerate(columns) if parameter.kind == "m"]
-        # A body without a mass of its own in the file counts as a light one.
-        known = np.maximum(prior[masses], LIGHT * np.abs(prior[masses]).mean())
-        ratios = standard[masses] / np.where(known > 0, known, np.inf)
-        worst = int(ratios.argmax())
-        if ratios[worst] > MOST_MASS and not any_mass:
-            name, mass, ratio = columns[masses[worst]].label, standard[masses[worst]], ratios[worst]
-            bayes = self.estimate is not None and self.estimate.estimator == "bayes"
-            other = "" if bayes else "it as a prior (estimator='bayes'), or "
+        values = self.standard_values
+        if np.isnan(values).any():
+            kind = "values" if self.estimate is None else self.estimate.estimator
             raise DataError(
-                f"{name} would be {mass:.3g} kg, {ratio:.3g} times what the robot file says (most "
-                f"{MOST_MASS:g} times): use {other}a consistent fit (consistent='entropic', which "
-                "writes standard_parameters.yaml); if the robot is that heavy, any_mass=True",
-                parameter=name,
-                mass=float(mass),
-                ratio=float(ratio),
+                f"a fit by {kind} has base parameters, which are those of many bodies: identify "
+                "with the default estimator, and save the recommended fit, which has bodies"
             )
-        return standard
+        return values
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in the file."""
@@ -451,13 +386,11 @@ class SavedFit(_Section):
         )
 
 
-def _values_of(model: ForceModel, fit: FitResult | ConsistentFit | FloatArray) -> FloatArray:
+def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
     """Base parameters (r,) of a fit, which must be those of the force model."""
     fitted = model.parameters
     if isinstance(fit, FitResult):
         fitted, values = fit.parameters, fit.values
-    elif isinstance(fit, ConsistentFit):
-        fitted, values = fit.base_parameters, fit.values
     else:
         values = finite(fit, "values")
     if fitted != model.parameters or values.shape != (len(model.base),):
@@ -495,9 +428,7 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
 
 
 @checked
-def save_fit(
-    path: str | Path, model: ForceModel, fit: FitResult | ConsistentFit | FloatArray
-) -> Path:
+def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -> Path:
     """Save a fit with all that it takes to use it: for ``read_fit`` and ``loopid export``.
 
     Parameters
@@ -506,7 +437,7 @@ def save_fit(
         Ending in .yaml, .yml or .json; written whole or not at all.
     model : ForceModel
         Whose parameters were fitted.
-    fit : FitResult, ConsistentFit or FloatArray
+    fit : FitResult or FloatArray
         Or values (r,) of the base parameters.
 
     Raises

@@ -226,19 +226,17 @@ def read_xml(path: Path, whole: bool = False) -> Element:
 
     Prefixes without a namespace are common, and harmless; other broken grammar is refused.
     """
-    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), not whole)
-    options["resolve_entities"] = False
     try:
         with path.open("rb") as stream:
             content = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise RobotFileError(f"cannot be read: {error.strerror}") from error
-    return parsed_xml(content)
+    return parsed_xml(content, whole)
 
 
-def parsed_xml(content: bytes) -> Element:
+def parsed_xml(content: bytes, whole: bool = False) -> Element:
     """Root of the text of an XML file; see ``read_xml``."""
-    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), True)
+    options: dict[str, Any] = dict.fromkeys(("remove_comments", "remove_pis"), not whole)
     options["resolve_entities"] = False
     if len(content) > MOST_BYTES:
         raise RobotFileError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")

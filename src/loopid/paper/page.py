@@ -83,7 +83,7 @@ NOTES = {
     ROBOT: (
         "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
         "they are biased by the seven that are left out, by an amount that the log does not tell. "
-        "With CAD as prior, the robot file's parameters count as known to 30 % of their sizes."
+        "With CAD as prior, bodies are solid and as near to the robot file as the data say."
     ),
 }
 STAND_IN = (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -25,9 +26,9 @@ from loopid.arguments import (
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.diagnosis.selection import influence, truncated_values
 from loopid.errors import DataWarning, OptionError
-from loopid.identification.bayes import BayesianRidge, cad_prior
+from loopid.identification.consistent import consistent_fit
 from loopid.identification.fitting import fit_in_steps, quiet_fit
-from loopid.identification.force_model import ForceModel, find_force_model
+from loopid.identification.force_model import ForceModel, find_force_model, samples_of
 from loopid.identification.pipeline import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
@@ -442,6 +443,17 @@ class ActualFit:
         return self.truth is not None
 
 
+def _in_order(fit: FitResult, order: IntArray) -> FitResult:
+    """The same parameters in another order."""
+    return replace(
+        fit,
+        parameters=fit.parameters.select(order),
+        values=fit.values[order],
+        covariance=fit.covariance[np.ix_(order, order)],
+        degrees_of_freedom=fit.degrees_of_freedom[order],
+    )
+
+
 def fit_actual(
     experiment: Experiment, recordings: Sequence[Recording], standard: FloatArray | None = None
 ) -> ActualFit:
@@ -457,7 +469,9 @@ def fit_actual(
     joints = range(BODIES.stop, len(fitted.parameters))
     kept = [*EIGHT, *joints]
     eight, fifteen = quiet_fit(fitted.select(kept)), quiet_fit(fitted)
-    informed = quiet_fit(fitted, BayesianRidge(cad_prior(model)))
+    assert fifteen.noise is not None
+    data = samples_of(model, split_recordings(recordings)[0])
+    informed = _in_order(consistent_fit(model, data, fifteen.noise), experiment.order)
     cad_gravity = fitted.select(range(BODIES.stop)).predicted(cad)
     friction = quiet_fit(fitted.less(cad_gravity).select(joints)).values
     robot_file = np.concatenate([cad, friction])

@@ -11,7 +11,6 @@ from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.identification.consistent import ConsistentFit
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.information import Identifiability, WeakDirection
 from loopid.identification.pipeline import Identification
@@ -64,7 +63,7 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
     ``command`` is one that designs the motion to add, where who asks has commands.
     """
     found, reduction = study.identification, study.reduction
-    model, told, consistent = found.force_model, found.identifiability, study.consistent
+    model, told = found.force_model, found.identifiability
     terms = model.joint_terms
     return {
         "mechanism": model.mechanism.name,
@@ -100,7 +99,6 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
             "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
             "weak": [_direction(direction) for direction in told.weak],
         },
-        "consistent": consistent and SavedFit.of(model, consistent).record(),
         "essential": json_value(study.essential.values),
         "essential_parameters": list(reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
@@ -218,8 +216,6 @@ def findings(study: Study, command: str | None = None) -> list[str]:
             "What is unidentifiable or weakly identifiable is excited by the motion that "
             f"{designer} designs."
         )
-    if study.consistent is not None:
-        said += _consistent_findings(study.consistent)
     said += [candidate.verdict for candidate in _candidates(study)[1:]]
     said.append(_recommendation(found))
     insignificant = whole.fit.insignificant()
@@ -267,32 +263,16 @@ def _cutoff_finding(choice: CutoffChoice) -> str:
 def _recommendation(found: Identification) -> str:
     said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
     if found.recommended is found.baseline:
-        return (
-            f"{said} with fitted joint terms, as all parameters are clearly worse on new data even "
-            "with the robot file as prior."
-        )
-    if found.prior_deviation is None:
+        return f"{said} with fitted joint terms, as nothing is clearly better on new data."
+    deviation = found.fit.deviation
+    if deviation is None:
         return f"{said} by {found.fit.estimator}."
+    off = (f"{name} {100 * own:.2g} %" for name, own in deviation.rows if own > deviation.common)
+    also = ", ".join(off)
     return (
-        f"{said}; its parameters count as known to {100 * found.prior_deviation:.2g} % of their "
-        "sizes, as the data say."
+        f"{said} parameters, every body solid; the bodies of the robot file count as right to "
+        f"{100 * deviation.common:.2g} %{f', but {also}' if also else ''}."
     )
-
-
-def _consistent_findings(found: ConsistentFit) -> list[str]:
-    have = "Physically consistent bodies" if found.feasible else "No physically consistent bodies"
-    said = [
-        f"{have} have exactly the base parameters of the fit; the consistent parameters nearest to "
-        "the robot file that fit the data raise the weighted residual by "
-        f"{100 * (found.fit_cost.total - 1):.2g} %."
-    ]
-    if found.boundary:
-        names = ", ".join(found.boundary)
-        said.append(f"The data pull {names} to the boundary of physical consistency.")
-    if found.repaired:
-        names = ", ".join(found.repaired)
-        said.append(f"Physically inconsistent in the robot file, and repaired: {names}.")
-    return said
 
 
 def identification_tables(study: Study, command: str | None = None) -> list[Table]:
@@ -307,13 +287,13 @@ def identification_tables(study: Study, command: str | None = None) -> list[Tabl
     if told.unidentifiable or told.weak:
         tables.append(_weak_table(told))
     tables.append(_essential_table(study))
-    if study.consistent is not None:
-        tables.append(_consistent_table(study.consistent))
     tables += [_candidates_table(study), _terms_table(study.term_sets)]
     tables += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
     if found.recommended is not whole:
         title = f"recommended: {found.recommended.name}"
         tables.append(_estimates_table(title, found.fit))
+    if found.fit.standard_parameters is not None:
+        tables.append(_bodies_table(found))
     return [*tables, plain_table("findings", ("",), ([text] for text in findings(study, command)))]
 
 
@@ -352,13 +332,17 @@ def _essential_table(study: Study) -> Table:
     return plain_table("essential parameters; the others as in the robot file", columns, rows)
 
 
-def _consistent_table(found: ConsistentFit) -> Table:
-    rows = []
-    for row in found.rows:
-        centre = ", ".join(f"{row[axis]:.4g}" for axis in "xyz")
-        rows.append((row["body"], f"{row['mass']:.4g}", centre, f"{row['margin']:.2g}"))
-    columns = "body", ">mass (kg)", ">centre of mass (m)", ">margin"
-    return plain_table(f"physically consistent parameters ({found.regularisation})", columns, rows)
+def _bodies_table(found: Identification) -> Table:
+    """Mass and centre of each body of the recommended fit, beside the mass of the robot file."""
+    model, fit = found.force_model, found.fit
+    assert fit.standard_parameters is not None
+    names, rows = model.base.parameters, []
+    for j in (j for j, name in enumerate(names) if name.kind == "m"):
+        mass, *first = fit.standard_parameters[j : j + 4].tolist()
+        centre = ", ".join(f"{moment / mass:.4g}" for moment in first) if mass else "-"
+        rows.append((names[j].link, f"{mass:.4g}", f"{model.standard_prior[j]:.4g}", centre))
+    columns = "body", ">mass (kg)", ">robot file", ">centre of mass (m)"
+    return plain_table(f"bodies: {found.recommended.name}", columns, rows)
 
 
 def _candidates_table(study: Study) -> Table:
@@ -434,7 +418,7 @@ def identification_files(study: Study, command: str | None = None) -> dict[str, 
     page, data, *names = RESULTS
     whole = found["all parameters"]
     other = None if found.recommended is whole else whole.fit
-    fits = dict(zip(names, (found.fit, other, study.consistent), strict=True))
+    fits = dict(zip(names, (found.fit, other), strict=True))
     return {
         page: markdown_page(title, identification_tables(study, command), captions),
         data: json_text(identification_record(study, command)) + "\n",
@@ -476,21 +460,21 @@ def draw_filter(study: Study) -> dict[str, bytes]:
 
 def draw_forces(study: Study) -> dict[str, bytes]:
     """Forces of each actuator on the first validation recording, measured and predicted."""
-    found, essential = study.identification, study.essential
+    found = study.identification
     recording, mechanism = found.validation[0], found.force_model.mechanism
     rows = thinned(len(recording))
     gaps, W = ~recording.used[rows], found.new.regressor[rows]
     measured, by_file, fitted = (
         np.where(gaps, np.nan, force)  # lines break where the force says nothing
-        for force in (recording.force[rows], W @ found.baseline.values, W @ essential.values)
+        for force in (recording.force[rows], W @ found.baseline.values, W @ found.fit.values)
     )
     lines = (
         (measured, "measured", THIN),
         (by_file, "robot file, joint terms", {"color": BLUE, "linestyle": "--"}),
-        (fitted, "essential", {"color": RED}),
+        (fitted, "recommended", {"color": RED}),
     )
     panels = {drawn(joint): force_unit(mechanism, joint) for joint in mechanism.independent}
-    band = prediction_reach(W, essential.covariance), "its 95 % interval"
+    band = prediction_reach(W, found.fit.covariance), "its 95 % interval"
     with drawing(len(panels), height=1.3) as (figure, axes):
         force_panels(figure, axes, recording.motion.time[rows], lines, panels, band)
         return rendered(figure, "forces")
@@ -562,7 +546,8 @@ def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
 
 def draw_parameters(found: Identification) -> dict[str, bytes]:
     """Intervals of all parameters about the robot file's values, in standard errors."""
-    fit = found["all parameters"].fit
+    whole = found.recommended is found.baseline
+    fit = found["all parameters"].fit if whole else found.fit
     labels, error = fit.parameters.labels, fit.standard_errors
     bodies = found.force_model.body_columns
     place = np.arange(len(bodies))[::-1]

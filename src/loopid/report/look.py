@@ -148,10 +148,7 @@ def json_value(value: Any) -> Any:
 
 
 # Of identifications; a fit only where there is one.
-RESULTS = (
-    *("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml"),
-    "standard_parameters.yaml",
-)
+RESULTS = ("report.md", "identification.json", "parameters.yaml", "all_parameters.yaml")
 
 
 def require_report(folder: str | Path | None, *inputs: str | Path | None) -> None:
