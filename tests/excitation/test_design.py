@@ -75,7 +75,7 @@ def test_estimates_scatter_as_promised(five_bar, design):
 
 def test_a_fit_of_a_log_says_what_was_promised(design):
     fit = fit_of(design, log_of(design, 0.01, seed=1))
-    np.testing.assert_allclose(fit.standard_errors, design.standard_errors, rtol=0.25)
+    np.testing.assert_allclose(fit.standard_errors, design.standard_errors, rtol=0.35)
 
 
 def test_poses_are_told_by_forces_of_motors_that_stand(gravity):

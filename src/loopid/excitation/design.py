@@ -411,8 +411,9 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     """
     model, count, before = problem.force_model, len(motors), _root(problem.prior)
     mechanism = model.mechanism
-    # In poses, forces of motors that stand are taken too.
-    idle_speed = 0.0 if isinstance(problem.shape, PosesShape) else None
+    # In poses, forces of motors that stand are taken too; so they are where none can move.
+    standing = isinstance(problem.shape, PosesShape) or not np.ptp(motors.position, axis=0).any()
+    idle_speed = 0.0 if standing else None
     log = Log.from_arrays(
         motors.time, motors.position, forces, mechanism.actuated, idle_speed=idle_speed
     )

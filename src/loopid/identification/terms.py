@@ -259,7 +259,9 @@ class _Evidence(NamedTuple):
                 (label,) = each.labels
                 unit = own[:, 0]
                 error = np.sqrt(unit @ self.covariance @ unit) / abs(unit @ self.columns[label])
-                known = bool(error <= options.known_offset * self.forces[each.joint])
+                # A redundant motor has no row: its offset counts beside the largest force of any.
+                force = self.forces.get(each.joint, max(self.forces.values()))
+                known = bool(error <= options.known_offset * force)
             if own is None or not (known or self._chance(own) < least):
                 found.append(each)
         return found
