@@ -94,6 +94,16 @@ def wrench_forces(
         When the robot has no such frame, or the frame does not move.
     DataError
         When a wrench has another number of samples.
+
+    Examples
+    --------
+    A weight of 10 N on the coupler of a four-bar, in axes of the world:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> down = loopid.ExternalWrench("coupler", np.array([[0, 0, -10, 0, 0, 0.0]]), axes="world")
+    >>> loopid.wrench_forces(robot, robot.reference[None], [down]).shape
+    (1, 1)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     forces = np.zeros((len(q), len(robot.independent)))
