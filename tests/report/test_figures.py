@@ -115,7 +115,9 @@ def test_forces_are_those_of_the_data_that_were_not_fitted(monkeypatch, study):
     identification = study.identification
     recording = identification.validation[0]
     W = identification.force_model.samples(recording).regressor
-    predictions = [W @ candidate.values for candidate in (identification.baseline, study.essential)]
+    predictions = [
+        W @ candidate.values for candidate in (identification.baseline, identification.recommended)
+    ]
     assert len(recording) < MOST_POINTS
     for k, ax in enumerate(axes):
         for line, values in zip(ax.lines, (recording.force, *predictions), strict=True):
