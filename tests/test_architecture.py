@@ -29,7 +29,13 @@ ROOMS = (
     "identification",
 )
 CORE = (*GROUND, *ROOMS)  # each imports those to its left
-TOOLS = ("formats", "diagnosis", "excitation", "export")  # each imports the core, none another
+TOOLS = (
+    "formats",
+    "diagnosis",
+    "excitation",
+    "control",
+    "export",
+)  # each imports the core, none another
 SHOWN = ("report", "paper", "cli")  # what people see; each imports what is above and to its left
 # Beside that: what a room or a file never imports.
 NEVER = {
