@@ -63,6 +63,7 @@ class _Pose:
 class _Law(NamedTuple):
     """A law of forces in joints, for all joints that have it."""
 
+    kind: str
     term: JointTerm
     joints: IntArray  # (k,), velocity indices
     columns: IntArray  # (k,), of the base parameters
@@ -260,6 +261,19 @@ class MotorModel:
                 self._add(K, law, v, np.zeros_like(v))
         return np.asarray(K[0])
 
+    @property
+    def friction_kinds(self) -> tuple[str, ...]:
+        """Kinds of the joint terms that depend on rates."""
+        return tuple(law.kind for law in self._laws if law.friction)
+
+    def rigid_regressor(
+        self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """K (dof, n) of all forces but friction."""
+        self.assemble(positions)
+        rates = self._rates(velocities)[None], self._rates(accelerations)[None]
+        return np.asarray(self._regressors(*rates, False)[0])
+
     def mass(self, positions: FloatArray) -> FloatArray:
         """Mass matrix M (dof, dof), rotor inertias included."""
         return np.asarray(self.mass_regressor(positions) @ self.values)
@@ -268,9 +282,8 @@ class MotorModel:
         """(dof, dof, n), M per unit of each parameter."""
         self.assemble(positions)
         self._require_full("mass matrix")
-        pushed = np.eye(self.dof + 1, self.dof)  # and, last, not at all
-        K = self._regressors(np.zeros_like(pushed), pushed)
-        return np.asarray(np.moveaxis(K[:-1] - K[-1], 0, 1))
+        K = self._regressors(np.zeros((self.dof, self.dof)), np.eye(self.dof))
+        return np.asarray(np.moveaxis(K - self.regressor(positions), 0, 1))
 
     def coriolis(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
         """C (dof, dof) of Christoffel symbols, with which Ṁ - 2C is skew."""
@@ -411,7 +424,7 @@ def _laws_of(model: ForceModel) -> Iterator[_Law]:
         read = JointCoordinates(model.mechanism, names) if "position" in term.needs else None
         friction = bool({"rate", "sign"} & {*term.needs})
         joints = model.mechanism.velocity_indices(names)
-        yield _Law(term, joints, np.array(columns, dtype=np.int64), read, friction)
+        yield _Law(kind, term, joints, np.array(columns, dtype=np.int64), read, friction)
 
 
 # For users of Pinocchio.
