@@ -291,7 +291,7 @@ def view(
     ),
     port: int = Option(8080, help="Of this machine; the next free one where it is taken."),
     out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
-    count: int = Option(1, help="Pictures, evenly spread over the motion."),
+    count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
 ) -> None:
     """Show a robot in the browser: sliders move its loops, logs and motions are played."""
     from loopid.view.viewer import open_viewer

@@ -31,7 +31,7 @@ from loopid.view.scene import BodyMass, Pose, Scene, body_masses, fitted_masses
 
 RATE = 25.0  # poses a second of a playback
 BROWSERS = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
-HEADLESS = "--headless=new --use-angle=swiftshader --enable-unsafe-swiftshader --no-first-run"
+HEADLESS = ["headless=new", "use-angle=swiftshader", "enable-unsafe-swiftshader", "no-first-run"]
 PATIENCE = 60.0  # s for a browser to start, or to draw
 THICKNESS = 0.012  # radius of a rod, of the robot's characteristic length
 BEHIND = np.array([1.0, -1.3, 0.8])  # from where one looks
@@ -146,7 +146,7 @@ class Viewer:
         view = Rotation.from_matrix(np.stack([x, np.cross(-y, x), -y], 1)).as_quat(
             scalar_first=True
         )
-        with self._browser(f"--window-size={width},{height}") as client:
+        with self._browser(f"window-size={width},{height}") as client:
             for k in spread_rows(len(poses), count):
                 self.show(poses[k])
                 image = client.get_render(
@@ -164,10 +164,11 @@ class Viewer:
                 "install Chromium or Chrome"
             )
         known, clients = set(self._server.get_clients()), self._server.get_clients
-        root = ["--no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []  # else it refuses
+        root = ["no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []  # else it refuses
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-            words = [*HEADLESS.split(), *root, *options, f"--user-data-dir={profile}", self.url]
-            process = subprocess.Popen([program, *words], stderr=subprocess.DEVNULL)
+            words = [*HEADLESS, *root, *options, f"user-data-dir={profile}"]
+            command = [program, *(f"--{word}" for word in words), self.url]
+            process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
             try:
                 end = time.monotonic() + PATIENCE
                 while not (new := set(clients()) - known):
@@ -285,11 +286,12 @@ class Viewer:
     def _add_masses(self, masses: Mapping[str, Sequence[BodyMass]]) -> None:
         """Centres of mass and ellipsoids of inertia, by what says so."""
         draw, size = self._server.scene, 1.5 * THICKNESS * self.scene.mechanism.length
+        visible = len(masses) > 1
         for n, (name, bodies) in enumerate(masses.items()):
-            box, nodes = self._server.gui.add_checkbox(f"masses of {name}", n > 0), []
+            box, nodes = self._server.gui.add_checkbox(f"masses of {name}", visible), []
             for k, body in enumerate(bodies):
                 place, turn = f"/links/{body.joint}/mass {n} {k}", Rotation.from_matrix(body.axes)
-                look = {"color": MASSES[n % 4], "position": body.centre, "visible": n > 0}
+                look = {"color": MASSES[n % 4], "position": body.centre, "visible": visible}
                 nodes.append(draw.add_icosphere(place, size, **look))
                 look |= {"scale": tuple(body.radii), "wxyz": turn.as_quat(scalar_first=True)}
                 if body.radii.all():
