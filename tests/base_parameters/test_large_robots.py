@@ -33,7 +33,8 @@ def test_a_large_robot_has_its_known_rank_in_time(kind, bodies, load_files):
     assert process_time() - start < MOST
     for model, rank in ranks.items():
         start = process_time()
-        base = find_base_parameters(structural_observation(robot, model))
+        observation = structural_observation(robot, model)
+        base = find_base_parameters(observation)
         record = base_record(robot, model, base)
         assert process_time() - start < MOST
         assert record["rank"] == len(record["base_parameters"]) == rank
@@ -43,6 +44,6 @@ def test_a_large_robot_has_its_known_rank_in_time(kind, bodies, load_files):
         W = motion_regressor(robot, fresh, model)
         assert base.reconstruction_error(W) < 1e-8
         # The gap is a bound on every choice, another search's too.
-        other = find_base_parameters(structural_observation(robot, model), "qr").search
+        other = find_base_parameters(observation, "qr").search
         best = base.search
         assert best.condition_number / best.gap <= other.condition_number * (1 + 1e-6)
