@@ -155,11 +155,9 @@ def test_an_mjcf_without_end_or_sense_is_refused(refused, content, words):
 
 
 def test_a_robot_of_more_joints_than_memory_holds_is_refused(refused):
+    joint = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/></joint>'
     links = "".join(f'<link name="l{k}"/>' for k in range(302))
-    joints = "".join(
-        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
-        for k in range(301)
-    )
+    joints = "".join(joint.format(k, k + 1) for k in range(301))
     content = f'<robot name="long">{links}{joints}</robot>'
     assert "joints of 301 coordinates: at most 300" in refused("robot.urdf", content)
 
