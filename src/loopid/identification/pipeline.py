@@ -145,8 +145,6 @@ class Identification:
         fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
         all fitted with the robot file weighed, every body solid.
     options : FitOptions
-    prior_deviation : float or None
-        How far the robot file is off, in parts of its bodies, where it is weighed.
     cutoff : CutoffChoice or None
         Of the filter; None where the recordings left nothing to choose.
     delay : Delay or None
@@ -163,7 +161,6 @@ class Identification:
     identifiability: Identifiability
     candidates: Mapping[str, Candidate]
     options: FitOptions
-    prior_deviation: float | None = None
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
 
@@ -193,6 +190,13 @@ class Identification:
     def fit(self) -> FitResult:
         """The recommended values with their uncertainty."""
         return self.recommended.fit
+
+    @property
+    def prior_deviation(self) -> float | None:
+        """How far the robot file is off, in parts of its bodies, where it is weighed."""
+        weighed = self.candidates.get(CONSISTENT)
+        found = None if weighed is None else weighed.fit.deviation
+        return None if found is None else found.common
 
     @property
     def verdict(self) -> str:
@@ -331,14 +335,12 @@ def identify(
     """
     options.require_references(len(references))
     delay = find_delay(force_model, recordings) if options.undo_delay else None
-    recordings, friction = (
-        without_delay(force_model, runs, delay) for runs in (recordings, friction)
-    )
-    if validation is not None:
-        validation = without_delay(force_model, validation, delay)
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
+    training, judging, friction = (
+        without_delay(force_model, runs, delay) for runs in (training, judging, friction)
+    )
     cutoff = choose_cutoff(force_model, training, options=options.cutoff, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
@@ -369,16 +371,9 @@ def identify(
     runs = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *runs, data, new, excited, judged, options),
-        prior_deviation=found_deviation(fits),
         cutoff=cutoff,
         delay=delay,
     )
-
-
-def found_deviation(fits: Mapping[str, FitResult]) -> float | None:
-    """How far the robot file is off, where a fit weighs it."""
-    found = fits[CONSISTENT].deviation if CONSISTENT in fits else None
-    return None if found is None else found.common
 
 
 @checked
