@@ -362,7 +362,13 @@ def identify(
         fits[CONSISTENT] = fit_solid_bodies(
             force_model, data, excited, whole=whole, terms_known=first is not None, options=options
         )
-    fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
+    fits = {
+        name: replace(
+            with_delay_errors(each, data, training, delay),
+            cutoff=None if cutoff is None else cutoff.chosen,
+        )
+        for name, each in fits.items()
+    }
     if delay is not None:
         delay.warn()
     excited.warn()
