@@ -92,7 +92,8 @@ class Hdf5Format(ArrayFormat):
                         f"{self.path}: the numbers of {name} are in another file", file=self.path
                     )
                 if array.dtype.hasobject:  # any number may point to one text
-                    raise other_kind(self.path, name, array.dtype, "numbers")
+                    column = name.rsplit("/", 1)[-1]
+                    raise other_kind(self.path, column, array.dtype, "numbers")
                 _require_true_size(array, ceiling)
             return {name: file[name][()] for name in arrays}
 

@@ -193,7 +193,6 @@ class LogMapping(Section):
     format: Annotated[str, AfterValidator(_known_format)] | None = None
     topic: str | None = None
     group: str | None = None
-    unpacked_ratio: Positive = UNPACKED_RATIO
     time: TimeColumns | None = None
     position: Columns | None = None
     force: Columns | None = None
@@ -212,6 +211,7 @@ class LogMapping(Section):
     joint_maps: list[JointMap] = Field(default_factory=list)
     wrenches: list[WrenchColumns] = Field(default_factory=list)
     delay: OneOrEach[float] = 0.0
+    unpacked_ratio: Positive = UNPACKED_RATIO
 
     def __init__(self, **content: Any) -> None:
         try:
