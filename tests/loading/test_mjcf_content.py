@@ -514,8 +514,3 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
-
-
-def test_a_file_that_asks_for_more_than_robots_have_is_refused(refused):
-    copies = f'<replicate count="1e9">{BODY.format("", HINGE.format(""))}</replicate>'
-    refused(f"<mujoco><worldbody>{copies}</worldbody></mujoco>", "count of <replicate>")

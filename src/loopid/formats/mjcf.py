@@ -9,19 +9,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
-from warnings import catch_warnings
 
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import BoolArray, FloatArray, number
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
+from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
 from loopid.loading.tree import NearCoupling, TreeSource, add_frame
-from loopid.loading.urdf_tree import Element, read_xml
+from loopid.loading.urdf_tree import read_xml
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
@@ -57,16 +57,11 @@ DIRECT = (
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-# Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
-COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
-MOST = 10_000
 # Part of what its joints can do up to which the range of a tendon hardly lets them move.
 SMALL_RANGE = 0.1
 DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
 LARGEST = 1e100  # so that no product of a few numbers overflows
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
-# What MuJoCo raises, of which only the text is of use.
-MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -162,34 +157,13 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     if not path.is_file():
         raise FileError(f"{path} is missing", file=str(path))
     with naming(path):
+        # MuJoCo compiles URDFs too, but drops what it does not know in them.
         root = read_xml(path)
-        _refuse_excess(root)
-        # MuJoCo would print its warnings, and append them to a file where it runs.
-        heard: list[str] = []
-        before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(heard.append)
-        try:
-            with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
-                compiled = mujoco.MjModel.from_xml_path(str(path))
-        except MUJOCO_ERRORS as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise RobotFileError(f"MuJoCo refuses it: {reason}") from error
-        finally:
-            mujoco.set_mju_user_warning(before)
-        _refuse_odd_numbers(compiled)
-    return compiled, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
-
-
-def _refuse_excess(root: Element) -> None:
-    """Refuse what MuJoCo would read other than it is meant, or hang on."""
-    # MuJoCo compiles URDFs too, but drops what it does not know in them.
-    if root.tag != "mujoco":
-        raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
-    for tag in root.iter("*"):
-        for key in COUNTS if tag.tag != "geom" else ():
-            if any(number(word) > MOST for word in tag.get(key, "").split()):
-                what = f"{key} of <{tag.tag!s}>"
-                raise RobotFileError(f"{what} must be at most {MOST:,}, not {tag.get(key)!r:.60}")
+        if root.tag != "mujoco":
+            raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+        model, heard = compile_guarded(path)
+        _refuse_odd_numbers(model)
+    return model, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
 
 
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:

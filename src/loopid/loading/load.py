@@ -49,6 +49,9 @@ from loopid.robot.mechanism import (
     shortened,
 )
 
+# Pinocchio stores derivatives of their third power: 2 GB.
+MOST_COORDINATES = 300
+
 
 @checked
 def load_mechanism(
@@ -158,6 +161,12 @@ def _source(
         raise OptionError(f"{files.tree} takes no xacro arguments: only a {XACRO} does")
     more = [arguments] if arguments else []
     source: TreeSource = robot_formats[files.tree.suffix](files.tree, floating, free_mimics, *more)
+    if source.model.nv > MOST_COORDINATES:
+        raise RobotFileError(
+            f"{files.tree} has joints of {source.model.nv:,} coordinates: at most "
+            f"{MOST_COORDINATES} are read",
+            given=source.model.nv,
+        )
     return source
 
 
