@@ -211,6 +211,8 @@ class SymbolicRobot:
             a, b = (self._pose(chain, frame) for frame in closure.frame_ids)
             for part in closure.equations:
                 rows += part.expressions(a, b, ca)
+            if closure.indices is not None:
+                rows[-1] -= self.q[closure.indices[0]]
         rows += [coupling.expression(self.q) for coupling in mechanism.couplings]
         return ca.vertcat(ca.SX(0, 1), *rows) * ca.DM(mechanism.row_scales)
 
