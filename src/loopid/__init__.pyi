@@ -2,6 +2,7 @@
 
 from . import (
     base_parameters as base_parameters,
+    control as control,
     diagnosis as diagnosis,
     errors as errors,
     excitation as excitation,
@@ -23,6 +24,7 @@ from .base_parameters import (
     SearchEffort as SearchEffort,
     find_base_parameters as find_base_parameters,
 )
+from .control import MotorModel as MotorModel
 from .diagnosis import (
     diagnose as diagnose,
     drive_gains as drive_gains,
