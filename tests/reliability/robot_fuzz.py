@@ -148,7 +148,7 @@ RESERVED = {
 }
 
 
-SHUFFLED = ("robot", "model", "link", "joint", "inertial", "body", "worldbody")
+SHUFFLED = ("robot", "link", "joint", "inertial", "body", "worldbody")
 
 
 def changed(files: dict[str, bytes], random: Random) -> tuple[dict[str, bytes], dict[str, str]]:
