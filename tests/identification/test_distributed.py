@@ -4,7 +4,6 @@ import os
 import signal
 import warnings
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
