@@ -34,7 +34,7 @@ from loopid.loading.description import (
 )
 from loopid.loading.files import XACRO, RobotFiles, find_files, naming
 from loopid.loading.free import why_free
-from loopid.loading.reference import close_reference, why_singular
+from loopid.loading.reference import close_reference, why_singular, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.parameters import KINDS
 from loopid.records import record
@@ -178,7 +178,7 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
     """The robot at the reference that the file writes, where its loops may be open."""
     model, bodies = tree.model, _bodies(tree)
     _require_printable_names(tree, description)
-    return Mechanism(
+    drawn = Mechanism(
         name=tree.name,
         path=file,
         model=model,
@@ -193,6 +193,8 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
         margin=description.margin,
         left_out=tree.left_out,
     )
+    lengths = [name for name in description.lengths if name not in tree.description.reference]
+    return replace(drawn, reference=with_lengths(drawn, lengths)) if lengths else drawn
 
 
 def _require_printable_names(tree: TreeSource, description: Description) -> None:
@@ -416,6 +418,7 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
         if model.inertias[body.joint_id].toDynamicParameters().any()
     }
     closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    closing |= mechanism.moving.any(axis=0)
     idle = [
         joint
         for k, joint in enumerate(mechanism.joints, start=1)
