@@ -37,7 +37,7 @@ from .excitation import (
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import export_regressor as export_regressor, export_robot_file as export_robot_file
+from .export import export_c as export_c, export_robot_file as export_robot_file
 from .identification import (
     FitOptions as FitOptions,
     FitSamples as FitSamples,
