@@ -100,10 +100,13 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         scales = found.scales[columns] if found.doubtful else 1 / np.linalg.norm(R, axis=0)
         values, right = decomposed(R * scales)
         basis, _ = np.linalg.qr(right[rank:].T * scales[:, None])
-    # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
-    # number and no meaning.
-    precision = _precision(found.gap, doubtful=bool(found.doubtful))
-    basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
+        # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
+        # number and no meaning.
+        precision = _precision(found.gap, doubtful=bool(found.doubtful))
+        basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
+        basis, _ = np.linalg.qr(basis)
+        factor = values[:rank, None] * right[:rank] / scales
+        factor -= (factor @ basis) @ basis.T  # so that both have the same regular choices
     return Structure(
         parameters=observation.parameters.select(columns),
         columns=columns,
@@ -111,7 +114,7 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         rank=rank,
         rank_gap=found.gap,
         null_basis=basis,
-        row_factor=values[:rank, None] * right[:rank] / scales,
+        row_factor=factor,
         doubtful=found.doubtful,
         tolerances=tolerances,
     )
