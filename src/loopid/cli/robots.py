@@ -283,6 +283,29 @@ def excite(
     )
 
 
+@of_robot
+def view(
+    robot: Mechanism,
+    files: list[str] | None = Argument(
+        None, metavar="[LOG|MOTION|FIT]...", help="What to play, and saved fits: their masses."
+    ),
+    port: int = Option(8080, help="Of this machine; the next free one where it is taken."),
+    out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
+    count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
+) -> None:
+    """Show a robot in the browser: sliders move its loops, logs and motions are played."""
+    from loopid.view.viewer import open_viewer
+
+    with open_viewer(robot, files or (), port=port) as viewer:
+        if out is None:
+            typer.echo(f"{robot.name} is shown at {viewer.url} until Ctrl-C")
+            viewer.wait()
+        else:
+            pictures = enumerate(viewer.pictures(count))
+            written = write_files(out, {f"{robot.name}_{k:03d}.png": png for k, png in pictures})
+            typer.echo("\n".join(map(str, written)))
+
+
 def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:
     """NAME=LOW:HIGH by name."""
     found = {}

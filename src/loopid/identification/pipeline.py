@@ -25,13 +25,14 @@ from loopid.identification.information import (
     identifiability,
 )
 from loopid.identification.prediction import Candidate, judge
-from loopid.identification.problem import FitSamples
+from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, fit_quality, nearest_first
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import record
+from loopid.regressors.joint_laws import joint_term
 from loopid.workers import require_processes
 
 # What is done about a combination of parameters that no force of the data depends on.
@@ -438,7 +439,8 @@ def fit_joint_terms(
 ) -> FitResult:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
-    Bodies are ``assumed``: their covariance is zero, their intervals are infinite.
+    Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
+    their intervals are infinite.
     """
     values, joints = np.array(force_model.prior), force_model.joint_columns
     covariance = np.zeros((len(values), len(values)))
@@ -466,13 +468,16 @@ def fit_joint_terms(
         terms = quiet_fit(left, estimator)
     else:
         terms = fit_excited(left, values[joints], excitation, estimator=estimator)
-    values[joints] = terms.values
+    # Each leads a base parameter of its own, with factor 1.
+    standard, places = force_model.standard_prior, force_model.base.base[joints]
+    kinds = [force_model.parameters[j].kind for j in joints]
+    positive = [joint_term(kind).positive for kind in kinds]
+    least = np.where(positive, force_model.prior[joints] - standard[places], -np.inf)
+    values[joints] = not_below(least, left, terms)
     covariance[np.ix_(joints, joints)] = terms.covariance
     freedom = np.full(len(values), terms.degrees_of_freedom.min())
     freedom[joints] = terms.degrees_of_freedom
-    # Each leads a base parameter of its own, with factor 1.
-    standard = force_model.standard_prior
-    standard[force_model.base.base[joints]] += values[joints] - force_model.prior[joints]
+    standard[places] += values[joints] - force_model.prior[joints]
     return replace(
         terms,
         parameters=force_model.parameters,
@@ -483,6 +488,23 @@ def fit_joint_terms(
         assumed=tuple(name for name in labels if name in bodies or name in terms.assumed),
         standard_parameters=standard,
     )
+
+
+def not_below(least: FloatArray, data: FitSamples, found: FitResult) -> FloatArray:
+    """Values (n,) of a fit from their least ones on, such as friction from zero on.
+
+    What the data do not tell stays as it is in the fit.
+    """
+    from scipy.optimize import lsq_linear  # slow to import
+
+    if (found.values >= least).all():
+        return found.values
+    R = data.problem.weighted(found.weights)
+    norms = np.linalg.norm(R[:, :-1], axis=0)
+    own = np.diag(np.where(norms > 0, ROUND_OFF * norms, 1.0))
+    X = np.concatenate([R[:, :-1], own])
+    y = np.concatenate([R[:, -1], own @ np.maximum(found.values, least)])
+    return np.asarray(lsq_linear(X, y, bounds=(least, np.inf), method="bvls").x)
 
 
 @checked

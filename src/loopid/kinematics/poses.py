@@ -79,6 +79,9 @@ class Prepared:
         self.closure_frames, _ = mechanism.closure_frames
         self.rows, self.closure_rows = mechanism.rows, len(mechanism.row_closures)
         self.groups = list(_groups(mechanism))
+        # Row of each cable, and where its length is in configurations and in velocities.
+        cables = [(row, *ends) for row, ends in mechanism.cable_rows.items()]
+        self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
         self.units = mechanism.row_scales[:, None] * mechanism.coordinate_scales
         self.in_common_units = self.units * mechanism.moving
         # Coordinates that are chosen as independent, and the others, by their names.
@@ -222,10 +225,17 @@ def frame_motions(
     twist = np.swapaxes((poses.joint_jacobian * v[:, None]) @ moved, 1, 2)  # (N, F, 6)
     rate = np.swapaxes((rates * v[:, None] + changes) @ moved, 1, 2)
     turn, turning = twist[:, :, 3:], rate[:, :, 3:]
-    velocity = twist[:, :, :3] + np.cross(turn, poses.origin)
+    velocity = twist[:, :, :3] + _cross(turn, poses.origin)
     # The origin's own acceleration, from that of the body's point at the fixed origin.
-    acceleration = rate[:, :, :3] + np.cross(turning, poses.origin) + np.cross(turn, velocity)
+    acceleration = rate[:, :, :3] + _cross(turning, poses.origin) + _cross(turn, velocity)
     return FrameMotions(velocity, acceleration, turn, turning)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """As ``np.cross`` of (..., 3), in an eighth of the time for a single sample."""
+    after, before = (1, 2, 0), (2, 0, 1)
+    forth = a.take(after, axis=-1) * b.take(before, axis=-1)
+    return np.asarray(forth - a.take(before, axis=-1) * b.take(after, axis=-1))
 
 
 def torque_regressors(
