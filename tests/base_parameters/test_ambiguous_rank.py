@@ -58,7 +58,8 @@ def test_noise_that_may_be_signal_does_not_count_and_is_listed(level, rank, doub
     assert lost <= 2 * most
 
 
-@pytest.mark.parametrize("search", SEARCHES)
+# The subgroup search refuses problems of so few columns.
+@pytest.mark.parametrize("search", sorted({*SEARCHES} - {"subgroup"}))
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_columns_far_shorter_than_others_leave_a_valid_choice(search, criterion):
     """What is chosen gives the regressor again, but for what is doubtful."""
