@@ -334,7 +334,7 @@ def clear(call: Call) -> None:
 
 
 # What is wrong with the contents of files is named by joints, or by what it does.
-CAUSES = ("shoulder", "elbow", "crank", "root_joint", "family",
+CAUSES = ("shoulder", "elbow", "crank", "rod_joint", "root_joint", "family",
           "deviation of the robot file", "motion file", "no parameter has an effect",
           "nothing to export")  # fmt: skip
 
@@ -415,8 +415,9 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
         yield f"{what}: {error}"
 
 
-def small_paper(stack: ExitStack) -> None:
-    """Let the paper be reproduced from few samples."""
+def shortened(stack: ExitStack) -> None:
+    """Let the paper be reproduced from few samples, and nobody watch the viewer."""
+    stack.enter_context(patch("loopid.view.viewer.Viewer.wait"))
     few = partial(reproduce_paper, rate=0.5)
     stack.enter_context(patch("loopid.paper.reproduction.reproduce_paper", few))
 
@@ -431,7 +432,7 @@ def fuzz(
     work = folder / "work"
     work.mkdir()
     with ExitStack() as stack:
-        small_paper(stack)
+        shortened(stack)
         stack.callback(os.chdir, Path.cwd())
         os.chdir(work)
         for call in made(material, seed, numbers):
