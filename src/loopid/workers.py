@@ -52,7 +52,7 @@ def _in_workers(
 
     work = joblib.delayed(_on_one_thread)
     tasks = (work(function, item) for item in items)
-    options = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
+    options: dict[str, Any] = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
     options |= {"backend": "loky", "initializer": _end_with, "initargs": (os.getpid(),)}
     try:
         with _sigterm_raises():

@@ -380,7 +380,8 @@ def names_its_cause(call: Call, sentence: str) -> bool:
         names |= {Path(word).name, Path(word).stem, bare, bare.replace("-", "_")}
         names |= {bare.replace("-", " "), _number(bare)}
         names |= {repr(part) for part in bare.split(",")}
-    return any(name in sentence for name in names - {"", "."}) or ". is a folder" in sentence
+    folder = (". is a folder", ". holds no streams")  # of an empty path
+    return any(name in sentence for name in names - {"", "."} | set(folder))
 
 
 def _number(word: str) -> str:
