@@ -32,7 +32,7 @@ SHORTEST_PART = 2.0**-16  # of the way from the reference, before it is given up
 # Ways of the motors, in rad or characteristic lengths; the header tells a quarter of what C bears,
 # to and fro along the direction that moves the others most, at the worst of random poses.
 WAYS = [float(f"{digit}e{power}") for power in range(-6, 0) for digit in (1, 2, 5)]
-NEWTON_STEPS, POSES, WORST = 3, 200, 20
+NEWTON_STEPS, POSES, WORST = 3, 100, 20
 ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
