@@ -1,2 +1,2 @@
-from .page import paper_files as paper_files, paper_tables as paper_tables
+from .page import PaperReport as PaperReport
 from .reproduction import PaperReproduction as PaperReproduction, reproduce_paper as reproduce_paper
