@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
+from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +68,7 @@ def identify(
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.pipeline import FitOptions
-    from loopid.report.identify import IdentificationReport
+    from loopid.report.identify import identification_report
 
     options = StudyOptions(
         model=model,
@@ -100,7 +101,7 @@ def identify(
             progress=report,
         )
     command = excite_command(found.identification, logs, mapping)
-    answer.show(IdentificationReport(found, command))
+    answer.show(identification_report(found, command))
 
 
 MOST_WANTED = 5  # parameters that a command names; of more, the motion is for all
@@ -147,7 +148,7 @@ def predict(
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
-    from loopid.report.forces import PredictionReport
+    from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
     saved = read_fit(fit)
@@ -155,7 +156,7 @@ def predict(
     runs = recordings(robot, logs, mapping, cutoff, rows)
     warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
-    answer.show(PredictionReport(robot, found))
+    answer.show(prediction_report(robot, found))
 
 
 @of_robot
@@ -183,7 +184,7 @@ def payload(
     from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.forces import GainsReport, PayloadReport
+    from loopid.report.forces import gains_report, payload_report
 
     answer.require(robot.path, mapping, *unloaded, *loaded_log)
     force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
@@ -193,11 +194,11 @@ def payload(
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
         found = identify_payload(force_model, link, **runs)
-        answer.show(PayloadReport(found))
+        answer.show(payload_report(found))
     else:
         place = numbers(centre, "--centre", 3)
         gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
-        answer.show(GainsReport(gains))
+        answer.show(gains_report(gains))
 
 
 def export(
@@ -250,6 +251,25 @@ def export(
 
 
 @with_options(answer=answering)
+def compare(
+    answer: Answer,
+    runs: list[str] = Argument(
+        ..., metavar="RUN...", help="Folders of 'loopid identify --out', or saved fits."
+    ),
+) -> None:
+    """Show saved fits beside each other: which parameters differ."""
+    from loopid.identification.saved import read_fit
+    from loopid.report.compare import comparison_report
+
+    answer.require(*runs)
+    names = [Path(run).name for run in runs]
+    files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
+    fits = map(read_fit, files)
+    known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
+    answer.show(comparison_report(known))
+
+
+@with_options(answer=answering)
 def paper(
     answer: Answer,
     log: list[str] | None = Option(
@@ -258,11 +278,11 @@ def paper(
     seed: int = Option(0, help="Of all noise."),
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
-    from loopid.paper.page import PaperReport
+    from loopid.paper.page import paper_report
     from loopid.paper.reproduction import reproduce_paper
 
     answer.require(*(log or ()))
     found = reproduce_paper(log or (), seed, progress_bar)
-    answer.show(PaperReport(found))
+    answer.show(paper_report(found))
     if not found.base.agrees:
         raise LoopidError("not every row of the paper's Table II was found")

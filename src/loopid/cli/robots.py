@@ -68,10 +68,10 @@ of_robot = with_options(robot=loaded, answer=answering)
 @of_robot
 def check(robot: Mechanism, answer: Answer) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    from loopid.report.structure import CheckReport
+    from loopid.report.structure import check_report
 
     answer.require(robot.path)
-    answer.show(CheckReport(robot))
+    answer.show(check_report(robot))
 
 
 @of_robot
@@ -93,7 +93,7 @@ def base(
     from loopid.base_parameters.choice import SearchEffort
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
-    from loopid.report.structure import BaseReport
+    from loopid.report.structure import base_report
 
     answer.require(robot.path)
     joint_terms = JointTerms.of(robot, terms)
@@ -104,7 +104,7 @@ def base(
         )
     effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
     found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
-    answer.show(BaseReport(robot, model, *found))
+    answer.show(base_report(robot, model, *found))
 
 
 @of_robot
@@ -118,13 +118,13 @@ def motions(
     """Check motions against strokes, joint angles and distance to singularity."""
     from loopid.motion.files import read_motion_program
     from loopid.motion.joints import review_program
-    from loopid.report.structure import MotionsReport
+    from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)
     planned = read_motion_program(program or robot.name)
     with progress_bar("motions") as report:
         reviews = review_program(robot, planned, rate, margin=margin, progress=report)
-    answer.show(MotionsReport(robot.name, reviews, planned.seconds))
+    answer.show(motions_report(robot.name, reviews, planned.seconds))
 
 
 @with_options(robot=loaded)
@@ -216,7 +216,7 @@ def excite(
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.excitation import ExcitationReport
+    from loopid.report.excitation import excitation_report
 
     answer.require(robot.path, mapping, *(after or ()))
     limits = MotionLimits(
@@ -253,7 +253,7 @@ def excite(
             payload=payload,
             progress=watch,
         )
-    answer.show(ExcitationReport(found))
+    answer.show(excitation_report(found))
 
 
 def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:

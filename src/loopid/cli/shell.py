@@ -122,7 +122,7 @@ WRITTEN = (
 class Answer:
     """How a command's user wants to see what it finds, and what was warned of on the way."""
 
-    told: list[str]
+    context: Any
     folder: str | None
     as_json: bool
     verbose: bool
@@ -147,7 +147,7 @@ class Answer:
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
-        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(self.told))
+        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(self.context.obj))
         written: list[Path] = []
         if self.folder is not None:
             written = write_files(self.folder, report.files(run, figures=self.figures))
@@ -170,10 +170,10 @@ class Answer:
         console = Console(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(report.title, "bold"))
-        console.print(Words(report.verdict))
+        console.print(Words(in_options(report.verdict, self.context.command.params)))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
-        for table in report.tables() if self.verbose else report.brief():
+        for table in report.tables() if self.verbose else report.brief:
             console.print()
             console.print(table)
 
@@ -190,7 +190,7 @@ def answering(
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),
 ) -> Any:
     """How the user wants to see what is found (``Answer``)."""
-    return Answer(context.obj, out, as_json, verbose, figures)
+    return Answer(context, out, as_json, verbose, figures)
 
 
 def with_options(**makers: Callable[..., Any]) -> Callable[..., Any]:

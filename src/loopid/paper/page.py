@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, radians, sin
-from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -57,8 +56,8 @@ NOTES = {
     ),
     SIMULATED: (
         "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
-        "biased by the seven that it leaves out: its intervals are about *expected*, the value "
-        "that it has on average."
+        "biased by the seven that it leaves out: its intervals are about what is expected, the "
+        "value on average."
     ),
     INFLUENCE: (
         "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
@@ -79,81 +78,65 @@ STAND_IN = (
 )
 
 
-class PaperReport(Report):
+def paper_report(found: PaperReproduction) -> Report:
     """All tables and figures, in the paper's order."""
-
-    name = "paper"
-
-    def __init__(self, found: PaperReproduction) -> None:
-        self.found = found
-
-    @property
-    def title(self) -> str:
-        return "The 3UPS+RPU knee-rehabilitation robot, reproduced"
-
-    @property
-    def verdict(self) -> str:
-        base, search = self.found.base, self.found.base.base.search
-        rows = sum(row is not None for row in base.rows)
-        proof = "proven best" if search.certified else "not proven best"
-        return (
-            f"{rows} of the {len(TABLE_II)} rows of the paper's Table II are found anew, with "
-            f"cond(V22) {search.condition_number:.4f}, {proof} of {search.candidates:,} choices, "
-            f"in {1e3 * base.seconds:.3g} ms."
-        )
-
-    def record(self) -> dict[str, Any]:
-        found = self.found
-        fits = {
-            "simulated_fifteen": found.simulated.fifteen,
-            "simulated_eight": found.simulated.eight,
-            "robot_eight": found.actual.eight,
-            "robot_fifteen": found.actual.fifteen,
-            "robot_informed": found.actual.informed,
-        }
-        return {
+    search, rows = found.base.base.search, found.base.rows
+    proof = "proven best" if search.certified else "not proven best"
+    simulated, actual = found.simulated, found.actual
+    fits = {
+        **{"simulated_fifteen": simulated.fifteen, "simulated_eight": simulated.eight},
+        **{"robot_eight": actual.eight, "robot_fifteen": actual.fifteen},
+        "robot_informed": actual.informed,
+    }
+    sections = [Section(title, (NOTES[title], *parts)) for title, parts in _parts(found).items()]
+    return Report(
+        name="paper",
+        title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
+        verdict=(
+            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of the paper's Table II are "
+            f"found anew, with cond(V22) {search.condition_number:.4f}, {proof} of "
+            f"{search.candidates:,} choices, in {1e3 * found.base.seconds:.3g} ms."
+        ),
+        record={
             "geometry": found.geometry,
             "base": base_record(found.base.mechanism, "gravity", found.base.base),
-            "rows": list(found.base.rows),
-            "fits": {
-                name: {**json_fields(fit, "values", "standard_errors")}
-                for name, fit in fits.items()
-            },
-            "influence": json_value(found.simulated.influence),
-            "stand_in": found.actual.is_stand_in,
-        }
+            "rows": list(rows),
+            "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
+            "influence": json_value(simulated.influence),
+            "stand_in": actual.is_stand_in,
+        },
+        brief=[part for each in sections for part in each.parts if isinstance(part, Table)],
+        sections=lambda: sections,
+    )
 
-    def brief(self) -> list[Table]:
-        return self.tables()
 
-    def sections(self) -> list[Section]:
-        found = self.found
-        experiment, simulated, actual = found.experiment, found.simulated, found.actual
-        seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
-        motions = motions_record(experiment.mechanism.name, experiment.reviews, seconds)
-        stand_in = [STAND_IN] if actual.is_stand_in else []
-        parts: dict[str, tuple[Part, ...]] = {
-            STRUCTURE: (
-                geometry_table(found.geometry),
-                base_table(found.base),
-                transfer_table(found.base),
-                search_table(found.base),
-            ),
-            SHARES: (
-                *motions_tables(motions),
-                shares_table(found.shares),
-                *share_charts(found.shares),
-            ),
-            SIMULATED: (
-                simulated_table(simulated),
-                fifteen_table(simulated),
-                conditions_table(simulated),
-                steps_table(found.two_steps),
-            ),
-            INFLUENCE: (influence_table(simulated), influence_chart(simulated)),
-            ROBOT: (*stand_in, actual_table(actual), errors_table(actual), *actual_charts(actual)),
-        }
-        return [Section(title, (NOTES[title], *each)) for title, each in parts.items()]
+def _parts(found: PaperReproduction) -> dict[str, tuple[Part, ...]]:
+    """Tables and charts by the title of their section."""
+    experiment, simulated, actual = found.experiment, found.simulated, found.actual
+    seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
+    motions = motions_record(experiment.mechanism.name, experiment.reviews, seconds)
+    stand_in = [STAND_IN] if actual.is_stand_in else []
+    return {
+        STRUCTURE: (
+            geometry_table(found.geometry),
+            base_table(found.base),
+            transfer_table(found.base),
+            search_table(found.base),
+        ),
+        SHARES: (
+            *motions_tables(motions),
+            shares_table(found.shares),
+            *share_charts(found.shares),
+        ),
+        SIMULATED: (
+            simulated_table(simulated),
+            fifteen_table(simulated),
+            conditions_table(simulated),
+            steps_table(found.two_steps),
+        ),
+        INFLUENCE: (influence_table(simulated), influence_chart(simulated)),
+        ROBOT: (*stand_in, actual_table(actual), errors_table(actual), *actual_charts(actual)),
+    }
 
 
 def geometry_table(geometry: dict[str, float]) -> Table:

@@ -14,11 +14,11 @@ from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
-from lxml.html import HtmlElement
-from lxml.html.builder import E
+from lxml.builder import ElementMaker
+from lxml.html import HtmlElement, html_parser
 
 from loopid.arguments import FloatArray
-from loopid.errors import MissingExtraError
+from loopid.errors import MissingExtraError, one_line
 from loopid.records import record
 from loopid.report.look import shortened
 
@@ -57,6 +57,20 @@ STYLE: dict[str, Any] = {
     "svg.fonttype": "path",
     "text.parse_math": False,  # names may hold anything
 }
+
+
+def _add_text(element: HtmlElement, text: str) -> None:
+    """Text of any origin, what is not printable but ends of lines as escapes."""
+    plain = "\n".join(map(one_line, text.split("\n")))
+    if len(element):
+        element[-1].tail = (element[-1].tail or "") + plain
+    else:
+        element.text = (element.text or "") + plain
+
+
+# Elements of a page, which escape what they hold.
+_TEXTS: Any = {str: _add_text}
+E = ElementMaker(typemap=_TEXTS, makeelement=html_parser.makeelement)
 # Of figures with names that the font lacks, which are boxes there, or that leave no room.
 HARMLESS = "Glyph .* missing from font", "constrained_layout not applied"
 
@@ -309,15 +323,13 @@ def _panel_html(panel: Panel) -> HtmlElement:
     y_scale = high[1], HIGH / (high[0] - high[1])
     grid = [f"M{(x - x_scale[0]) * x_scale[1]:.0f} 0v{HIGH}" for x, _ in x_ticks]
     grid += [f"M0 {(y - y_scale[0]) * y_scale[1]:.0f}h{WIDE}" for y, _ in y_ticks]
-    svg = _svg("svg", viewBox=f"0 0 {WIDE} {HIGH}", preserveAspectRatio="none")
-    svg.append(_svg("path", {"class": "grid", "d": "".join(grid)}))
+    svg = E.svg({"viewBox": f"0 0 {WIDE} {HIGH}", "preserveAspectRatio": "none"})
+    svg.append(E.path({"class": "grid", "d": "".join(grid)}))
     for mark in panel.marks:
         path = _path(mark.thinned(), panel.log, x_scale, y_scale)
-        drawn = _svg("path", {"class": f"{mark.kind} {mark.look}", "d": path})
+        drawn = E.path({"class": f"{mark.kind} {mark.look}", "d": path})
         if mark.name:
-            title = _svg("title")
-            title.text = mark.name
-            drawn.append(title)
+            drawn.append(E.title(mark.name))
         svg.append(drawn)
     kinds = {"small": panel.small, "equal": panel.equal, "named": bool(panel.labels)}
     classes = " ".join(["panel", *(kind for kind, given in kinds.items() if given)])
@@ -337,10 +349,6 @@ def _panel_html(panel: Panel) -> HtmlElement:
         E.div({"class": "plot"}, svg),
         E.div({"class": "across"}, *x_axis),
     )
-
-
-def _svg(tag: str, attributes: dict[str, str] | None = None, **others: str) -> Any:
-    return E(tag, attributes or {}, **others)
 
 
 def _path(mark: Mark, log: str, x_scale: Sequence[float], y_scale: Sequence[float]) -> str:

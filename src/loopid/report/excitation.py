@@ -22,54 +22,36 @@ NAME = "excitation"  # of the motion in its file
 MOST_BARS = 40  # parameters whose standard errors are drawn
 
 
-class ExcitationReport(Report):
+def excitation_report(found: ExcitationDesign) -> Report:
     """A designed motion: what it tells, and what it keeps."""
-
-    name = "excitation"
-
-    def __init__(self, found: ExcitationDesign) -> None:
-        self.found = found
-
-    @property
-    def title(self) -> str:
-        model = self.found.force_model
-        return f"{model.mechanism.name}, {model.model} model: a motion to identify it by"
-
-    @property
-    def verdict(self) -> str:
-        found = self.found
-        before = found.before.standard_errors
-        known = np.isfinite(before)
-        share = np.median((found.standard_errors / before)[known]) if known.any() else np.nan
-        told = np.isfinite(found.standard_errors).sum()
-        broken = [check.name for check in found.checks if check.violations]
-        kept = f"breaks {', '.join(broken)}" if broken else "breaks no limit"
+    model, before = found.force_model, found.before.standard_errors
+    known = np.isfinite(before)
+    broken = [check.name for check in found.checks if check.violations]
+    kept = f"breaks {', '.join(broken)}" if broken else "breaks no limit"
+    change = ""
+    if known.any():
+        share = np.median((found.standard_errors / before)[known])
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
-        change = f", in the median {share:.2g} times those {earlier}" if known.any() else ""
-        return (
-            f"A motion of {found.motion.duration:g} s {kept} and tells {told} of "
-            f"{len(found.parameters)} parameters{change}; the condition number is "
-            f"{found.criteria.condition_number:.3g}"
-            + ("." if found.converged else ", which more evaluations may improve.")
-        )
-
-    def record(self) -> dict[str, Any]:
-        return excitation_record(self.found)
-
-    def brief(self) -> list[Table]:
-        return [_errors(self.found)]
-
-    def sections(self) -> list[Section]:
-        found = self.found
-        return [
+        change = f", with standard errors {share:.2g} times those {earlier} (median)"
+    verdict = (
+        f"A motion of {found.motion.duration:g} s {kept} and tells "
+        f"{np.isfinite(found.standard_errors).sum()} of {len(found.parameters)} parameters"
+        f"{change}; the condition number is {found.criteria.condition_number:.3g}"
+        + ("." if found.converged else ", which more evaluations may improve.")
+    )
+    return Report(
+        name="excitation",
+        title=f"{model.mechanism.name}, {model.model} model: a motion to identify it by",
+        verdict=verdict,
+        record=excitation_record(found),
+        brief=[_errors(found)],
+        sections=lambda: [
             Section("Motion", (motion_chart(found), _summary(found))),
             Section("What it tells", (errors_chart(found), _errors(found), _noise(found))),
             Section("What it keeps", (_checks(found),)),
-        ]
-
-    def results(self) -> dict[str, bytes | str]:
-        """The motion as samples of all motors, and as the motion file."""
-        return {"motion.csv": motion_table(self.found), "motion.yaml": motion_file(self.found)}
+        ],
+        results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
+    )
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:

@@ -21,58 +21,35 @@ from loopid.report.structure import force_unit
 from loopid.robot.mechanism import Mechanism
 
 
-class PredictionReport(Report):
+def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -> Report:
     """Forces of logs beside those of a fit."""
-
-    name = "prediction"
-
-    def __init__(self, mechanism: Mechanism, predictions: Sequence[Prediction]) -> None:
-        self.mechanism, self.predictions = mechanism, predictions
-
-    @property
-    def title(self) -> str:
-        logs = ", ".join(found.recording.name for found in self.predictions)
-        return f"{self.mechanism.name}: forces predicted for {logs}"
-
-    @property
-    def verdict(self) -> str:
-        worst, motor, log = max(_errors(self.predictions), default=(np.nan, "", ""))
-        grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
-        samples = sum(int(found.moving.samples.sum()) for found in self.predictions)
-        least = [np.nanmin(found.moving.r_squared) for found in self.predictions]
-        return (
+    worst, motor, log = max(_errors(predictions), default=(np.nan, "", ""))
+    grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
+    samples = sum(int(found.moving.samples.sum()) for found in predictions)
+    least = np.nanmin([found.moving.r_squared for found in predictions])
+    tables, names = prediction_tables(predictions), list[str]()
+    for found in predictions:
+        name = f"prediction_{PurePath(found.recording.name).name}"
+        while name in names:  # two logs of one name in different folders
+            name += "_"
+        names.append(name)
+    return Report(
+        name="prediction",
+        title=f"{mechanism.name}: forces predicted",
+        verdict=(
             f"{grade} predictions: where motors move, errors are at most {100 * worst:.2g} % of a "
-            f"motor's force ({motor}, {log}) and R² at least {np.min(least):.3f}, over "
-            f"{samples:,} samples."
-        )
-
-    def record(self) -> dict[str, Any]:
-        return prediction_record(self.predictions)
-
-    def brief(self) -> list[Table]:
-        return prediction_tables(self.predictions)
-
-    def sections(self) -> list[Section]:
-        tables = prediction_tables(self.predictions)
-        names = self._names()
-        return [
-            Section(found.recording.name, (prediction_chart(self.mechanism, found, name), table))
-            for name, found, table in zip(names, self.predictions, tables, strict=True)
-        ]
-
-    def results(self) -> dict[str, bytes | str]:
-        """A table of each recording."""
-        found = zip(self._names(), self.predictions, strict=True)
-        return {f"{name}.csv": each.csv() for name, each in found}
-
-    def _names(self) -> list[str]:
-        names = list[str]()
-        for found in self.predictions:
-            name = f"prediction_{PurePath(found.recording.name).name}"
-            while name in names:  # two logs of one name in different folders
-                name += "_"
-            names.append(name)
-        return names
+            f"motor's force ({motor}, {log}) and R² at least {least:.3f}, over {samples:,} samples."
+        ),
+        record=prediction_record(predictions),
+        brief=tables,
+        sections=lambda: [
+            Section(found.recording.name, (prediction_chart(mechanism, found, name), table))
+            for name, found, table in zip(names, predictions, tables, strict=True)
+        ],
+        results=lambda: {
+            f"{name}.csv": found.csv() for name, found in zip(names, predictions, strict=True)
+        },
+    )
 
 
 def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str]]:
@@ -86,71 +63,43 @@ def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str
                 yield float(found.moving.residual_rms[k]) / size, motor, run.name
 
 
-class PayloadReport(Report):
+def payload_report(found: PayloadFit) -> Report:
     """A body that was carried."""
-
-    name = "payload"
-
-    def __init__(self, found: PayloadFit) -> None:
-        self.found = found
-
-    @property
-    def title(self) -> str:
-        return f"Payload on {self.found.link}"
-
-    @property
-    def verdict(self) -> str:
-        told = payload_record(self.found)
-        sure = sum(low > 0 or high < 0 for low, high in self.found.intervals())
-        clear = f"{sure} of {len(told['values'])} values differ clearly from zero"
-        if "mass" not in told:
-            return f"The forces tell no mass of the payload alone; {clear}."
-        places = (number(x, 3) for x in told["centre"])
+    told, tables = payload_record(found), payload_tables(found)
+    sure = sum(low > 0 or high < 0 for low, high in found.intervals())
+    clear = f"{sure} of {len(told['values'])} values differ clearly from zero"
+    verdict = f"The forces tell no mass of the payload alone; {clear}."
+    if told["mass"] is not None:
+        places = ", ".join(number(x, 3) for x in told["centre"])
         low, high = told["intervals_95_percent"][told["values"].index(told["mass"])]
-        return (
+        verdict = (
             f"The payload weighs {told['mass']:.4g} kg (95 %: {low:.4g} to {high:.4g}), its centre "
-            f"is at ({', '.join(places)}) m in the link's frame, and {clear}."
+            f"is at ({places}) m in the link's frame, and {clear}."
         )
+    return Report(
+        name="payload",
+        title=f"Payload on {found.link}",
+        verdict=verdict,
+        record=told,
+        brief=tables,
+        sections=lambda: [Section("Payload", tuple(tables))],
+    )
 
-    def record(self) -> dict[str, Any]:
-        return payload_record(self.found)
 
-    def brief(self) -> list[Table]:
-        return payload_tables(self.found)
-
-    def sections(self) -> list[Section]:
-        return [Section("Payload", tuple(payload_tables(self.found)))]
-
-
-class GainsReport(Report):
+def gains_report(found: GainFit) -> Report:
     """Gains of drives, by a payload that is known."""
-
-    name = "gains"
-
-    def __init__(self, found: GainFit) -> None:
-        self.found = found
-
-    @property
-    def title(self) -> str:
-        return "Gains of the drives"
-
-    @property
-    def verdict(self) -> str:
-        found = self.found
-        off = [bool(low > 1 or high < 1) for low, high in found.intervals()]
-        return (
+    off, tables = [low > 1 or high < 1 for low, high in found.intervals()], gains_tables(found)
+    return Report(
+        name="gains",
+        title="Gains of the drives",
+        verdict=(
             f"True forces are {found.gains.min():.3g} to {found.gains.max():.3g} times the logged "
-            f"ones, clearly not 1 of {sum(off)} of {len(off)} motors."
-        )
-
-    def record(self) -> dict[str, Any]:
-        return gains_record(self.found)
-
-    def brief(self) -> list[Table]:
-        return gains_tables(self.found)
-
-    def sections(self) -> list[Section]:
-        return [Section("Gains", tuple(gains_tables(self.found)))]
+            f"ones, clearly not 1 for {sum(off)} of {len(off)} motors."
+        ),
+        record=gains_record(found),
+        brief=tables,
+        sections=lambda: [Section("Gains", tuple(tables))],
+    )
 
 
 def prediction_record(predictions: Sequence[Prediction]) -> dict[str, Any]:
@@ -219,7 +168,8 @@ def payload_record(found: PayloadFit) -> dict[str, Any]:
     try:
         centre, spread = found.centre()
     except RankError:
-        return record
+        told = "mass", "centre", "centre_intervals_95_percent"
+        return record | dict.fromkeys(told)
     return record | {
         "mass": found.mass,
         "centre": json_value(centre),
@@ -232,7 +182,7 @@ def payload_tables(found: PayloadFit) -> list[Table]:
     record = payload_record(found)
     keys = ("parameters", "values", "intervals_95_percent", "units")
     told = list(zip(*(record[key] for key in keys), strict=True))
-    for k, axis in enumerate("xyz" if "centre" in record else ""):
+    for k, axis in enumerate("xyz" if record["centre"] else ""):
         if record["centre"][k] is not None:
             reach = record["centre_intervals_95_percent"][k]
             told.append((f"centre of mass, {axis}", record["centre"][k], reach, "m"))

@@ -31,138 +31,115 @@ MOST, MARGIN = 0.95, 1.3  # quantile of its band, and times that, that an axis s
 CURVE_POINTS = 200  # of a friction curve on either side of standstill
 
 
-class IdentificationReport(Report):
-    """What a study of logs found.
+def identification_report(study: Study, command: str = "") -> Report:
+    """What a study of logs found; the command designs the motion that its verdict asks for."""
+    found, judged = study.identification, study.verdict
+    model = found.force_model
+    logs = ", ".join(dict.fromkeys(run.name for run in found.training))
+    rows = (
+        (each.name, *_value_and_error(found.fit, each.name), each.unit)
+        for each in found.fit.estimates
+    )
+    return Report(
+        name="identification",
+        title=f"{model.mechanism.name}, {model.model} model, from {logs}",
+        verdict=str(judged),
+        record=identification_record(study),
+        brief=[plain_table("", (found.recommended.name, ">value", ">± std", "unit"), rows)],
+        sections=lambda: _sections(study),
+        results=lambda: _fits(found),
+        advice=command if judged.excite else "",
+    )
 
-    Parameters
-    ----------
-    study : Study
-    command : str
-        One that designs the motion to add, where who asks has commands.
-    """
 
-    name = "identification"
+def _sections(study: Study) -> list[Section]:
+    """Forces, values, friction, what the data tell, other candidates, terms, filter, robot."""
+    found = study.identification
+    whole, told = found["all parameters"], found.identifiability
+    values: list[Part] = [parameters_chart(found), _estimates_table("", found, found.fit)]
+    if found.fit.standard_parameters is not None:
+        values.append(_bodies_table(found))
+    said: list[Part] = [spectrum_chart(told)]
+    if told.unidentifiable or told.weak:
+        said.append(_weak_table(told))
+    others: list[Part] = [_essential_table(study)]
+    if found.recommended is not whole:
+        title = f"all parameters by {whole.fit.estimator}"
+        others.append(_estimates_table(title, found, whole.fit))
+    friction = friction_chart(found)
+    filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
+    filtering += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
+    return [
+        Section("Forces on new data", (forces_chart(found), *_candidates_tables(study))),
+        Section(f"Recommended values: {found.recommended.name}", tuple(values)),
+        *([Section("Friction", (friction,))] if friction.panels else []),
+        Section("What the data tell", tuple(said)),
+        Section("Robot", (robot_chart(found.force_model.mechanism),)),
+        Section("In words", tuple(findings(study))),
+        Section("Other candidates", tuple(others)),
+        Section("Joint terms", (_terms_table(study.term_sets),)),
+        Section("Filter and samples", tuple(filtering)),
+    ]
 
-    def __init__(self, study: Study, command: str = "") -> None:
-        self.study, self.command = study, command
-        self.found, self.judged = study.identification, study.verdict
 
-    @property
-    def title(self) -> str:
-        model = self.found.force_model
-        logs = ", ".join(dict.fromkeys(run.name for run in self.found.training))
-        return f"{model.mechanism.name}, {model.model} model, from {logs}"
+def _fits(found: Identification) -> dict[str, bytes | str]:
+    """The recommended fit, and that of all parameters where it is another."""
+    fits = {"parameters.yaml": found.fit}
+    if found.recommended is not found["all parameters"]:
+        fits["all_parameters.yaml"] = found["all parameters"].fit
+    return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
 
-    @property
-    def verdict(self) -> str:
-        return str(self.judged)
 
-    @property
-    def advice(self) -> str:
-        return self.command if self.judged.excite else ""
-
-    def brief(self) -> list[Table]:
-        rows = (
-            (each.name, *_value_and_error(self.found.fit, each.name), each.unit)
-            for each in self.found.fit.estimates
-        )
-        return [plain_table("", (self.found.recommended.name, ">value", ">± std", "unit"), rows)]
-
-    def sections(self) -> list[Section]:
-        """Values, forces, friction, what the data tell, other candidates, terms, filter, robot."""
-        study, found = self.study, self.found
-        whole, told = found["all parameters"], found.identifiability
-        values: list[Part] = [parameters_chart(found), _estimates_table("", found, found.fit)]
-        if found.fit.standard_parameters is not None:
-            values.append(_bodies_table(found))
-        said: list[Part] = [spectrum_chart(told)]
-        if told.unidentifiable or told.weak:
-            said.append(_weak_table(told))
-        others: list[Part] = [_essential_table(study)]
-        if found.recommended is not whole:
-            title = f"all parameters by {whole.fit.estimator}"
-            others.append(_estimates_table(title, found, whole.fit))
-        friction = friction_chart(found)
-        filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
-        filtering += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
-        return [
-            Section("Forces on new data", (forces_chart(found), *_candidates_tables(study))),
-            Section(f"Recommended values: {found.recommended.name}", tuple(values)),
-            *([Section("Friction", (friction,))] if friction.panels else []),
-            Section("What the data tell", tuple(said)),
-            Section("Robot", (robot_chart(found.force_model.mechanism),)),
-            Section("In words", tuple(findings(study, self.command))),
-            Section("Other candidates", tuple(others)),
-            Section("Joint terms", (_terms_table(study.term_sets),)),
-            Section("Filter and samples", tuple(filtering)),
-        ]
-
-    def results(self) -> dict[str, bytes | str]:
-        """The fits: the recommended one, and that of all parameters where it is another."""
-        found, (recommended, other) = self.found, FITS
-        fits = {recommended: found.fit}
-        if found.recommended is not found["all parameters"]:
-            fits[other] = found["all parameters"].fit
-        return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
-
-    def record(self) -> dict[str, Any]:
-        study, command = self.study, self.command or None
-        found, reduction = study.identification, study.reduction
-        model, told = found.force_model, found.identifiability
-        terms = model.joint_terms
-        return {
-            "mechanism": model.mechanism.name,
-            "model": model.model,
-            "actuators": list(model.mechanism.independent),
-            "training": [_recording(recording) for recording in found.training],
-            "validation": [_recording(recording) for recording in found.validation],
-            "expressions": list(model.base.expressions),
-            "robot_file": json_value(model.prior),
-            "fit": SavedFit.of(model, found["all parameters"].fit).record(),
-            "recommended": found.recommended.name,
-            "recommended_fit": SavedFit.of(model, found.fit).record(),
-            "judged": json_fields(
-                self.judged,
-                *("use", "motor", "error", "ratio", "significant", "parameters"),
-                *("excite", "improvement"),
-            ),
-            "prior_deviation": json_value(found.prior_deviation),
-            "cutoff": found.cutoff
-            and {
-                **json_fields(found.cutoff, "chosen", "judged", "bound"),
-                **{
-                    name: json_value(getattr(found.cutoff, name))
-                    for name in ("cutoffs", "errors", "clear", "spreads")
-                },
+def identification_record(study: Study) -> dict[str, Any]:
+    """All findings of a study, ready for JSON."""
+    found, reduction = study.identification, study.reduction
+    model, told = found.force_model, found.identifiability
+    terms = model.joint_terms
+    return {
+        "mechanism": model.mechanism.name,
+        "model": model.model,
+        "actuators": list(model.mechanism.independent),
+        "training": [_recording(recording) for recording in found.training],
+        "validation": [_recording(recording) for recording in found.validation],
+        "expressions": list(model.base.expressions),
+        "robot_file": json_value(model.prior),
+        "fit": SavedFit.of(model, found["all parameters"].fit).record(),
+        "recommended": found.recommended.name,
+        "recommended_fit": SavedFit.of(model, found.fit).record(),
+        "judged": json_fields(
+            study.verdict,
+            *("use", "motor", "error", "ratio", "significant", "parameters"),
+            *("excite", "improvement"),
+        ),
+        "prior_deviation": json_value(found.prior_deviation),
+        "cutoff": found.cutoff
+        and {
+            **json_fields(found.cutoff, "chosen", "judged", "bound"),
+            **{
+                name: json_value(getattr(found.cutoff, name))
+                for name in ("cutoffs", "errors", "clear", "spreads")
             },
-            "joint_terms": {}
-            if terms is None
-            else {j: list(k) for j, k in terms.of_joints.items()},
-            "term_sets": _term_sets(study.term_sets),
-            "fitted_bodies_pay": study.term_sets.bodies_pay,
-            "identifiability": {
-                **json_fields(told, "structural_rank", "rank"),
-                "command": command,
-                "better_than_robot_file": told.well_determined,
-                "parameters": list(told.parameters.labels),
-                "structural_effects": json_value(told.excitation.structural),
-                "effects": json_value(told.excitation.effects),
-                "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
-                "weak": [_direction(direction) for direction in told.weak],
-            },
-            "essential": json_value(study.essential.values),
-            "essential_parameters": list(reduction.result.parameters.labels),
-            "candidates": [_candidate(candidate) for candidate in _candidates(study)],
-            "delay": found.delay
-            and json_fields(
-                found.delay, "joints", "common", "interval", "each", "intervals", "undone"
-            ),
-            "suspicions": [_suspicions(one) for one in study.suspicions],
-            "findings": findings(study, command),
-        }
-
-
-FITS = "parameters.yaml", "all_parameters.yaml"
+        },
+        "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
+        "term_sets": _term_sets(study.term_sets),
+        "fitted_bodies_pay": study.term_sets.bodies_pay,
+        "identifiability": {
+            **json_fields(told, "structural_rank", "rank"),
+            "better_than_robot_file": told.well_determined,
+            "parameters": list(told.parameters.labels),
+            "structural_effects": json_value(told.excitation.structural),
+            "effects": json_value(told.excitation.effects),
+            "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
+            "weak": [_direction(direction) for direction in told.weak],
+        },
+        "essential": json_value(study.essential.values),
+        "essential_parameters": list(reduction.result.parameters.labels),
+        "candidates": [_candidate(candidate) for candidate in _candidates(study)],
+        "delay": found.delay
+        and json_fields(found.delay, "joints", "common", "interval", "each", "intervals", "undone"),
+        "suspicions": [_suspicions(one) for one in study.suspicions],
+        "findings": findings(study),
+    }
 
 
 def _candidates(study: Study) -> tuple[Candidate, ...]:
@@ -232,23 +209,20 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study, command: str | None = None) -> list[str]:
-    """What a reader should know before trusting the numbers, one sentence each."""
+def findings(study: Study) -> list[str]:
+    """What a reader should know beside the numbers, one sentence each."""
     found = study.identification
-    cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
-    filters = ", ".join("unfiltered" if c is None else f"{c:.3g} Hz" for c in cutoffs)
-    told, essential = found.identifiability, study.reduction.result.parameters.labels
-    whole = found["all parameters"]
-    said = [
-        f"Condition number of the weighted regressor: {whole.fit.condition_number:.4g}; cut-off of "
-        f"the filter: {filters}.",
-        f"{told.structural_rank} combinations of parameters are structurally identifiable; the "
-        f"data excite {told.rank} of them, and tell {told.well_determined} better than the robot "
-        "file.",
-    ]
+    told, cutoff = found.identifiability, found.training[0].cutoff
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
-    said.append(f"Joint terms: {choice}.")
+    filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
+    condition = found["all parameters"].fit.condition_number
+    said = [
+        _recommendation(found),
+        f"The data were {filtered}; the condition number of the weighted regressor is "
+        f"{condition:.4g}.",
+        f"The joint terms are {choice}. {_terms_finding(study.term_sets)}",
+    ]
     runs = (*found.training, *found.validation)
     frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
     if frames:
@@ -258,33 +232,11 @@ def findings(study: Study, command: str | None = None) -> list[str]:
     if found.delay is not None and found.delay.clear:
         said.append(f"{found.delay.sentence.capitalize()}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
-    said.append(_terms_finding(study.term_sets))
-    if found.cutoff is not None:
-        said.append(_cutoff_finding(found.cutoff))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
             f"{', '.join(told.assumed)} rest on it."
         )
-    if told.unidentifiable or told.weak:
-        designer = command or f"design_excitation with parameters={list(told.leads)}"
-        said.append(
-            "What is unidentifiable or weakly identifiable is excited by the motion that "
-            f"{designer} designs."
-        )
-    said += [candidate.verdict for candidate in _candidates(study)[1:]]
-    said.append(_recommendation(found))
-    insignificant = whole.fit.insignificant()
-    if insignificant or not whole.beats_baseline:
-        said.append(
-            "Of all parameters together, these are not significant (the 95 % interval includes "
-            f"zero): {', '.join(insignificant) or 'none alone'}."
-        )
-    said.append(
-        f"{len(essential)} of {len(whole.values)} parameters are essential for "
-        "predictions; their ± holds if the others are as in the robot file, and joint terms that "
-        "it gives no value of are zero."
-    )
     return said
 
 
@@ -306,14 +258,6 @@ def _terms_finding(found: TermComparison) -> str:
 
 def _error_text(error: PredictionError) -> str:
     return f"{error.mean:.3g} ± {error.standard_error:.2g}"
-
-
-def _cutoff_finding(choice: CutoffChoice) -> str:
-    return (
-        f"The cut-off of the filter is {choice.chosen:.3g} Hz, of {len(choice.cutoffs)} tried from "
-        f"{choice.cutoffs[0]:.3g} to {choice.cutoffs[-1]:.3g} Hz: there fits of parts of the data "
-        "predict the others well, and vary least."
-    )
 
 
 def _recommendation(found: Identification) -> str:
@@ -600,6 +544,6 @@ def filter_chart(found: CutoffChoice) -> Chart:
     title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
     caption = (
         "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
-        "how far predictions vary with the data."
+        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
     )
     return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))

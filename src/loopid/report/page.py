@@ -1,29 +1,28 @@
 """Reports: a verdict, sections and a record; shown in the terminal, or as one page of HTML.
 
-A page opens without a network: style, script and numbers are in it. Another report is a class with
-other sections, or ``Page("title", sections)`` with some of those of a report.
+A page opens without a network: style, script and numbers are in it. One of your own is
+``Page("title", sections)``, with sections of a report and others.
 """
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any, ClassVar
+from typing import Any
 
 from lxml.html import HtmlElement, tostring
-from lxml.html.builder import E
 from rich.table import Table
 
-from loopid.errors import one_line
 from loopid.records import record
-from loopid.report.chart import Chart
+from loopid.report.chart import Chart, E
 from loopid.report.look import facts, json_text
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
+VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
 # What a browser is allowed: nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -51,13 +50,13 @@ class Section:
 
     def html(self) -> HtmlElement:
         """A section of a page."""
-        return E.section({"id": self.anchor}, E.h2(one_line(self.title)), *map(_part, self.parts))
+        return E.section({"id": self.anchor}, E.h2(self.title), *map(_part, self.parts))
 
 
 def _part(part: Part) -> HtmlElement:
     if isinstance(part, Chart):
         return part.html()
-    return _table(part) if isinstance(part, Table) else E.p(one_line(part))
+    return _table(part) if isinstance(part, Table) else E.p(part)
 
 
 def _table(table: Table) -> HtmlElement:
@@ -145,20 +144,19 @@ class Page:
         """The page as text."""
         own = files(__package__)
         style, script = ((own / name).read_text("utf-8") for name in ("page.css", "page.js"))
-        title = one_line(self.title)
         head = E.head(
             E.meta(charset="utf-8"),
             E.meta({"http-equiv": "Content-Security-Policy", "content": POLICY}),
             E.meta(name="viewport", content="width=device-width, initial-scale=1"),
             E.meta(name="color-scheme", content="light dark"),
-            E.title(title),
+            E.title(self.title),
             E.style(style),
         )
-        links = (E.a({"href": f"#{each.anchor}"}, one_line(each.title)) for each in self.sections)
-        said = [E.p({"class": "verdict"}, one_line(self.verdict))] if self.verdict else []
-        said += [E.pre(one_line(self.advice))] if self.advice else []
+        links = (E.a({"href": f"#{each.anchor}"}, each.title) for each in self.sections)
+        said = [E.p({"class": "verdict"}, self.verdict)] if self.verdict else []
+        said += [E.pre(self.advice)] if self.advice else []
         body = E.body(
-            E.header(E.h1(title), *said, E.nav(*links)),
+            E.header(E.h1(self.title), *said, E.nav(*links)),
             E.main(*(each.html() for each in self.sections)),
         )
         if self.data is not None:
@@ -169,46 +167,42 @@ class Page:
         return str(tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")) + "\n"
 
 
+@dataclass(frozen=True, kw_only=True)
 class Report:
-    """What a command found, for all ways of showing it; each command has a class of its own."""
+    """What a command found, for all ways of showing it.
 
-    name: ClassVar[str]  # of its record's file
+    Attributes
+    ----------
+    name : str
+        Of the record's form, and of its file.
+    title, verdict : str
+        The verdict is one sentence, which comes first.
+    record : dict
+        All findings in plain numbers, lists and texts.
+    brief : sequence of Table
+        What the terminal shows below the verdict.
+    sections : callable
+        Gives the sections of the page; ``replace(report, sections=...)`` is another report.
+    results : callable
+        Gives the files beside page and record, by name.
+    advice : str
+        A command that does what the verdict advises.
+    """
+
+    name: str
+    title: str
+    verdict: str
+    record: dict[str, Any]
+    brief: Sequence[Table]
+    sections: Callable[[], Sequence[Section]]
+    results: Callable[[], dict[str, bytes | str]] = dict
+    advice: str = ""
 
     @property
-    def title(self) -> str:
-        """Of the page."""
-        raise NotImplementedError
-
-    @property
-    def verdict(self) -> str:
-        """One sentence that comes first."""
-        raise NotImplementedError
-
-    @property
-    def advice(self) -> str:
-        """A command that does what the verdict advises; empty where there is none."""
-        return ""
-
-    def record(self) -> dict[str, Any]:
-        """All findings in plain numbers, lists and texts."""
-        raise NotImplementedError
-
-    def brief(self) -> Sequence[Table]:
-        """What the terminal shows below the verdict."""
-        return ()
-
-    def sections(self) -> Sequence[Section]:
-        """What the page shows below the verdict."""
-        raise NotImplementedError
-
-    def results(self) -> dict[str, bytes | str]:
-        """Files beside page and record, by name."""
-        return {}
-
-    @cached_property
     def data(self) -> dict[str, Any]:
-        """The record with the verdict."""
-        return {"schema": f"loopid {self.name} {VERSION}", "verdict": self.verdict, **self.record()}
+        """The record with its form and the verdict."""
+        said = {"verdict": self.verdict, "advice": self.advice}
+        return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record}
 
     def tables(self) -> list[Table]:
         """All tables of the page."""
@@ -226,6 +220,3 @@ class Report:
         drawn = {n: c for chart in charts if figures for n, c in chart.files().items()}
         record = {f"{self.name}.json": json_text(self.data) + "\n"}
         return {"report.html": page.html(), **record, **self.results(), **drawn}
-
-
-VERSION = 1  # of the records' form: see ``schema.py``

@@ -37,50 +37,37 @@ KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
 
 
-class CheckReport(Report):
+def check_report(mechanism: Mechanism) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
-
-    name = "check"
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.found = mechanism, check_record(mechanism)
-
-    @property
-    def title(self) -> str:
-        return str(self.found["mechanism"])
-
-    @property
-    def verdict(self) -> str:
-        found = self.found
-        wrong = [
-            *(["its reference is singular"] if found["singular_reference"] else []),
-            *(["its reference is near a singularity"] if found["near_singularity"] else []),
-            *(f"the motors leave {name} free" for name in found["undetermined"]),
-            *found["inertia_defects"],
-            *found["odd_masses"],
-        ]
-        more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
-        closed = f"Its loops close to {found['closure_residual']:.1e} m and"
-        return (
-            f"{closed if found['closures'] else 'It has no loops to close and'} "
-            f"{found['degrees_of_freedom']} degrees of freedom for {len(found['actuated'])} motors;"
-            f" the singularity measure is {found['singularity_measure']:.3g} (1 is best): "
-            + (f"look at this first: {wrong[0]}{more}." if wrong else "ready for identification.")
-        )
-
-    def record(self) -> dict[str, Any]:
-        return self.found
-
-    def brief(self) -> list[Table]:
-        return check_tables(self.found)
-
-    def sections(self) -> list[Section]:
-        joints, *tables = check_tables(self.found)
-        return [
-            Section("Robot", (robot_chart(self.mechanism),)),
+    found = check_record(mechanism)
+    joints, *tables = check_tables(found)
+    wrong = [
+        *(["its reference is singular"] if found["singular_reference"] else []),
+        *(["its reference is near a singularity"] if found["near_singularity"] else []),
+        *(f"the motors leave {name} free" for name in found["undetermined"]),
+        *found["inertia_defects"],
+        *found["odd_masses"],
+    ]
+    more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
+    closes = f"closes its loops to {found['closure_residual']:.1e} m"
+    verdict = (
+        f"{mechanism.name} {closes if found['closures'] else 'has no loops'}, has "
+        f"{found['degrees_of_freedom']} degrees of freedom for {len(found['actuated'])} motors "
+        f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best): "
+        + (f"look at this first: {wrong[0]}{more}." if wrong else "ready for identification.")
+    )
+    return Report(
+        name="check",
+        title=mechanism.name,
+        verdict=verdict,
+        record=found,
+        brief=[joints, *tables],
+        sections=lambda: [
+            Section("Robot", (robot_chart(mechanism),)),
             Section("Joints", (joints,)),
             Section("Closures and mobility", tuple(tables)),
-        ]
+        ],
+    )
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -277,49 +264,35 @@ def _summary(record: dict[str, Any]) -> dict[str, str]:
     return {name: text for name, text in rows.items() if text}
 
 
-class BaseReport(Report):
+def base_report(
+    mechanism: Mechanism,
+    model: str,
+    base: BaseParameters,
+    motors_alone: BaseParameters | None = None,
+) -> Report:
     """Base parameters, and how sure they are."""
-
-    name = "base"
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        model: str,
-        base: BaseParameters,
-        motors_alone: BaseParameters | None = None,
-    ) -> None:
-        self.mechanism, self.found = mechanism, base_record(mechanism, model, base, motors_alone)
-
-    @property
-    def title(self) -> str:
-        return f"{self.found['mechanism']}, {self.found['model']} model"
-
-    @property
-    def verdict(self) -> str:
-        found = self.found
-        doubtful = f"; {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
-        conditions = found["nullspace_condition_number"], found["condition_number"]
-        both = ", ".join("infinite" if c is None else f"{c:.4g}" for c in conditions)
-        return (
-            f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
-            f" (singular-value gap {found['rank_gap']:.1e}){doubtful}; written as below, cond(V22) "
-            f"and cond(W_B) are {both}: {certificate(found['search'])}."
-        )
-
-    def record(self) -> dict[str, Any]:
-        return self.found
-
-    def brief(self) -> list[Table]:
-        return [_parameters("", self.found)]
-
-    def sections(self) -> list[Section]:
-        parameters, *others = base_tables(self.found)
-        return [
+    found = base_record(mechanism, model, base, motors_alone)
+    parameters, *others = base_tables(found)
+    doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
+    conditions = found["nullspace_condition_number"], found["condition_number"]
+    both = ", ".join("infinite" if c is None else f"{c:.4g}" for c in conditions)
+    verdict = (
+        f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
+        f" (singular-value gap {found['rank_gap']:.1e}){doubtful}; written as below, cond(V22) "
+        f"and cond(W_B) are {both}: {certificate(found['search'])}."
+    )
+    return Report(
+        name="base",
+        title=f"{mechanism.name}, {model} model",
+        verdict=verdict,
+        record=found,
+        brief=[_parameters("", found)],
+        sections=lambda: [
             Section("Base parameters", (parameters,)),
             Section("How sure they are", tuple(others)),
-            Section("Robot", (robot_chart(self.mechanism),)),
-        ]
+            Section("Robot", (robot_chart(mechanism),)),
+        ],
+    )
 
 
 def base_record(
@@ -454,45 +427,31 @@ def _rounded_up(value: float) -> str:
     return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
 
 
-class MotionsReport(Report):
+def motions_report(
+    mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
+) -> Report:
     """Motions beside the robot's limits."""
-
-    name = "motions"
-
-    def __init__(
-        self, mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
-    ) -> None:
-        self.found = motions_record(mechanism, reviews, seconds)
-
-    @property
-    def title(self) -> str:
-        return f"{self.found['mechanism']}: motions"
-
-    @property
-    def verdict(self) -> str:
-        motions = self.found["motions"]
-        wrong = [motion for motion in motions if motion["problems"]]
-        room = [m for m in motions if m["clearance"] is not None]
-        nearest = min(room, key=lambda m: m["clearance"], default=None)
-        limit = "there are no limits"
-        if nearest is not None:
-            limit = (
-                f"{nearest['nearest_limit']} comes nearest to a limit ({nearest['clearance']:.3g})"
-            )
-        return (
-            f"{len(motions) - len(wrong)} of {len(motions)} motions can be run: {limit}, and the "
-            f"least singularity measure is {min(m['singularity'] for m in motions):.3g}"
-            + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
-        )
-
-    def record(self) -> dict[str, Any]:
-        return self.found
-
-    def brief(self) -> list[Table]:
-        return motions_tables(self.found)
-
-    def sections(self) -> list[Section]:
-        return [Section("Motions", tuple(motions_tables(self.found)))]
+    found = motions_record(mechanism, reviews, seconds)
+    motions, tables = found["motions"], motions_tables(found)
+    wrong = [motion for motion in motions if motion["problems"]]
+    room = [m for m in motions if m["clearance"] is not None]
+    nearest = min(room, key=lambda m: m["clearance"], default=None)
+    limit = "there are no limits"
+    if nearest is not None:
+        limit = f"{nearest['nearest_limit']} is nearest to a limit ({nearest['clearance']:.3g})"
+    verdict = (
+        f"{len(motions) - len(wrong)} of {len(motions)} motions can be run: {limit}, and the "
+        f"least singularity measure is {min(m['singularity'] for m in motions):.3g}"
+        + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
+    )
+    return Report(
+        name="motions",
+        title=f"{mechanism}: motions",
+        verdict=verdict,
+        record=found,
+        brief=tables,
+        sections=lambda: [Section("Motions", tuple(tables))],
+    )
 
 
 def motions_record(
