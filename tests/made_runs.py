@@ -1,6 +1,7 @@
 """Runs of simulated robots whose truth is known."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -118,3 +119,11 @@ def quietly(function, *arguments, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments, **options)
+
+
+def with_deviation(found, common):
+    """An identification whose robot file is said to be off by so much."""
+    fit = found["consistent"].fit
+    deviated = replace(fit, deviation=replace(fit.deviation, common=common))
+    candidates = {**found.candidates, "consistent": replace(found["consistent"], fit=deviated)}
+    return replace(found, candidates=candidates)

@@ -30,7 +30,8 @@ ROOMS = (
 )
 CORE = (*GROUND, *ROOMS)  # each imports those to its left
 TOOLS = ("formats", "diagnosis", "excitation", "export")  # each imports the core, none another
-SHOWN = ("report", "paper", "cli")  # what people see; each imports what is above and to its left
+# What people see; each imports what is above and to its left.
+SHOWN = ("view", "report", "paper", "cli")
 # Beside that: what a room or a file never imports.
 NEVER = {
     "base_parameters": {"pinocchio", "robot", "kinematics", "loading", "regressors"},

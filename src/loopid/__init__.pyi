@@ -15,6 +15,7 @@ from . import (
     regressors as regressors,
     report as report,
     robot as robot,
+    view as view,
 )
 from .base_parameters import (
     ExactSearch as ExactSearch,

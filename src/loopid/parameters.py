@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from html import escape
 
 import numpy as np
@@ -108,7 +109,7 @@ class ParameterSet:
         """All the given kinds of every link, link by link."""
         return cls(tuple(Parameter(link, kind) for link in links for kind in kinds))
 
-    @property
+    @cached_property
     def labels(self) -> tuple[str, ...]:
         """Texts ``<link>.<kind>``, in order."""
         return tuple(parameter.label for parameter in self.parameters)

@@ -184,3 +184,18 @@ def test_figures_without_matplotlib_are_refused_before_the_work(
     assert done.code == 2
     assert "matplotlib is not installed: pip install 'loopid[plot]' brings it" in done.err
     assert not (tmp_path / "out").exists()
+
+
+def test_view_shows_a_robot_or_says_what_is_missing(run, monkeypatch, tmp_path):
+    pytest.importorskip("viser")
+    from loopid.view.viewer import Viewer
+
+    monkeypatch.setattr(Viewer, "wait", lambda viewer: None)
+    shown = run("view", "five_bar", "five_bar", "--port", "8231")
+    assert (shown.code, shown.err) == (0, "")
+    assert re.search(r"http://127\.0\.0\.1:\d+", shown.out)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    refused = run("view", "five_bar", "--out", str(tmp_path / "pictures"))
+    assert refused.code == 2
+    assert refused.err.startswith("loopid: error: pictures need a browser")
+    assert not (tmp_path / "pictures").exists()

@@ -7,10 +7,10 @@ import pytest
 
 from loopid import FitOptions, JointTerms, find_delay, find_force_model, identify
 from loopid.errors import DataWarning
-from loopid.identification import DelayOptions
+from loopid.identification import DelayOptions, quiet_fit
 from loopid.logs import Log, Recording, prepare_recording
 from loopid.motion import scaled_bodies
-from made_runs import simulated, wander
+from made_runs import quietly, simulated, wander
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
@@ -47,7 +47,7 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     model, _, log = case
     found = find_delay(model, [prepared(model, noisy(log, delay))])
     half = np.ptp(found.interval) / 2
-    assert abs(found.common - delay) < 1.7 * half < 0.005
+    assert abs(found.common - delay) < 1.7 * half < 0.006
     assert (np.abs(found.each - delay) < 1.7 * np.ptp(found.intervals, axis=1) / 2).all()
     assert found.clear == (abs(delay) > DelayOptions().clear * half)
 
@@ -81,6 +81,27 @@ def test_the_fit_of_late_forces_is_that_of_good_ones(case):
     assert kept.delay is None
     worst = np.abs((kept["all parameters"].fit.values - truth) / fit.standard_errors).max()
     assert worst > 6
+
+
+def test_intervals_hold_a_delay_that_is_not_clear(case):
+    model, truth, log = case
+    found = quietly(identify, model, [prepared(model, noisy(log, 0.003))])
+    delay, fit = found.delay, found["all parameters"].fit
+    assert not delay.clear
+    error = np.ptp(delay.interval) / 2 / 1.96
+    assert min(abs(delay.common), error) < delay.left[0] < np.hypot(delay.common, error)
+    given = quiet_fit(found.data)
+    np.testing.assert_array_equal(fit.values, given.values)
+    wider = fit.covariance - given.covariance
+    assert np.linalg.matrix_rank(wider / np.outer(*2 * [given.standard_errors]), tol=1e-6) == 1
+    assert (np.abs(fit.values - truth) < 4 * fit.standard_errors).all()
+
+
+def test_what_data_do_not_tell_of_a_delay_is_a_usual_one(case):
+    model, _, log = case
+    options = DelayOptions(usual=1e-6)
+    found = find_delay(model, [prepared(model, noisy(log))], options=options)
+    assert found.left == pytest.approx(1e-6, rel=0.01)
 
 
 def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case):

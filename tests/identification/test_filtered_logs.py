@@ -12,6 +12,7 @@ from loopid import (
     JointTerms,
     find_force_model,
     identify,
+    identify_payload,
     joint_motion,
     load_mechanism,
     predict,
@@ -222,3 +223,41 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
     fit = read_fit(save_fit(tmp_path / "fit.json", model, truth))
     found = predict(fit, robot, recording)
     assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]
+
+
+def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
+    model, _, log = coarse(12)
+    recording = quietly(prepare_recording, model.mechanism, log)
+    found = quietly(identify, model, [recording])
+    fit = read_fit(save_fit(tmp_path / "fit.json", found.force_model, found.fit))
+    assert fit.cutoff == found.cutoff.chosen
+    predicted = predict(fit, model.mechanism, recording)
+    assert predicted.recording.cutoff == found.cutoff.chosen
+    given = quietly(
+        prepare_recording, model.mechanism, log, filter=FilterOptions(cutoff=7.0, decimate=False)
+    )
+    assert predict(fit, model.mechanism, given).recording is given
+
+
+def test_a_payload_is_found_with_the_filter_that_predicts_best():
+    """Encoders of 10 bits: at the provisional cut-off of five bands the mass is far off."""
+    robot = load_mechanism("five_bar")
+    model = find_force_model(robot, "full", "Fc,Fv")
+    bodies, load = robot.standard_parameters("full"), 0.5
+    first, runs = robot.parameters("full").labels.index("left_coupler.m"), []
+    for carried in (0.0, load):
+        heavier = bodies.copy()
+        heavier[first : first + 2] += carried, 0.1 * carried
+        moved = joint_motion(robot, read_motion_program("five_bar").motion("sweep", 1000.0))
+        terms = JointTerms.of(robot, "Fc,Fv")
+        run = simulate_measurement(
+            *(robot, moved), standard_parameters=heavier, joint_terms=terms, joint_values=FRICTION
+        )
+        log = log_of(model, run, 2 * np.pi / 2**10, NOISE, seed=int(2 * carried))
+        runs.append([quietly(prepare_recording, robot, log)])
+    found = quietly(identify_payload, model, "left_coupler", unloaded=runs[0], loaded=runs[1])
+    k = found.parameters.labels.index("payload.m")
+    low, high = found.intervals()[k]
+    assert len(found.base.terms[k]) == 1
+    assert low < load < high
+    assert high - low < load

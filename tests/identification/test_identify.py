@@ -22,6 +22,8 @@ from loopid.identification import (
     save_fit,
     split_recordings,
 )
+from loopid.logs import Recording
+from loopid.motion import Noise, simulate_measurement
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
 DRAWS = 10
@@ -454,3 +456,31 @@ def test_the_model_of_the_errors_converges(logged):
     assert (noise.effective_samples <= 1.01 * first.noise.effective_samples).all()
     assert (noise.effective_samples >= 0.5 * first.noise.effective_samples).all()
     assert (whole.standard_errors >= 0.99 * first.standard_errors).all()
+
+
+@pytest.mark.parametrize("model", ["gravity", "full"])
+def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model):
+    """A log without any friction, of which least squares makes as many negative as positive."""
+    robot = load_once("five_bar")
+    motion = wander(robot, 3, 20.0, 20.0, size=(0.4, 0.4))
+    run = simulate_measurement(robot, motion, Noise(gaussian=1.0), seed=2)
+    recording = Recording.of_motion(motion, run.force, robot.actuated)
+    force_model = find_force_model(robot, model, "Fc,Fv,Fo" + ",Ia" * (model == "full"))
+    found = quietly(identify, force_model, [recording])
+    joints = force_model.joint_columns
+    kinds = [parameter.kind for parameter in force_model.parameters]
+    lower = [force_model.prior[j] if kinds[j] in ("Fc", "Fv", "Ia") else -np.inf for j in joints]
+    left = found.data.reduced(joints, force_model.prior)
+    free = quiet_fit(left)
+    assert (free.values < lower).any()  # or nothing is tested
+    values = found.baseline.values[joints]
+    assert (values >= lower).all()
+    # No other values as high are better [Karush1939]: the gradient is zero, or asks for less.
+    R = left.problem.weighted(free.weights)
+    gradient = R[:, :-1].T @ (R @ np.append(values, -1.0))
+    size = np.linalg.norm(R[:, :-1], axis=0) * np.linalg.norm(R[:, -1])
+    inside = values > np.array(lower) + 1e-9
+    assert (np.abs(gradient[inside]) < 1e-7 * size[inside]).all()
+    assert (gradient[~inside] > -1e-7 * size[~inside]).all()
+    standard = found.baseline.fit.standard_parameters
+    np.testing.assert_allclose(force_model.base.values(standard), found.baseline.values)

@@ -1,6 +1,5 @@
 """Friction by the force that a joint carries: found, covered, and told from constant friction."""
 
-from dataclasses import replace
 from shutil import copy
 
 import numpy as np
@@ -20,7 +19,7 @@ from loopid.diagnosis import compare_terms
 from loopid.errors import DataError, OptionError
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
-from made_runs import quietly, record, wander
+from made_runs import quietly, record, wander, with_deviation
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"
 DRAWS = 40
@@ -74,7 +73,7 @@ def test_it_is_bought_where_it_is_there_only(loaded):
         ([record(robot, motions[k], plain, None, noise, k) for k in (0, 1)], plain[0]),
     ):
         identified = quietly(identify, model, runs[:1], validation=runs[1:])
-        found = compare_terms(replace(identified, prior_deviation=0.2))
+        found = compare_terms(with_deviation(identified, 0.2))
         assert found.enough[1].choice == enough.choice(robot)
 
 

@@ -1,7 +1,6 @@
 """Springs in logs: they are found, intervals cover them, and they are rejected where none is."""
 
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from loopid.diagnosis import StudyOptions, compare_terms, examine
 from loopid.errors import ModelWarning
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
-from made_runs import modelled, quietly, record, wander
+from made_runs import modelled, quietly, record, wander, with_deviation
 
 # Linear at a motor, polynomial at the other one, piecewise linear at a passive joint.
 SPRINGS = (
@@ -74,7 +73,7 @@ def comparison(suspected, values, seed, choices=(), deviation=0.2):
     """Term sets judged on the log of such a robot."""
     fitted, unseen = logs(suspected, values, seed)
     found = quietly(identify, suspected[0], fitted, validation=unseen)
-    return compare_terms(replace(found, prior_deviation=deviation), choices=choices)
+    return compare_terms(with_deviation(found, deviation), choices=choices)
 
 
 @pytest.mark.parametrize("draws", [4, pytest.param(200, marks=pytest.mark.validate)])

@@ -12,13 +12,14 @@ import sys
 import typer
 
 from loopid.cli.logs import compare, export, identify, paper, payload, predict
-from loopid.cli.robots import base, check, excite, motions, simulate
+from loopid.cli.robots import base, check, excite, motions, simulate, view
 from loopid.cli.shell import Command
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 for command in (
     check,
     base,
+    view,
     motions,
     simulate,
     excite,

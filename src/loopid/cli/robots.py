@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from loopid.cli.shell import answering, progress_bar, with_options
 from loopid.errors import OptionError
-from loopid.files import require_other_file, write_file
+from loopid.files import require_other_file, write_file, write_files
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
@@ -254,6 +254,29 @@ def excite(
             progress=watch,
         )
     answer.show(excitation_report(found))
+
+
+@with_options(robot=loaded)
+def view(
+    robot: Mechanism,
+    files: list[str] | None = Argument(
+        None, metavar="[LOG|MOTION|FIT]...", help="What to play, and saved fits: their masses."
+    ),
+    port: int = Option(8080, help="Of this machine; the next free one where it is taken."),
+    out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
+    count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
+) -> None:
+    """Show a robot in the browser: sliders move its loops, logs and motions are played."""
+    from loopid.view.viewer import open_viewer
+
+    with open_viewer(robot, files or (), port=port) as viewer:
+        if out is None:
+            typer.echo(f"{robot.name} is shown at {viewer.url} until Ctrl-C")
+            viewer.wait()
+        else:
+            pictures = enumerate(viewer.pictures(count))
+            written = write_files(out, {f"{robot.name}_{k:03d}.png": png for k, png in pictures})
+            typer.echo("\n".join(map(str, written)))
 
 
 def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:

@@ -290,7 +290,7 @@ class _Signals:
 class _Mistake:
     """A mistake of some motors, of one unknown size unless columns are exchanged."""
 
-    kind: str  # "gain", "shift", or what is exchanged
+    kind: str  # "gain", "time", "ratio", or what is exchanged
     motors: tuple[int, ...]
     sizes: FloatArray | None = None  # ascending, that are tried first
     dull: tuple[float, float] = (0.0, 0.0)  # sizes between which it is not worth a sentence

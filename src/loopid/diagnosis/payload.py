@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 from loopid.arguments import FloatArray, checked, finite, frozen, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.errors import DataError, OptionError, RankError
+from loopid.identification.cutoff import choose_cutoff, prepared_at
 from loopid.identification.estimator import Estimator, chosen_estimator
 from loopid.identification.fitting import fit, quiet_fit
 from loopid.identification.force_model import ForceModel
@@ -218,6 +219,7 @@ def identify_payload(
     """
     if not unloaded or not loaded:
         raise DataError("a payload takes recordings without it, and others with it")
+    unloaded, loaded = _at_best_cutoff(force_model, unloaded, loaded)
     columns = _link_columns(force_model, link)
     regressor = force_model.random_regressor[:, :, columns]
     if not regressor.any():
@@ -325,6 +327,7 @@ def drive_gains(
     if not unloaded or not loaded:
         raise DataError("drive gains take recordings without the known mass, and others with it")
     known = load.parameters
+    unloaded, loaded = _at_best_cutoff(force_model, unloaded, loaded)
     columns = _link_columns(force_model, link)
     samples = FitSamples.combined([force_model.samples(run) for run in [*unloaded, *loaded]])
     added = [np.zeros_like(run.force) for run in unloaded]
@@ -365,6 +368,20 @@ def drive_gains(
             freedom = float(step.degrees_of_freedom.min())
             return GainFit(samples.actuators, 1 / scales, spread, freedom, values)
     raise DataError(f"the gains still change by {change:.1e} after {MOST_STEPS} steps")
+
+
+def _at_best_cutoff(
+    force_model: ForceModel, unloaded: Sequence[Recording], loaded: Sequence[Recording]
+) -> tuple[Sequence[Recording], Sequence[Recording]]:
+    """Recordings at the cut-off that predicts those without the payload best."""
+    choice = choose_cutoff(force_model, unloaded)
+    if choice is None:
+        return unloaded, loaded
+    choice.warn()
+    return (
+        prepared_at(force_model, unloaded, choice.chosen),
+        prepared_at(force_model, loaded, choice.chosen),
+    )
 
 
 def _link_columns(force_model: ForceModel, link: str) -> list[int]:

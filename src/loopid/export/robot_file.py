@@ -24,6 +24,7 @@ from loopid.inertia import body_defect, central_moments, centre, from_moments, p
 from loopid.loading.files import find_files
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
+from loopid.regressors.joint_laws import joint_term
 from loopid.robot.mechanism import Body, Mechanism, link_frames, shortened
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
@@ -32,8 +33,6 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
-# Forces that simulators take as they are written: with a negative one they would gain energy.
-NOT_NEGATIVE = ("Ia", "Fc", "Fv")
 # What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
@@ -234,10 +233,13 @@ def _joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
 
 
 def _writable(meant: Terms) -> Terms:
-    """What is tried to be written: no negative friction, and no half of a force."""
+    """What is tried to be written: no half of a force, and no negative friction or drive inertia.
+
+    Simulators take numbers as they are written: with a negative one they would gain energy.
+    """
     return {
         joint: {
-            kind: max(value, 0.0) if kind in NOT_NEGATIVE else value
+            kind: max(value, 0.0) if joint_term(kind).positive else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
         }
@@ -272,7 +274,7 @@ def _warn_of_others(mechanism: Mechanism, meant: Terms, there: Terms) -> None:
         label, value = f"{joint}.{kind}", meant[joint][kind]
         if kind in given.get(joint, {}):
             what = f"joint_terms of {files.named.name} overrule"
-        elif value < 0 and kind in NOT_NEGATIVE and read.get(joint, {}).get(kind, 0.0) == 0:
+        elif value < 0 and joint_term(kind).positive and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"

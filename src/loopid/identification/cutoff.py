@@ -131,7 +131,8 @@ class CutoffChoice:
         elif self.bound == "rate":
             warn(
                 f"the cut-off is the highest that the rate of the log allows for, {self.chosen:.3g}"
-                " Hz: some of the motion may be lost; record at a higher rate, or move slower",
+                " Hz: unless all above is noise of the positions, some of the motion is lost; "
+                "record at a higher rate, or move slower",
                 DataWarning,
             )
 
@@ -183,11 +184,11 @@ def choose_cutoff(
     band = max(motion_band(robot, log) for log in logs)
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
     limit = rate / options.period
-    if not 0 < band * options.narrowest < limit:
+    if not band:
         return None
-    wanted = options.widest * band
-    count = int(np.log(min(wanted, limit) / (options.narrowest * band)) / np.log(options.step))
-    cutoffs = options.narrowest * band * options.step ** np.arange(count + 1)
+    wanted, narrowest = options.widest * band, min(options.narrowest * band, limit)
+    count = int(np.log(min(wanted, limit) / narrowest) / np.log(options.step))
+    cutoffs = narrowest * options.step ** np.arange(count + 1)
     judged = min(options.judged * band, limit)
     parts = -(-options.blocks // len(open_ones))
 

@@ -32,7 +32,6 @@ from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
-LEAST_PERIOD = 5.0  # samples of a log a period of the cut-off
 NORMAL = 1.96  # standard errors to the end of a 95 % interval
 DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
 
@@ -43,12 +42,6 @@ class DelayOptions:
 
     Attributes
     ----------
-    power : float
-        Part of the power of a motor's position that is below the frequency of its motion; that of
-        the median motor counts.
-    bands : float
-        The cut-off at which delays are looked for, in that frequency: noise of positions, which
-        looks like anything, grows fast with it, and most of what a delay does is below.
     longest : float
         Shifts in s that are looked at.
     part : float
@@ -65,6 +58,9 @@ class DelayOptions:
         The least ratio of a clear delay to half of its 95 % interval.
     alone : float
         The same of a motor that differs from the others, for which its delay is undone alone.
+    usual : float
+        Deviation in s of delays, or a step of the log where that is less: so much is held for
+        possible where the data do not tell.
     chance : float
         Probability that delays of motors that agree seem to differ; the interval of the common one
         is then wider by as much as they do.
@@ -73,8 +69,6 @@ class DelayOptions:
         of its columns counts for nothing.
     """
 
-    power: Positive = 0.999
-    bands: Positive = 6.0
     longest: Positive = 0.25
     part: Positive = 0.05
     tried: int = 51
@@ -83,6 +77,7 @@ class DelayOptions:
     least: NotNegative = 0.2
     clear: Positive = 2.0
     alone: Positive = 6.0
+    usual: Positive = 0.01
     chance: Positive = 0.01
     known: Positive = 1e-6
 
@@ -107,6 +102,9 @@ class Delay:
         Of the log, in s.
     undone : FloatArray
         (m,), what is clear: the common one, or where motors differ clearly their own; 0 otherwise.
+    left : FloatArray
+        Standard deviation in s of what is left in the log: (1,) of all motors together, or (m,) of
+        each.
     """
 
     joints: tuple[str, ...]
@@ -116,6 +114,7 @@ class Delay:
     intervals: FloatArray
     step: float
     undone: FloatArray
+    left: FloatArray
 
     @property
     def clear(self) -> bool:
@@ -193,9 +192,7 @@ def find_delay(
     robot = force_model.mechanism
     with one_blas_thread():
         try:
-            runs = [
-                in_motion_band(robot, one, options) for one in recordings if one.log is not None
-            ]
+            runs = [in_motion_band(robot, one) for one in recordings if one.log is not None]
             if not runs:
                 return None
             search = _Search(force_model, [_Run(force_model, one) for one in runs], options)
@@ -218,33 +215,27 @@ def without_delay(
     )
 
 
-def in_motion_band(
-    robot: Mechanism, recording: Recording, options: DelayOptions = DelayOptions()
-) -> Recording:
-    """The recording filtered at a few times the frequency of its motion; as it is without a log."""
-    log, filtered = recording.log, recording.filter or FilterOptions()
-    if log is None:
+def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
+    """The recording at the cut-off that hangs on its motion alone; as it is without a log.
+
+    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
+    delay does is near the motion.
+    """
+    filtered = recording.filter or FilterOptions()
+    if filtered.cutoff == "auto":
         return recording
-    part = max(log.parts(), key=lambda part: part.stop - part.start)
-    rate, position = log.rate(part), log.position[part]
-    window = np.hanning(len(position) + 2)[1:-1, None]
-    power = np.abs(np.fft.rfft(window * (position - position.mean(axis=0)), axis=0)) ** 2
-    share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-    counts = np.sort((share < options.power).sum(axis=0))
-    frequency = max(int(counts[(len(counts) - 1) // 2]), 1) * rate / len(position)
-    cutoff = min(options.bands * frequency, rate / LEAST_PERIOD)
-    return prepare_again(robot, recording, filter=replace(filtered, cutoff=cutoff))
+    return prepare_again(robot, recording, filter=replace(filtered, cutoff="auto"))
 
 
 @checked
 def with_delay_errors(
     fit: FitResult, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
 ) -> FitResult:
-    """A fit to recordings whose delay was undone, what is not known of that in its covariance.
+    """A fit with what is not known of the delay in its covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
     by C Σ xᵀ D / σ², with C their covariance and σ² the variance of so many independent errors as
-    would determine a mean as well.
+    would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
     ----------
@@ -252,16 +243,17 @@ def with_delay_errors(
         What was fitted, of these recordings.
     """
     noise, exact = fit.noise, [one.log is None for one in recordings]
-    if delay is None or not delay.clear or noise is None or all(exact):
+    if delay is None or noise is None or all(exact):
         return fit
     rates = _rates(data, data.predicted(fit.values), [one.motion.time for one in recordings])
     counts = np.maximum(noise.samples, 1) * np.where(noise.deviation > 0, noise.deviation, 1.0) ** 2
     weights = data.used * np.nan_to_num(noise.effective_samples / counts)
-    together = np.ptp(delay.undone) == 0
-    errors = np.ptp(np.array([delay.interval]) if together else delay.intervals, axis=1)
-    errors = np.where(together | (delay.undone != 0), errors, 0.0) / 2 / NORMAL
     moved = np.einsum("tik,ti->ik", data.regressor, weights * rates)
-    moved = fit.covariance @ (moved.sum(axis=0)[:, None] if together else moved.T) * errors
+    moved = (
+        fit.covariance
+        @ (moved.sum(axis=0)[:, None] if len(delay.left) == 1 else moved.T)
+        * delay.left
+    )
     return replace(fit, covariance=fit.covariance + moved @ moved.T)
 
 
@@ -354,11 +346,7 @@ class _Search:
         _, values, right = np.linalg.svd(R / norms)
         kept = values > self.options.known * values[0]
         turn = (right[kept] / values[kept, None]).T / norms[:, None]
-        return replace(
-            samples,
-            parameters=_numbered("motion", turn.shape[1]),
-            regressor=samples.regressor @ turn,
-        )
+        return samples.along(turn)
 
     def shifted(self, shifts: FloatArray) -> FitSamples:
         """The samples with forces of times that are shifts (count,) later."""
@@ -434,7 +422,24 @@ class _Search:
             intervals=np.array(np.broadcast_to(intervals, (m, 2))),
             step=self.step,
             undone=np.array(np.broadcast_to(undone, m)),
+            left=self._left(common[0], float(np.ptp(interval)) / 2 / NORMAL, undone, errors),
         )
+
+    def _left(
+        self, common: float, error: float, undone: FloatArray, errors: FloatArray
+    ) -> FloatArray:
+        """Standard deviation in s of what is left in the log, of all motors or of each.
+
+        Of a delay that was undone its error; of one that is not clear, what the data leave of a
+        usual one.
+        """
+        if np.ptp(undone):
+            return np.where(undone != 0, errors, 0.0)
+        if undone.any():
+            return np.array([error])
+        usual = min(self.options.usual, self.step)
+        told = 1 / (1 + (error / usual) ** 2)
+        return np.array([np.hypot(told * common, usual * np.sqrt(1 - told))])
 
     def _disagreement(self, delays: FloatArray, errors: FloatArray) -> float:
         """How many times as far as their errors let expect delays (k,) differ, where clearly."""

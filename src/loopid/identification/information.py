@@ -150,14 +150,7 @@ class Excitation:
 
 def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitation) -> FitSamples:
     """Samples of z in φ = φ₀ + B z: changes of the prior (n,) along what the data excite."""
-    B, W, Z = excitation.excited, samples.regressor, samples.instruments
-    names = ParameterSet.from_labels([f"combination.{k + 1}" for k in range(B.shape[1])])
-    return replace(
-        samples.less(samples.predicted(prior)),
-        parameters=names,
-        regressor=W @ B,
-        instruments=None if Z is None else Z @ B,
-    )
+    return samples.less(samples.predicted(prior)).along(excitation.excited)
 
 
 def fit_excited(

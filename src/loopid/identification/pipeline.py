@@ -25,7 +25,7 @@ from loopid.identification.information import (
     identifiability,
 )
 from loopid.identification.prediction import Candidate, judge
-from loopid.identification.problem import FitSamples
+from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, fit_quality, nearest_first
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict
@@ -33,6 +33,7 @@ from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import record
+from loopid.regressors.joint_laws import joint_term
 from loopid.workers import require_processes
 
 # What is done about a combination of parameters that no force of the data depends on.
@@ -146,8 +147,6 @@ class Identification:
         fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
         all fitted with the robot file weighed, every body solid.
     options : FitOptions
-    prior_deviation : float or None
-        How far the robot file is off, in parts of its bodies, where it is weighed.
     cutoff : CutoffChoice or None
         Of the filter; None where the recordings left nothing to choose.
     delay : Delay or None
@@ -164,7 +163,6 @@ class Identification:
     identifiability: Identifiability
     candidates: Mapping[str, Candidate]
     options: FitOptions
-    prior_deviation: float | None = None
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
 
@@ -194,6 +192,13 @@ class Identification:
     def fit(self) -> FitResult:
         """The recommended values with their uncertainty."""
         return self.recommended.fit
+
+    @property
+    def prior_deviation(self) -> float | None:
+        """How far the robot file is off, in parts of its bodies, where it is weighed."""
+        weighed = self.candidates.get(CONSISTENT)
+        found = None if weighed is None else weighed.fit.deviation
+        return None if found is None else found.common
 
     @property
     def verdict(self) -> Verdict:
@@ -330,14 +335,12 @@ def identify(
     """
     options.require_references(len(references))
     delay = find_delay(force_model, recordings) if options.undo_delay else None
-    recordings, friction = (
-        without_delay(force_model, runs, delay) for runs in (recordings, friction)
-    )
-    if validation is not None:
-        validation = without_delay(force_model, validation, delay)
     training, judging = recordings, validation
     if judging is None:
         training, judging = split_recordings(recordings, options.fraction)
+    training, judging, friction = (
+        without_delay(force_model, runs, delay) for runs in (training, judging, friction)
+    )
     cutoff = choose_cutoff(force_model, training, options=options.cutoff, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
@@ -359,7 +362,13 @@ def identify(
         fits[CONSISTENT] = fit_solid_bodies(
             force_model, data, excited, whole=whole, terms_known=first is not None, options=options
         )
-    fits = {name: with_delay_errors(each, data, training, delay) for name, each in fits.items()}
+    fits = {
+        name: replace(
+            with_delay_errors(each, data, training, delay),
+            cutoff=None if cutoff is None else cutoff.chosen,
+        )
+        for name, each in fits.items()
+    }
     if delay is not None:
         delay.warn()
     excited.warn()
@@ -368,16 +377,9 @@ def identify(
     runs = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *runs, data, new, excited, judged, options),
-        prior_deviation=found_deviation(fits),
         cutoff=cutoff,
         delay=delay,
     )
-
-
-def found_deviation(fits: Mapping[str, FitResult]) -> float | None:
-    """How far the robot file is off, where a fit weighs it."""
-    found = fits[CONSISTENT].deviation if CONSISTENT in fits else None
-    return None if found is None else found.common
 
 
 @checked
@@ -436,7 +438,8 @@ def fit_joint_terms(
 ) -> FitResult:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
-    Bodies are ``assumed``: their covariance is zero, their intervals are infinite.
+    Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
+    their intervals are infinite.
     """
     values, joints = np.array(force_model.prior), force_model.joint_columns
     covariance = np.zeros((len(values), len(values)))
@@ -464,13 +467,16 @@ def fit_joint_terms(
         terms = quiet_fit(left, estimator)
     else:
         terms = fit_excited(left, values[joints], excitation, estimator=estimator)
-    values[joints] = terms.values
+    # Each leads a base parameter of its own, with factor 1.
+    standard, places = force_model.standard_prior, force_model.base.base[joints]
+    kinds = [force_model.parameters[j].kind for j in joints]
+    positive = [joint_term(kind).positive for kind in kinds]
+    least = np.where(positive, force_model.prior[joints] - standard[places], -np.inf)
+    values[joints] = not_below(least, left, terms)
     covariance[np.ix_(joints, joints)] = terms.covariance
     freedom = np.full(len(values), terms.degrees_of_freedom.min())
     freedom[joints] = terms.degrees_of_freedom
-    # Each leads a base parameter of its own, with factor 1.
-    standard = force_model.standard_prior
-    standard[force_model.base.base[joints]] += values[joints] - force_model.prior[joints]
+    standard[places] += values[joints] - force_model.prior[joints]
     return replace(
         terms,
         parameters=force_model.parameters,
@@ -481,6 +487,23 @@ def fit_joint_terms(
         assumed=tuple(name for name in labels if name in bodies or name in terms.assumed),
         standard_parameters=standard,
     )
+
+
+def not_below(least: FloatArray, data: FitSamples, found: FitResult) -> FloatArray:
+    """Values (n,) of a fit from their least ones on, such as friction from zero on.
+
+    What the data do not tell stays as it is in the fit.
+    """
+    from scipy.optimize import lsq_linear  # slow to import
+
+    if (found.values >= least).all():
+        return found.values
+    R = data.problem.weighted(found.weights)
+    norms = np.linalg.norm(R[:, :-1], axis=0)
+    own = np.diag(np.where(norms > 0, ROUND_OFF * norms, 1.0))
+    X = np.concatenate([R[:, :-1], own])
+    y = np.concatenate([R[:, -1], own @ np.maximum(found.values, least)])
+    return np.asarray(lsq_linear(X, y, bounds=(least, np.inf), method="bvls").x)
 
 
 @checked

@@ -9,6 +9,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, finite, row_blocks
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
+from loopid.identification.cutoff import prepared_at
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, Quality, fit_quality
@@ -101,7 +102,8 @@ def predict(
         The robot of a saved fit; the force model of a fit that is not saved, whose combinations of
         parameters only that knows.
     recording : Recording
-        From ``prepare_recording``, of that robot.
+        From ``prepare_recording``, of that robot. Where its filter leaves the cut-off open, it is
+        that of the fit.
 
     Raises
     ------
@@ -131,6 +133,8 @@ def predict(
             f"{', '.join(model.mechanism.independent)}",
             recording=recording.name,
         )
+    if fit.cutoff is not None:
+        (recording,) = prepared_at(model, [recording], fit.cutoff)
     return Prediction(recording, model.samples(recording).predicted(fit.values))
 
 

@@ -254,6 +254,17 @@ class FitSamples:
             instruments=None if Z is None else np.take(Z, chosen, axis=2),
         )
 
+    def along(self, directions: FloatArray) -> FitSamples:
+        """The same forces with combinations of parameters only, the columns of (n, k)."""
+        W, Z = self.regressor, self.instruments
+        count = directions.shape[1]
+        return replace(
+            self,
+            parameters=ParameterSet.from_labels(f"combination.{k + 1}" for k in range(count)),
+            regressor=W @ directions,
+            instruments=None if Z is None else Z @ directions,
+        )
+
     def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
         """Some of the parameters only, with the forces of the others at values (n,) subtracted."""
         chosen = [int(j) for j in columns]

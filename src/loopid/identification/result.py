@@ -236,6 +236,8 @@ class FitResult(OfArrays):
         solid; None for estimators that find base parameters only.
     deviation : FileDeviation or None
         Of the robot file, where the fit weighs it.
+    cutoff : float or None
+        In Hz, of the filter, where it was chosen by predictions.
 
     Examples
     --------
@@ -268,6 +270,7 @@ class FitResult(OfArrays):
     robustness: Robustness | None = None
     standard_parameters: FloatArray | None = None
     deviation: FileDeviation | None = None
+    cutoff: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -133,6 +133,7 @@ class SavedEstimate(_Section):
     noise: NoiseModel | None = None
     robustness: Robustness | None = None
     deviation: FileDeviation | None = None
+    cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
 
 
 class SavedFit(_Section):
@@ -249,6 +250,11 @@ class SavedFit(_Section):
             for base in self.base_parameters
         ]
         return np.array(rows)
+
+    @property
+    def cutoff(self) -> float | None:
+        """In Hz, of the filter, where it was chosen by predictions."""
+        return None if self.estimate is None else self.estimate.cutoff
 
     @property
     def result(self) -> FitResult | None:

@@ -32,7 +32,7 @@ from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult
 from loopid.logs.recording import Recording
-from loopid.parameters import KINDS, ParameterSet
+from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms, terms_of_file, together
@@ -222,16 +222,7 @@ class _Evidence(NamedTuple):
             scales = np.divide(1.0, norms, out=np.zeros(n), where=norms > 0)
             _, effects, turn = np.linalg.svd(R * scales)
             excited = turn[effects > LEAST_EXCITATION * effects[0]]
-        names = ParameterSet.from_labels([f"combination.{k + 1}" for k in range(len(excited))])
-        reduced = FitSamples.of(
-            names,
-            data.actuators,
-            data.regressor @ (scales[:, None] * excited.T),
-            data.force,
-            used=data.used,
-            stretches=data.stretches,
-            least_errors=data.least_errors,
-        )
+        reduced = data.along(scales[:, None] * excited.T)
         try:
             fit = quiet_fit(reduced)
         except (DataError, RankError):
@@ -239,7 +230,7 @@ class _Evidence(NamedTuple):
         if fit.degrees_of_freedom.min() < LEAST_FREEDOM:
             return None
         with one_blas_thread():
-            Q = reduced.problem.weighted(fit.weights)[: len(names), : len(names)]
+            Q = reduced.problem.weighted(fit.weights)[:-1, :-1]
             back = np.divide(1.0, scales, out=np.zeros(n), where=scales > 0)
             every = Q @ (excited * back)
         columns = dict(zip(data.parameters.labels, every.T, strict=True))

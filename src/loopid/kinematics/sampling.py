@@ -157,9 +157,10 @@ def _drawn(mechanism: Mechanism, seed: int, options: SamplingOptions) -> Iterato
         part = generator.uniform(size=(batch, len(home)))[:, places]
         values = home + spread * (lower + part * (upper - lower) - home)
         outcome = follow_paths(measured, mechanism.reference[None], values, paths)
-        q = _completed(mechanism, outcome.configurations[outcome.assembled], generator)
+        q = outcome.configurations[outcome.assembled]
         outside = mechanism.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
+        q = _completed(mechanism, q, generator)
         regular = q[singularity_measure(mechanism, q) >= least]
         if len(q) < options.few * batch:  # draw nearer
             spread = max(options.narrower * spread, options.least_spread)
@@ -219,7 +220,6 @@ def _too_few(
 
 def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Closed configurations inside the limits, with the parts that are held at random."""
-    q = q[~mechanism.outside(q).any(axis=1)]
     if not mechanism.held:
         return q
     chosen, _ = partition(mechanism)
@@ -228,7 +228,8 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
     steps = steps[:, mechanism.draw_places(chosen)] * units * parts
     q, residual = displaced(mechanism, q, steps)
-    return q[residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)]
+    closed = residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+    return q[closed & ~mechanism.outside(q).any(axis=1)]
 
 
 @checked

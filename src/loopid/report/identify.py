@@ -143,7 +143,7 @@ def identification_record(study: Study) -> dict[str, Any]:
 
 
 def _candidates(study: Study) -> tuple[Candidate, ...]:
-    """The robot file, all parameters, the essential ones, and the robot file as prior."""
+    """The robot file, all parameters, the essential ones, and the consistent ones."""
     start, whole, *others = study.identification.candidates.values()
     return (start, whole, study.essential, *others)
 

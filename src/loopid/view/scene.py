@@ -1,0 +1,243 @@
+"""What is where when a robot with loops stands at a pose: numbers, without anything that draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arguments import FloatArray, checked, samples
+from loopid.errors import DataError
+from loopid.identification.saved import SavedFit
+from loopid.inertia import central_moments, centre, pseudo_inertia
+from loopid.kinematics import assembly_modes, measured_coordinates, singularity_measure
+from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.constraint import scaled_residual
+from loopid.loading.files import find_files
+from loopid.records import record
+from loopid.robot.mechanism import Mechanism, scratch_data
+
+PARTS = 16  # of a way that leads out of reach: the robot goes as far as whole parts lead
+APART = 0.01  # points of a link nearer to each other, in characteristic lengths, are one
+
+
+@record
+class Slider:
+    """A joint that a hand moves, with all that follows from it."""
+
+    joint: str
+    unit: str
+    low: float  # its limits, else half a turn, or half a length, to either side of the reference
+    high: float
+
+
+@record
+class Pose:
+    """What is where at a configuration, in m along the fixed axes."""
+
+    configuration: FloatArray  # (nq,)
+    values: FloatArray  # of the sliders
+    origins: FloatArray  # (joints + 1, 3), the fixed frame first
+    rotations: FloatArray  # (joints + 1, 3, 3)
+    rods: FloatArray  # (rods, 2, 3), their ends
+    closures: FloatArray  # (closures, 2, 3), the origins of the two frames of each
+    open_by: FloatArray  # (closures,), the largest residual of each
+    residual: float  # the largest one, of couplings too
+    singularity: float  # see ``Projection.singularity``
+
+
+@record
+class BodyMass:
+    """Where the mass of a body is, in the frame of the joint that carries it.
+
+    A homogeneous ellipsoid of these radii has the body's mass, centre and inertia.
+    """
+
+    link: str
+    joint: int  # index in the Pinocchio model
+    mass: float  # in kg
+    centre: FloatArray  # (3,) in m
+    axes: FloatArray  # (3, 3), as columns
+    radii: FloatArray  # (3,) in m along the axes; zero where no inertia is known or possible
+
+
+class Scene:
+    """A robot as it is drawn, and moved by the joints that determine where it is.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    sliders : tuple of Slider
+    solids : list of pinocchio.GeometryObject
+        What the robot's URDF draws, beside rods between the joints of each link.
+    closed : float
+        Residual in m up to which a loop counts as closed.
+
+    Raises
+    ------
+    MobilityError
+        When the joints do not determine the motion at the reference.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> scene = loopid.view.Scene(robot)
+    >>> pose, arrived = scene.moved(scene.at(robot.reference), [1.2, 1.9])
+    >>> arrived, pose.values.round(6).tolist(), pose.residual < 1e-9
+    (True, [1.2, 1.9], True)
+    """
+
+    @checked
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self._measured = mechanism, measured_coordinates(mechanism)
+        at = self._measured.read(mechanism.reference[None])[0]
+        self.sliders = tuple(map(self._slider, mechanism.measured, at))
+        self.solids = _solids(mechanism)
+        self.closed = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+        self._rods = [*_rods(mechanism)]
+
+    def _slider(self, joint: str, at: float) -> Slider:
+        slides = self.mechanism.velocity_indices([joint])[0] in self.mechanism.prismatic
+        reach = self.mechanism.length / 2 if slides else np.pi
+        low, high = np.where(np.isinf(self.mechanism.limits(joint)), (at - reach, at + reach),
+                             self.mechanism.limits(joint))  # fmt: skip
+        return Slider(joint, "m" if slides else "rad", float(min(low, at)), float(max(high, at)))
+
+    @checked
+    def at(self, configuration: FloatArray) -> Pose:
+        """What is where at a configuration (nq,), closed or not."""
+        robot, model = self.mechanism, self.mechanism.model
+        q, data = samples(configuration, model.nq, "configuration", 1), scratch_data(model)
+        pin.framesForwardKinematics(model, data, q[0])
+        places = list(data.oMi)
+        ends = [data.oMf[k].translation for k in robot.closure_frames[0]]
+        rods = [places[joint].act(point) for rod in self._rods for joint, point in rod]
+        residual, owner = np.abs(scaled_residual(robot, q)[0]), robot.row_closures
+        own = residual[: len(owner)]
+        return Pose(
+            configuration=q[0],
+            values=self._measured.read(q)[0],
+            origins=np.array([place.translation for place in places]),
+            rotations=np.array([place.rotation for place in places]),
+            rods=np.reshape(rods, (-1, 2, 3)),
+            closures=np.reshape(ends, (-1, 2, 3)),
+            open_by=np.array([own[owner == k].max() for k in range(len(robot.closures))]),
+            residual=float(residual.max(initial=0.0)),
+            singularity=float(singularity_measure(robot, q)[0]),
+        )
+
+    @checked
+    def moved(self, pose: Pose, values: FloatArray) -> tuple[Pose, bool]:
+        """The closed pose at values of the sliders, and whether they are reached from a pose.
+
+        The way there is straight, and ends where it leaves the workspace or meets a singularity.
+        """
+        robot, start = self.mechanism, pose.configuration
+        goal = samples(values, self._measured.width, "values", 1)
+        found = try_assemble(robot, goal, start=start)
+        if found.assembled[0]:
+            return self.at(found.configurations[0]), True
+        way = self._measured.difference(pose.values[None], goal)
+        parts = pose.values + np.linspace(0.0, 1.0, PARTS + 1)[1:, None] * way
+        found = try_assemble(robot, parts, start=start, trajectory=True)
+        reached = int(np.append(found.assembled, False).argmin())
+        return (self.at(found.configurations[reached - 1]) if reached else pose), False
+
+    def modes(self) -> tuple[FloatArray, ...]:
+        """The reference (nq,), and the other ways of assembling the robot there.
+
+        Where the reference is singular, those a step of the motors away.
+        """
+        robot = self.mechanism
+        found = robot.modes or (assembly_modes(robot, robot.reference) if robot.rows else ())
+        others = (mode.reference for mode in found)
+        return robot.reference, *(q for q in others if abs(q - robot.reference).max() > APART)
+
+
+def _solids(robot: Mechanism) -> list[pin.GeometryObject]:
+    """What a robot's URDF draws; nothing where its meshes are missing, or of other formats."""
+    tree = find_files(robot.path).tree
+    if tree.suffix != ".urdf":
+        return []
+    kind, folders = pin.GeometryType.VISUAL, [str(folder) for folder in tree.absolute().parents]
+    try:
+        found = pin.buildGeomFromUrdf(robot.model, str(tree), kind, package_dirs=folders)
+    except (ValueError, RuntimeError):
+        return []
+    return list(found.geometryObjects)
+
+
+Rod = tuple[tuple[int, FloatArray], tuple[int, FloatArray]]  # joints, and points in their frames
+
+
+def _rods(robot: Mechanism) -> Iterator[Rod]:
+    """Rods that stand for links: a star through the joints of each, and how far slides are out."""
+    model, origin = robot.model, np.zeros(3)
+    points: list[list[FloatArray]] = [[], *([origin] for _ in robot.joints)]
+    for k in range(1, model.njoints):
+        points[model.parents[k]].append(model.jointPlacements[k].translation)
+    for frame in (model.frames[k] for k in robot.closure_frames[0]):
+        points[frame.parentJoint].append(frame.placement.translation)
+    for k, found in enumerate(points):
+        if len(found) == 1 and k:  # the end of a chain
+            found.append(model.inertias[k].lever)
+        middle = np.mean(found, axis=0) if len(found) > 2 else found[0] if found else origin
+        for point in found:
+            if np.linalg.norm(point - middle) > APART * robot.length:
+                yield (k, middle), (k, point)
+    for k in sorted({robot.joint_ids[index] for index in robot.prismatic}):
+        if model.joints[k].nv == 1:
+            yield (int(model.parents[k]), model.jointPlacements[k].translation), (k, origin)
+
+
+@checked
+def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> tuple[BodyMass, ...]:
+    """Where the masses of all bodies are.
+
+    Parameters
+    ----------
+    parameters : FloatArray, optional
+        (bodies, 10) standard parameters, or (bodies, 4) without inertias; by default those of the
+        robot file.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.view.body_masses(loopid.load_mechanism("five_bar"))[0].mass
+    1.3
+    """
+    inertias = [mechanism.model.inertias[body.joint_id] for body in mechanism.bodies]
+    own = np.array([inertia.toDynamicParameters() for inertia in inertias])
+    rows, found = own if parameters is None else parameters, []
+    for body, row in zip(mechanism.bodies, rows, strict=True):
+        P = pseudo_inertia(np.append(row, np.zeros(10 - len(row))))
+        moments, axes = np.linalg.eigh(central_moments(P))  # a homogeneous ellipsoid's are m r² / 5
+        known = len(row) == 10 and row[0] > 0 and moments[0] >= 0
+        radii = np.sqrt(5.0 * moments / row[0]) if known else np.zeros(3)
+        axes *= np.linalg.det(axes)  # right-handed
+        found.append(BodyMass(body.link, body.joint_id, float(row[0]), centre(P), axes, radii))
+    return tuple(found)
+
+
+@checked
+def fitted_masses(mechanism: Mechanism, fit: SavedFit) -> tuple[BodyMass, ...]:
+    """Where a saved fit says that the masses are.
+
+    Raises
+    ------
+    DataError
+        When the fit is one of another robot, or has values of base parameters alone.
+    """
+    labels = mechanism.parameters(fit.force_model.model).labels
+    known = dict(zip(fit.standard.labels, fit.standard_values, strict=True))
+    values = np.array([known.get(label, np.nan) for label in labels])
+    if np.isnan(values).any():
+        raise DataError(
+            f"the fit of {fit.robot.name} does not say where the masses of {mechanism.name} are: "
+            "the recommended fit of the same robot does",
+            robot=fit.robot.name,
+        )
+    tied = mechanism.tie_indices
+    return body_masses(mechanism, values.reshape(tied.max() + 1, -1)[tied])

@@ -1,0 +1,379 @@
+"""A scene in a browser, by viser: sliders that move whole loops, playback, pictures."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from loopid.arguments import FloatArray, checked, spread_rows
+from loopid.errors import MissingExtraError, OptionError
+from loopid.identification.saved import SavedFit, read_fit
+from loopid.logs.preparing import read_recordings
+from loopid.motion.files import read_motion_program
+from loopid.motion.joints import JointMotion, joint_motion
+from loopid.robot.mechanism import Mechanism
+from loopid.view.scene import BodyMass, Pose, Scene, body_masses, fitted_masses
+
+RATE = 25.0  # poses a second of a playback
+BROWSERS = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
+HEADLESS = ["headless=new", "use-angle=swiftshader", "enable-unsafe-swiftshader", "no-first-run"]
+PATIENCE = 60.0  # s for a browser to start, or to draw
+THICKNESS = 0.012  # radius of a rod, of the robot's characteristic length
+BEHIND = np.array([1.0, -1.3, 0.8])  # from where one looks
+FIELD = 0.8  # rad, the height of what one sees
+ROD, OPEN, CLOSED = (120, 144, 156), (213, 94, 0), (0, 158, 115)
+MASSES = (0, 114, 178), (230, 159, 0), (204, 121, 167), (86, 180, 233)  # of the file, then fits
+
+
+class Viewer:
+    """A robot in a browser, at ``url`` of this machine alone; a context manager.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : JointMotion, optional
+        What can be played.
+    fits : mapping
+        Saved fits by the names that are shown, whose masses stand beside those of the robot file.
+    port : int
+        The next free one where it is taken.
+
+    Attributes
+    ----------
+    scene : Scene
+    pose : Pose
+        What is shown.
+
+    Raises
+    ------
+    MissingExtraError
+        When viser is not installed.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> with loopid.view.Viewer(loopid.load_mechanism("five_bar")) as viewer:
+    ...     viewer.move([1.2, 1.9])
+    True
+    """
+
+    @checked
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        motion: JointMotion | None = None,
+        fits: Mapping[str, SavedFit] | None = None,
+        port: int = 8080,
+    ) -> None:
+        try:
+            import viser
+        except ImportError as error:
+            raise MissingExtraError.of("viser", "view") from error
+        masses = {"robot file": body_masses(mechanism)}
+        masses |= {name: fitted_masses(mechanism, fit) for name, fit in (fits or {}).items()}
+        self.scene, self.motion = Scene(mechanism), motion
+        self._lock, self._closed = threading.RLock(), threading.Event()
+        self.pose = self.scene.at(mechanism.reference)
+        logging.getLogger("websockets.server").addFilter(_is_news)
+        with redirect_stdout(io.StringIO()):
+            self._server = viser.ViserServer("127.0.0.1", port, label=mechanism.name, verbose=False)
+        self.url = f"http://127.0.0.1:{self._server.get_port()}"
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._draw()
+        self._add_controls()
+        self._add_masses(masses)
+        if motion is not None:
+            self._add_playback(motion)
+        self.show(mechanism.reference if motion is None else motion.configurations[0])
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._closed.set()
+        with redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def wait(self) -> None:
+        """Serve until the program is interrupted."""
+        with suppress(KeyboardInterrupt):
+            self._closed.wait()
+
+    def show(self, configuration: FloatArray) -> None:
+        """Show the robot at a configuration (nq,), closed or not."""
+        self._place(self.scene.at(configuration))
+
+    def move(self, values: FloatArray) -> bool:
+        """Move the sliders to values in m or rad, as far as they get, and tell if all the way."""
+        with self._lock:
+            pose, arrived = self.scene.moved(self.pose, values)
+            self._place(pose, "" if arrived else "stopped by a singularity or the end of reach, ")
+        return arrived
+
+    def pictures(self, count: int = 1, height: int = 480, width: int = 640) -> Iterator[bytes]:
+        """PNG pictures of evenly spread poses of the motion, or of the pose that is shown.
+
+        Raises
+        ------
+        OptionError
+            When no browser is installed, or it does not start.
+        """
+        import imageio.v3 as iio
+
+        poses = [self.pose.configuration] if self.motion is None else self.motion.configurations
+        x, y = np.cross(self._towards, (0, 0, 1)), -self._towards
+        x /= np.linalg.norm(x)
+        view = Rotation.from_matrix(np.stack([x, np.cross(-y, x), -y], 1)).as_quat(
+            scalar_first=True
+        )
+        with self._browser(f"window-size={width},{height}") as client:
+            for k in spread_rows(len(poses), count):
+                self.show(poses[k])
+                image = client.get_render(
+                    height, width, wxyz=view, position=self._eye, fov=FIELD, timeout=PATIENCE
+                )
+                yield iio.imwrite("<bytes>", image, extension=".png")
+
+    @contextmanager
+    def _browser(self, *options: str) -> Iterator[Any]:
+        """A browser without a window that looks at the scene, as viser's client."""
+        program = next(filter(None, map(shutil.which, BROWSERS)), None)
+        if program is None:
+            raise OptionError(
+                f"pictures need a browser, and none of {', '.join(BROWSERS)} is on the PATH: "
+                "install Chromium or Chrome"
+            )
+        known, clients = set(self._server.get_clients()), self._server.get_clients
+        root = ["no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []  # else it refuses
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            words = [*HEADLESS, *root, *options, f"user-data-dir={profile}"]
+            command = [program, *(f"--{word}" for word in words), self.url]
+            process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+            try:
+                end = time.monotonic() + PATIENCE
+                while not (new := set(clients()) - known):
+                    if process.poll() is not None or time.monotonic() > end:
+                        raise OptionError(f"the browser {program} did not open {self.url}")
+                    time.sleep(0.05)
+                yield clients()[new.pop()]
+            finally:
+                process.terminate()
+                process.wait()
+
+    def _draw(self) -> None:
+        """Everything that a pose places."""
+        from trimesh import creation
+
+        pose, draw, thick = self.pose, self._server.scene, THICKNESS * self.scene.mechanism.length
+        # Shadows and mirrored surroundings take seconds where there is no graphics card.
+        draw.configure_default_lights(cast_shadow=False)
+        draw.configure_environment_map(None)
+        draw.add_light_ambient("/light", intensity=1.5)
+        ball, pole = creation.icosphere(2), creation.cylinder(1.0, 1.0, sections=16)
+        self._links = [
+            draw.add_frame(f"/links/{k}", show_axes=False) for k in range(len(pose.origins))
+        ]
+        for number, solid in enumerate(self.scene.solids):
+            _add_solid(draw, f"/links/{solid.parentJoint}/{number}", solid)
+
+        def batch(name: str, mesh: Any, size: float, count: int, color: Any, **look: Any) -> Any:
+            turns = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+            return draw.add_batched_meshes_simple(
+                name, size * mesh.vertices, mesh.faces, turns, np.zeros((count, 3)),
+                batched_scales=np.ones((count, 3)), batched_colors=np.tile(color, (count, 1)),
+                **look,
+            )  # fmt: skip
+
+        self._rods = batch("/rods", pole, 1.0, len(pose.rods), ROD)
+        self._ends = batch("/ends", ball, thick, 2 * len(pose.rods), ROD)
+        self._cuts = batch("/cuts", ball, 2.6 * thick, 2 * len(pose.closures), CLOSED, opacity=0.7)
+        names = [closure.name for closure in self.scene.mechanism.closures]
+        self._labels = [
+            draw.add_label(f"/labels/{k}", n, visible=False) for k, n in enumerate(names)
+        ]
+        points = np.concatenate([pose.origins, *pose.rods, *pose.closures])
+        low, high = points.min(axis=0), points.max(axis=0)
+        reach = float(np.linalg.norm(high - low)) or 1.0
+        middle, self._towards = (low + high) / 2, -BEHIND / np.linalg.norm(BEHIND)
+        self._eye = middle - 1.4 * reach * self._towards
+        camera = self._server.initial_camera
+        camera.position, camera.look_at, camera.fov = self._eye, middle, FIELD
+        floor = (*middle[:2], low[2] - 0.05 * reach)
+        draw.add_grid("/grid", 2 * reach, 2 * reach, position=floor, cell_size=reach / 10)
+
+    def _place(self, pose: Pose, said: str = "") -> None:
+        """Put everything where a pose has it, and say how the pose is."""
+        with self._lock, self._server.atomic():
+            self.pose = pose
+            turns = Rotation.from_matrix(pose.rotations).as_quat(scalar_first=True)
+            for frame, origin, turn in zip(self._links, pose.origins, turns, strict=True):
+                frame.position, frame.wxyz = origin, turn
+            way = pose.rods[:, 1] - pose.rods[:, 0]
+            lengths = np.linalg.norm(way, axis=1, keepdims=True)
+            thick = np.full((len(way), 2), THICKNESS * self.scene.mechanism.length)
+            self._rods.batched_positions = pose.rods.mean(axis=1)
+            self._rods.batched_wxyzs = _turns_of_z(way / np.maximum(lengths, 1e-12))
+            self._rods.batched_scales = np.hstack([thick, lengths])
+            self._ends.batched_positions = pose.rods.reshape(-1, 3)
+            self._cuts.batched_positions = pose.closures.reshape(-1, 3)
+            colours = np.where(pose.open_by[:, None] <= self.scene.closed, CLOSED, OPEN)
+            self._cuts.batched_colors = np.repeat(colours, 2, axis=0)
+            closures = zip(self._labels, self.scene.mechanism.closures, strict=True)
+            for k, (label, closure) in enumerate(closures):
+                label.position = pose.closures[k].mean(axis=0)
+                label.text = f"{closure.name}: {pose.open_by[k]:.1e} m"
+            for slider, value in zip(self._sliders, pose.values, strict=True):
+                slider.value = float(np.clip(value, slider.min, slider.max))
+            kept = "closed to" if pose.residual <= self.scene.closed else "open by"
+            self._state.value = f"{said}{kept} {pose.residual:.1e} m"
+            self._singularity.value = f"{pose.singularity:.3g}"
+
+    def _add_controls(self) -> None:
+        gui, robot = self._server.gui, self.scene.mechanism
+        self._state = gui.add_text("loops", "", disabled=True)
+        hint = "0 where the motors lose control of the motion"
+        self._singularity = gui.add_text("singularity measure", "", disabled=True, hint=hint)
+        self._sliders: list[Any] = []
+        for each, value in zip(self.scene.sliders, self.pose.values, strict=True):
+            label, step = f"{each.joint} ({each.unit})", (each.high - each.low) / 1000 or 1e-3
+            slider = gui.add_slider(label, each.low, each.high, step, float(value))
+            slider.on_update(self._dragged)
+            self._sliders.append(slider)
+        gui.add_button("Reference").on_click(lambda _: self.show(robot.reference))
+        if robot.rows:
+            names = gui.add_checkbox("Closures by name", False)
+            names.on_update(lambda _: _set_visible(self._labels, names.value))
+            find = gui.add_button("Find assembly modes")
+            find.on_click(lambda _: self._add_modes(find))
+
+    def _dragged(self, event: Any) -> None:
+        """Follow a slider that a person drags to where it is now: old events are passed over."""
+        if event.client is None:  # set by ``_place``
+            return
+        with self._lock:
+            goal, k = self.pose.values.copy(), self._sliders.index(event.target)
+            goal[k] = event.target.value
+            if goal[k] != self.pose.values[k]:
+                self.move(goal)
+
+    def _add_modes(self, button: Any) -> None:
+        button.disabled = True
+        modes = self.scene.modes()
+        names = ["reference", *(f"mode {k}" for k in range(1, len(modes)))]
+        choice = self._server.gui.add_dropdown("assembly mode", names)
+        choice.on_update(lambda _: self.show(modes[names.index(choice.value)]))
+
+    def _add_masses(self, masses: Mapping[str, Sequence[BodyMass]]) -> None:
+        """Centres of mass and ellipsoids of inertia, by what says so."""
+        draw, size = self._server.scene, 1.5 * THICKNESS * self.scene.mechanism.length
+        visible = len(masses) > 1
+        for n, (name, bodies) in enumerate(masses.items()):
+            box, nodes = self._server.gui.add_checkbox(f"masses of {name}", visible), []
+            for k, body in enumerate(bodies):
+                place, turn = f"/links/{body.joint}/mass {n} {k}", Rotation.from_matrix(body.axes)
+                look = {"color": MASSES[n % 4], "position": body.centre, "visible": visible}
+                nodes.append(draw.add_icosphere(place, size, **look))
+                look |= {"scale": tuple(body.radii), "wxyz": turn.as_quat(scalar_first=True)}
+                if body.radii.all():
+                    nodes.append(draw.add_icosphere(f"{place} inertia", opacity=0.35, **look))
+            box.on_update(lambda event, nodes=nodes: _set_visible(nodes, event.target.value))
+
+    def _add_playback(self, motion: JointMotion) -> None:
+        first, last = float(motion.time[0]), float(motion.time[-1])
+        play = self._server.gui.add_checkbox("Play", False)
+        clock = self._server.gui.add_slider("time (s)", first, last, 1e-3, first)
+
+        def show(_: Any) -> None:
+            row = int(np.searchsorted(motion.time, clock.value))
+            self.show(motion.configurations[min(row, len(motion) - 1)])
+
+        def run(_: Any) -> None:
+            while play.value and not self._closed.wait(1 / RATE):
+                clock.value = first if clock.value >= last else min(clock.value + 1 / RATE, last)
+
+        clock.on_update(show)
+        play.on_update(run)
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Browsers open connections that they do not use."""
+    return record.getMessage() != "opening handshake failed"
+
+
+def _set_visible(nodes: Iterable[Any], visible: bool) -> None:
+    for node in nodes:
+        node.visible = visible
+
+
+def _turns_of_z(directions: FloatArray) -> FloatArray:
+    """Quaternions (R, 4) that turn z into directions (R, 3)."""
+    x, y, z = directions.T
+    turns = np.stack([1 + z, -y, x, np.zeros_like(x)], axis=1)
+    turns[z < -1 + 1e-9] = 0.0, 1.0, 0.0, 0.0
+    return np.asarray(turns / np.linalg.norm(turns, axis=1, keepdims=True))
+
+
+def _add_solid(draw: Any, name: str, solid: pin.GeometryObject) -> None:
+    """A piece of a robot's geometry, with the frame of its link as parent."""
+    shape, colour = solid.geometry, tuple(int(255 * x) for x in solid.meshColor[:3])
+    place = pin.SE3ToXYZQUAT(solid.placement)
+    at = {"color": colour, "position": place[:3], "wxyz": np.roll(place[3:], 1)}
+    if isinstance(shape, coal.Box):
+        draw.add_box(name, dimensions=2 * shape.halfSide, **at)
+    elif isinstance(shape, coal.Sphere):
+        draw.add_icosphere(name, shape.radius, **at)
+    elif isinstance(shape, coal.Cylinder):
+        draw.add_cylinder(name, shape.radius, 2 * shape.halfLength, **at)
+    elif isinstance(shape, coal.BVHModelBase):
+        corners = np.array(shape.vertices()) * solid.meshScale
+        triangles = [tuple(shape.tri_indices(k)) for k in range(shape.num_tris)]
+        draw.add_mesh_simple(name, corners, np.array(triangles), flat_shading=True, **at)
+
+
+@checked
+def open_viewer(
+    mechanism: Mechanism, files: Sequence[str | Path] = (), *, port: int = 8080
+) -> Viewer:
+    """Show a robot with a log or a motion, which can be played, and with saved fits.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Saved fits, and a log or a motion file, whose first motion is meant, or a bundled robot's
+        name for its motion.
+    port : int
+        See ``Viewer``.
+    """
+    motions, fits = list[JointMotion](), dict[str, SavedFit]()
+    for path in map(str, files):
+        text = Path(path).suffix in (".yaml", ".yml", ".json")
+        if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
+            fits[path] = read_fit(path)
+        elif text or not Path(path).exists():
+            planned = read_motion_program(path).motion(rate=RATE)
+            motions.append(joint_motion(mechanism, planned))
+        else:
+            motions.append(read_recordings(mechanism, [path])[0].motion)
+    if len(motions) > 1:
+        raise OptionError(f"only one log or motion can be played, not {len(motions)}")
+    return Viewer(mechanism, motion=motions[0] if motions else None, fits=fits, port=port)

@@ -1,0 +1,141 @@
+"""The viewer without a browser, and in one where it is installed."""
+
+import io
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import loopid
+from loopid.errors import DataError, MissingExtraError, OptionError
+
+viser = pytest.importorskip("viser")
+from loopid.view import open_viewer  # noqa: E402
+from loopid.view.viewer import BROWSERS, CLOSED, OPEN, Viewer  # noqa: E402
+
+LOG = Path(__file__).parents[2] / "urdf" / "logs" / "five_bar.csv"
+PROGRAM = next(filter(None, map(shutil.which, BROWSERS)), None)
+IN_A_BROWSER = pytest.mark.skipif(PROGRAM is None, reason=f"needs one of {', '.join(BROWSERS)}")
+WAIT = 120e3  # ms, on a busy machine
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.fixture(scope="module")
+def five_bar(load_once):
+    return load_once("five_bar")
+
+
+@pytest.fixture(scope="module")
+def fit_file(five_bar, tmp_path_factory):
+    with warnings.catch_warnings(action="ignore"):
+        model = loopid.find_force_model(five_bar, "full")
+        recording = loopid.prepare_recording(five_bar, loopid.read_log(LOG, five_bar))
+        found = loopid.identify(model, [recording])
+    return loopid.save_fit(tmp_path_factory.mktemp("fit") / "fit.yaml", model, found.fit)
+
+
+def test_files_of_all_kinds_are_known(five_bar, fit_file):
+    with open_viewer(five_bar, [LOG, fit_file]) as viewer:
+        assert len(viewer.motion) > 100
+        np.testing.assert_array_equal(viewer.pose.configuration, viewer.motion.configurations[0])
+    with open_viewer(five_bar, ["five_bar"]) as viewer:
+        assert viewer.motion is not None
+    with pytest.raises(OptionError):
+        open_viewer(five_bar, [LOG, "five_bar"])
+
+
+def test_the_fit_of_another_robot_is_refused(load_once, fit_file):
+    with pytest.raises(DataError):
+        open_viewer(load_once("four_bar"), [fit_file])
+
+
+def test_only_this_machine_is_served_and_a_taken_port_is_no_problem(five_bar):
+    with Viewer(five_bar, port=8137) as first, Viewer(five_bar, port=8137) as second:
+        assert first.url != second.url
+        assert all(viewer.url.startswith("http://127.0.0.1:") for viewer in (first, second))
+
+
+def test_without_viser_or_a_browser_one_sentence_says_what_to_install(five_bar, monkeypatch):
+    with Viewer(five_bar) as viewer, monkeypatch.context() as patch:
+        patch.setenv("PATH", "/nowhere")
+        with pytest.raises(OptionError, match="install"):
+            next(viewer.pictures())
+    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    with pytest.raises(MissingExtraError):
+        Viewer(five_bar)
+
+
+def coloured(image, colour):
+    """Pixels of a hue, however bright or faint it is drawn."""
+    pixels = image.reshape(-1, 3) - image.min(axis=2).reshape(-1, 1)
+    hue = np.array(colour, float) - min(colour)
+    size = np.linalg.norm(pixels, axis=1)
+    return int((pixels @ hue / np.maximum(size, 40) / np.linalg.norm(hue) > 0.97).sum())
+
+
+@IN_A_BROWSER
+def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
+    from PIL import Image
+
+    motion = loopid.joint_motion(five_bar, loopid.read_motion_program("five_bar").motion(rate=5.0))
+    with Viewer(five_bar, motion=motion) as viewer:
+        closed, later, _ = (
+            np.array(Image.open(io.BytesIO(png)), float)
+            for png in viewer.pictures(3, height=300, width=400)
+        )
+    broken = motion.configurations[0].copy()
+    broken[five_bar.joint("left_crank_joint").idx_q] += 0.3
+    with Viewer(five_bar) as viewer:
+        viewer.show(broken)
+        (png,) = viewer.pictures(height=300, width=400)
+        opened = np.array(Image.open(io.BytesIO(png)), float)
+    assert closed.shape == (300, 400, 3)
+    assert np.abs(closed - later).max() > 50  # it moves
+    assert coloured(closed, CLOSED) > 100 > 10 > coloured(closed, OPEN)
+    assert coloured(opened, OPEN) > 50
+
+
+@IN_A_BROWSER
+def test_a_hand_on_a_slider_moves_whole_loops_and_nothing_leaves_the_machine(five_bar, fit_file):
+    pytest.importorskip("playwright")
+    from playwright.sync_api import sync_playwright
+
+    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with open_viewer(five_bar, [LOG, fit_file]) as viewer, sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=PROGRAM, args=options)
+        page = browser.new_page(viewport={"width": 900, "height": 600})
+        page.set_default_timeout(WAIT)
+        asked, said = [], []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(viewer.url)
+        slider = page.get_by_role("slider").first
+        slider.wait_for()
+        before, box = viewer.pose, slider.bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 5, y, steps=5)
+        page.mouse.up()
+        for _ in range(int(WAIT / 100)):
+            if viewer.pose.values[0] != before.values[0]:
+                break
+            page.wait_for_timeout(100)
+        after = viewer.pose
+        page.get_by_label("Play").check()
+        for _ in range(int(WAIT / 100)):
+            if (viewer.pose.values != after.values).all():
+                break
+            page.wait_for_timeout(100)
+        played = viewer.pose
+        browser.close()
+    assert after.values[0] != before.values[0]
+    assert after.values[1] == pytest.approx(before.values[1])
+    assert np.abs(after.origins - before.origins).max(axis=1).min() == 0.0  # the fixed frame
+    assert (np.abs(after.closures - before.closures) > 1e-4).any()
+    assert max(after.residual, played.residual) <= 1e-9
+    assert (played.values != after.values).all()
+    assert said == []
+    assert all(url.startswith((viewer.url, "data:", "blob:")) for url in asked)
