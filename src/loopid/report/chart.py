@@ -315,7 +315,7 @@ def _rendered(figure: Any, name: str) -> Iterator[tuple[str, bytes]]:
 
 def _panel_html(panel: Panel) -> HtmlElement:
     across, high = panel.limits()
-    x_ticks = ticks(*across, log="x" in panel.log)
+    x_ticks = ticks(*across, log="x" in panel.log, count=3 if panel.equal else TICKS)
     y_ticks = ticks(*sorted(high), log="y" in panel.log, count=2 if panel.small else TICKS)
     if panel.labels:
         y_ticks = [(float(k), name) for k, name in enumerate(panel.labels)]

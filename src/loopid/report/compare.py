@@ -122,13 +122,14 @@ def _cells(value: float | None, error: float | None) -> tuple[str, str]:
 
 
 def comparison_chart(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> Chart:
-    """Values with their standard errors, each less the mean of the fits."""
+    """Values with their intervals, each less the mean of the fits."""
     x, s = (
         np.array([row[key] for row in rows], dtype=np.float64)
         for key in ("values", "standard_errors")
     )
     mean = np.nanmean(x, axis=1, keepdims=True)
-    size = np.nanmax(np.abs(x), axis=1, keepdims=True)
+    size = np.nan_to_num(s).max(axis=1, keepdims=True)
+    size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     middle, reach = (x - mean) / size, CLEAR * np.nan_to_num(s) / size
     marks = []
     for k, name in enumerate(names):
@@ -138,6 +139,6 @@ def comparison_chart(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> Ch
         marks += [Mark("", low, place, look, "span", high)]
         marks += [Mark(name, middle[:, k], place, look, "dots")]
     labels = tuple(row["name"] for row in rows)
-    title = f"less the mean of the fits, in parts of the largest; ± {CLEAR:g} standard errors"
-    caption = "Bars that are clear of each other are of values that differ."
+    title = f"less the mean of the fits, in the largest standard error; ± {CLEAR:g} of its own"
+    caption = "Bars that are clear of each other are of values that differ clearly."
     return Chart("parameters", caption, "", (Panel(title, tuple(marks), labels=labels),))
