@@ -159,8 +159,7 @@ class Answer:
         if self.folder is None:
             typer.echo("Nothing was saved: --out DIR writes report.html and results to a folder.")
             return
-        others = ", ".join(place.name for place in written[1:])
-        typer.echo(one_line(f"Report: {written[0]}; beside it {others}"))
+        typer.echo(one_line(f"Report: {written[0]}"))
 
     def _print(self, report: Report) -> None:
         from rich.console import Console
@@ -169,12 +168,11 @@ class Answer:
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
-        console.print(Words(report.title, "bold"))
-        console.print(Words(in_options(report.verdict, self.context.command.params)))
+        verdict = in_options(report.verdict, self.context.command.params)
+        console.print(Words(f"{report.title}: {verdict}"))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:
-            console.print()
             console.print(table)
 
 

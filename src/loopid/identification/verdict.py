@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
 GOOD, ROUGH = 0.1, 0.3
-NAMED = 2  # parameters that the sentence names
+NAMED = 1  # parameters that the sentence names
 
 
 @record
@@ -71,7 +71,7 @@ class Verdict:
             significant,
             len(found.fit.values),
             excite,
-            f"a motion that excites {_listed(excite)}" if excite else "a longer log",
+            f"exciting {_listed(excite)}" if excite else "a longer log",
         )
 
     def __str__(self) -> str:

@@ -41,7 +41,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
     )
     return Report(
         name="excitation",
-        title=f"{model.mechanism.name}, {model.model} model: a motion to identify it by",
+        title=f"{model.mechanism.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
         brief=[_errors(found)],

@@ -35,17 +35,18 @@ def identification_report(study: Study, command: str = "") -> Report:
     """What a study of logs found; the command designs the motion that its verdict asks for."""
     found, judged = study.identification, study.verdict
     model = found.force_model
-    logs = ", ".join(dict.fromkeys(run.name for run in found.training))
-    rows = (
-        (each.name, *_value_and_error(found.fit, each.name), each.unit)
-        for each in found.fit.estimates
-    )
+    rows = list[tuple[str, ...]]()
+    for each in found.fit.estimates:
+        value, error = _value_and_error(found.fit, each.name)
+        rows.append(
+            (each.name, value, "as in the file" if error == "-" else f"± {error}", each.unit)
+        )
     return Report(
         name="identification",
-        title=f"{model.mechanism.name}, {model.model} model, from {logs}",
+        title=f"{model.mechanism.name}, {model.model} model",
         verdict=str(judged),
         record=identification_record(study),
-        brief=[plain_table("", (found.recommended.name, ">value", ">± std", "unit"), rows)],
+        brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: _sections(study),
         results=lambda: _fits(found),
         advice=command if judged.excite else "",

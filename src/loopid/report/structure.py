@@ -49,9 +49,9 @@ def check_report(mechanism: Mechanism) -> Report:
         *found["odd_masses"],
     ]
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
-    closes = f"closes its loops to {found['closure_residual']:.1e} m"
+    closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     verdict = (
-        f"{mechanism.name} {closes if found['closures'] else 'has no loops'}, has "
+        f"{closes if found['closures'] else 'The robot has no loops'}, has "
         f"{found['degrees_of_freedom']} degrees of freedom for {len(found['actuated'])} motors "
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best): "
         + (f"look at this first: {wrong[0]}{more}." if wrong else "ready for identification.")
